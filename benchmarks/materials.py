@@ -23,7 +23,7 @@ from midair.devices import check_exposure
 from midair.dsp import band_energies, resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES
-from midair.evaluate.spectrum import OCTAVE_BANDS
+from midair.evaluate.perception import OCTAVE_BANDS
 from midair.figures import png_bytes
 from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take

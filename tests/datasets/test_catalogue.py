@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import calibrate
-from midair.datasets.catalogue import SAMPLES, sample, sample_path, samples, with_credits
+from midair.datasets.strokes import SAMPLES, sample, sample_path, samples, with_credits
 from midair.errors import InputError
 from midair.evaluate import perceptual_metrics
 from midair.files import open_take

@@ -4,8 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.evaluate import Leak, StageOutput, budget
-from midair.model import PressureFrames, Provenance
+from midair.evaluate import Leak, StageOutput, budget, error_by_energy, leak, surroundings
+from midair.model import Acoustics, ControlGrid, Drive, Medium, PressureFrames, Provenance, TransducerArray
+from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 
 TIME = np.arange(2000) / 2000
 
@@ -55,3 +56,85 @@ def test_json_has_every_stage_and_no_infinity(made):
     assert plain["kept_in_band"] == 0.9
     assert "Infinity" not in json.dumps(plain) + json.dumps(perfect.plain())
     assert replace(made, kept=None).plain()["kept_in_band"] is None
+
+
+def test_faint_frames_are_weighted_by_their_power():
+    """Nine frames with 3 % error, and ninety-one of a ten-thousandth of their power with an error of 100."""
+    error = np.r_[np.full(9, 0.03), np.full(91, 100.0)]
+    power = np.r_[np.full(9, 4.0), np.full(91, 4e-10)]
+    found = error_by_energy(error, power)
+    assert (found.mean, found.worst, found.faint, found.frames) == (pytest.approx(0.03), 0.03, 91, 100)
+    assert found.energy == pytest.approx(np.sqrt((9 * 0.03**2 + 91 * 1e-10 * 1e4) / 9), rel=1e-6)
+    assert "91 of 100 frames" in str(found)
+    assert "--level auto" in str(found)
+
+
+def test_by_energy_is_the_norm_of_all_frames_together():
+    rng = np.random.default_rng(0)
+    asked = rng.random((50, 7)) + 0.2
+    came = asked + 0.1 * rng.standard_normal(asked.shape)
+    each = np.linalg.norm(came - asked, axis=1) / np.linalg.norm(asked, axis=1)
+    found = error_by_energy(each, (asked**2).sum(axis=1))
+    assert found.energy == pytest.approx(np.linalg.norm(came - asked) / np.linalg.norm(asked))
+    assert found.faint == 0
+    assert "frames" not in str(found)
+
+
+def test_silent_frames_are_left_out_and_silence_has_no_error():
+    assert error_by_energy(np.array([0.5, np.nan]), np.array([1.0, 0.0])).mean == 0.5
+    assert error_by_energy(np.zeros(3), np.zeros(3)).plain() == {
+        "E_energy": 0.0,
+        "E_mean": 0.0,
+        "E_worst": 0.0,
+        "faint_frames": 0,
+        "E_faint": 0.0,
+    }
+
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+GRID = ControlGrid()
+
+
+def focused(place, levels=(1.0,)):
+    phase = np.tile(focus_phase(ARRAY, np.array([*place, GRID.height])), (len(levels), 1))
+    return Drive(phase=phase, level=np.array(levels), rate=1000.0, array=ARRAY)
+
+
+def wanted(amplitude, frames=1):
+    target = np.zeros((frames, GRID.count))
+    target[0, 0] = amplitude
+    return target
+
+
+def test_the_surroundings_are_outside_the_square_and_nowhere_else():
+    around, outside = surroundings(GRID, reach=0.02, pitch=2e-3)
+    places = around.position[:, :2]
+    half = 16 * 11e-3 / 3 / 2
+    assert (outside == (np.abs(places).max(axis=1) > half + 1e-9)).all()
+    assert 0.02 <= places.max() - half < 0.02 + 2 * 2e-3
+
+
+def test_a_focus_outside_by_hand():
+    place = (0.04, 0.0)
+    found = leak(focused(place), wanted(2000.0), GRID)
+    G = transfer_matrix(np.array([[*place, GRID.height]]), ARRAY, acoustics=Acoustics(directivity="t4010a1"))
+    pressure = radiation_pressure(np.abs(G).sum(axis=1), Medium())[0]
+    assert found.peak == pytest.approx(pressure / radiation_pressure(np.array(2000.0), Medium()), rel=1e-3)
+    assert found.place == pytest.approx(place, abs=1.3e-3)
+    assert found.typical == found.peak
+
+
+def test_a_focus_inside_leaks_its_side_lobes_only():
+    assert leak(focused((0.0, 0.0)), wanted(1.0), GRID).peak < 0.2 * leak(focused((0.04, 0.0)), wanted(1.0), GRID).peak
+
+
+def test_pressure_goes_with_the_square_of_the_level_and_the_strongest_frame_decides():
+    weak, strong = (
+        leak(focused((0.04, 0.0), levels), wanted(1e3, len(levels)), GRID) for levels in ((0.5,), (1.0, 0.5, 0.5))
+    )
+    assert strong.peak == pytest.approx(4 * weak.peak, rel=1e-9)
+    assert strong.typical == pytest.approx(weak.peak, rel=1e-9)
+
+
+def test_nothing_wanted_gives_no_nan():
+    assert leak(focused((0.0, 0.0)), wanted(0.0), GRID).peak == 0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.evaluate import THIRD_OCTAVES, dominant_frequency, pacinian_level, spectral_error
-from midair.evaluate.spectrum import long_stretches, power_spectrum, texture
+from midair.evaluate.perception import long_stretches, power_spectrum, texture
 from midair.model import PressureFrames
 from midair.streaming import LazyFrames
 
@@ -36,7 +36,7 @@ def test_dominant_frequency_ignores_the_mean():
 
 @pytest.mark.parametrize(("frames", "parts"), [(7, 1), (1000, 1), (1001, 2), (3999, 4)])
 def test_stretches_are_as_few_and_as_long_as_may_be(monkeypatch, frames, parts):
-    monkeypatch.setattr("midair.evaluate.spectrum.LONGEST", 1000)
+    monkeypatch.setattr("midair.evaluate.perception.LONGEST", 1000)
     found = long_stretches(frames)
     assert len(found) == parts
     assert len({last - first for first, last in found}) == 1
@@ -48,7 +48,7 @@ def test_long_signals_are_as_strong_as_their_stretches_on_the_mean(monkeypatch):
     time = np.arange(8000) / 1000
     wave = np.sin(2 * np.pi * 125 * time)[:, None] * [1.0, 3.0] + 5
     whole = pacinian_level(wave, 1000.0)
-    monkeypatch.setattr("midair.evaluate.spectrum.LONGEST", 1000)
+    monkeypatch.setattr("midair.evaluate.perception.LONGEST", 1000)
     reel = LazyFrames(lambda a, b: wave[a:b], wave.shape)
     power, frames = power_spectrum(reel)
     assert (frames, np.argmax(power)) == (1000, 125)

@@ -13,10 +13,16 @@ from midair.physics import (
     focus_phase,
     greatest_exposure,
     level_if_unlike,
+    palm_warming,
+    skin_warming,
     sound_level,
     transfer_matrix,
+    unit_duty,
+    unit_levels,
 )
 from midair.physics.exposure_level import nonlinearity_index
+from midair.physics.exposure_modes import bands, between, lattice, middle, slow_field, stacks
+from midair.physics.exposure_places import PUBLISHED_RISE, STRONG_FOCUS, combined
 
 ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
 AIR = Medium(attenuation=0)
@@ -164,3 +170,136 @@ def test_the_sound_of_random_errors_is_near_the_loudest_of_many_points():
     assert abs(found - sound_level(np.mean(loudest))) < 2
     shared = Drive(phase=drive.phase, level=np.ones(2), rate=1e3, array=ARRAY)
     assert level_if_unlike(shared, PROFILE, 0.2)[0] > found
+
+
+EAR = profile_named("occupational-110").places[0]
+
+
+def test_a_lattice_reaches_the_faces_and_crowds_there():
+    axis = lattice(np.array([12.0, 4.0, 2.0]), 1.0)[0]
+    assert (axis[0], axis[-1]) == (-1, 1)
+    gaps = np.diff(axis)
+    assert gaps.max() * 12 < 1.0
+    assert gaps[0] < gaps[len(gaps) // 2]
+    np.testing.assert_allclose(axis, -axis[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("wave", [0.0, 3.3, 8.0])
+def test_waves_between_nodes(wave):
+    nodes, at = lattice(np.array([8.0, 2.0, 2.0]), 1.6)[0], np.linspace(-1, 1, 50)
+    found = between(nodes, at, 8.0) @ np.exp(1j * wave * nodes)
+    np.testing.assert_allclose(found, np.exp(1j * wave * at), atol=5e-3)
+
+
+def test_the_slow_field_is_the_transfer_matrix_but_for_a_wave_from_the_middle():
+    share = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    points = np.array(EAR.position) + EAR.reach * share
+    path = np.linalg.norm(points - middle(ARRAY), axis=1, keepdims=True)
+    wave = np.exp(-1j * 2 * np.pi * ARRAY.frequency / Acoustics().medium.speed * path)
+    true = transfer_matrix(points, ARRAY) * wave
+    magnitude = np.abs(transfer_matrix(EAR.points, ARRAY))
+    found = slow_field(share, place=EAR, array=ARRAY, acoustics=Acoustics(), magnitude=magnitude)
+    np.testing.assert_allclose(found, true, atol=4e-3 * np.abs(true).max())
+
+
+def test_stacks_are_the_inside_and_all_of_the_surface_each_point_once():
+    found = [each.points.reshape(-1, 3) for each in stacks(np.array([3.0, 8.0, 5.0]), inside=1.6, faces=1.0)]
+    assert (np.abs(found[0]) < 1).all()
+    surface = np.concatenate(found[1:])
+    assert (np.abs(surface).max(axis=1) == 1).all()
+    assert len(np.unique(surface.round(9), axis=0)) == len(surface)
+    closer = lattice(np.array([3.0, 8.0, 5.0]), 1.0)
+    assert len(surface) == (np.abs(combined(*closer)).max(axis=1) == 1).sum()
+
+
+def test_bands_are_how_far_a_phase_turns_from_the_middle_of_the_cube_to_a_face():
+    """Two transducers on the x axis, seen from far above: sin = 0.1 on either side of the middle, k reach 0.1."""
+    array = TransducerArray(position=np.array([[-0.1, 0, 0], [0.1, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
+    far = type(EAR)(name="ear", position=(0.0, 0.0, 1.0), reach=0.05, limit=100.0)
+    k = 2 * np.pi * array.frequency / Acoustics().medium.speed
+    found = bands(far, array, Acoustics())
+    assert found[0] == pytest.approx(k * 0.05 * 0.1, rel=0.06)
+    np.testing.assert_allclose(found[1:], 2.0)
+
+
+PALM = np.array([[0.0, 0.0, 0.2]])
+
+
+def still(seconds, level=1.0, rate=10.0):
+    phase = np.asarray(focus_phase(ARRAY, PALM[0])).reshape(1, -1)
+    return Drive(
+        phase=np.repeat(phase, round(seconds * rate), axis=0),
+        level=np.full(round(seconds * rate), level),
+        rate=rate,
+        array=ARRAY,
+    )
+
+
+def test_a_unit_is_averaged_over_the_busiest_minute():
+    level = np.zeros((90, 2))
+    level[:30, 0], level[40:80, 1] = 1.0, 0.5
+    assert unit_duty(level, 1.0) == pytest.approx([30 / 60, 20 / 60])
+    assert unit_duty(np.ones((10, 1)), 1.0) == pytest.approx([10 / 60]), "silence follows"
+    assert unit_duty(np.ones((10, 1)), 1.0, repeats=3) == pytest.approx([30 / 60])
+    assert unit_duty(np.ones((10, 1)), 1.0, repeats=10**6) == pytest.approx([1.0])
+    assert unit_duty(np.tile([[1.0], [0.0]], (50, 1)), 1.0, repeats=7) == pytest.approx([0.5])
+
+
+def test_repeats_follow_each_other_without_silence():
+    """A drive that does not fill its last part is not longer for it; the judge repeats frames one by one."""
+    rng, rate = np.random.default_rng(3), 20.0
+    for frames, repeats in ((1, 1200), (1, 2000), (7, 400), (33, 50), (1250, 2), (1250, 3)):
+        level = rng.random((frames, ARRAY.count))
+        drive = Drive(phase=np.zeros(level.shape), level=level, rate=rate, array=ARRAY)
+        parts = unit_levels(drive, every=2)
+        found = unit_duty(parts, rate / 2, duration=frames / rate, repeats=repeats)
+        each = np.tile(unit_levels(drive), (repeats, 1))
+        sums = np.concatenate([np.zeros((1, 4)), np.cumsum(each, axis=0)])
+        width = min(1200, len(each))
+        expected = (sums[width:] - sums[:-width]).max(axis=0) / 1200
+        # Parts of two frames may begin a minute between two frames.
+        np.testing.assert_allclose(found, expected, atol=1 / 1200 if frames > 1 else 1e-12)
+
+
+def test_levels_of_units_are_means_of_their_own_transducers():
+    level = np.zeros((3, ARRAY.count))
+    level[1, ARRAY.unit == 2] = 0.8
+    drive = Drive(phase=np.zeros(level.shape), level=level, rate=1.0, array=ARRAY)
+    np.testing.assert_allclose(unit_levels(drive), [[0, 0, 0, 0], [0, 0, 0.8, 0], [0, 0, 0, 0]])
+    common = Drive(phase=np.zeros(level.shape), level=np.array([0.1, 0.2, 0.3]), rate=1.0, array=ARRAY)
+    np.testing.assert_allclose(unit_levels(common), np.repeat([[0.1], [0.2], [0.3]], 4, axis=1))
+
+
+def test_constant_and_rising_heat_follow_the_closed_form_of_a_thick_body():
+    """A constant flow warms with the square root of time; one that rises by a t with a k (2/3) t^1.5."""
+    step, count = 0.01, 1000
+    time = (np.arange(count) + 1) * step
+    constant = skin_warming(np.full(count, STRONG_FOCUS), step)
+    np.testing.assert_allclose(constant, PUBLISHED_RISE * np.sqrt(time / 5.0), rtol=1e-9)
+    rising = skin_warming(STRONG_FOCUS * (time - step / 2), step)
+    np.testing.assert_allclose(rising[100:], (PUBLISHED_RISE / np.sqrt(5.0) * 2 / 3 * time**1.5)[100:], rtol=2e-3)
+
+
+def test_a_still_focus_warms_as_published_and_a_weaker_one_by_the_square_of_its_level():
+    found = palm_warming(still(5.0), PALM, acoustics=Acoustics())
+    amplitude = np.abs(transfer_matrix(PALM, ARRAY)).sum()
+    medium = Acoustics().medium
+    share = amplitude**2 / (2 * medium.density * medium.speed) / STRONG_FOCUS
+    assert found == pytest.approx(PUBLISHED_RISE * share, rel=1e-4)
+    assert share == pytest.approx(1.0, rel=0.1), "the assumed strong focus is that of four units"
+    assert palm_warming(still(5.0, level=0.5), PALM, acoustics=Acoustics()) == pytest.approx(found / 4, rel=1e-4)
+    assert palm_warming(still(1.0), PALM, acoustics=Acoustics(), repeats=5) == pytest.approx(found, rel=1e-4)
+    minute = palm_warming(still(60.0), PALM, acoustics=Acoustics())
+    assert minute == pytest.approx(found * np.sqrt(12), rel=1e-4)
+    assert palm_warming(still(70.0), PALM, acoustics=Acoustics()) == pytest.approx(minute, rel=1e-4)
+
+
+@pytest.mark.parametrize(("period", "few"), [(2, 5000), (7, 5000), (7, 1500), (8, 1500), (20, 1500)])
+def test_a_modulated_focus_warms_as_its_mean_intensity_whatever_its_period(period, few, monkeypatch):
+    """All frames, or some of a long drive."""
+    monkeypatch.setattr("midair.physics.exposure_places._FRAMES", few)
+    drive = still(5.0, rate=1000.0)
+    level = (np.arange(drive.frames) % period < period / 2).astype(float)
+    modulated = Drive(phase=drive.phase, level=level, rate=1000.0, array=ARRAY)
+    mean = level.mean() * palm_warming(still(5.0), PALM, acoustics=Acoustics())
+    assert palm_warming(modulated, PALM, acoustics=Acoustics()) == pytest.approx(mean, rel=0.01 if few == 5000 else 0.1)

@@ -22,8 +22,8 @@ from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.study.design.study_design import MaskingNoise
 from midair.study.folder import StudyFolder
-from midair.study.headphones import Headphones
 from midair.study.session import read_events
+from midair.study.session.presenters import Headphones
 
 RATE = 48000
 TWO_STIMULI = """
@@ -122,7 +122,7 @@ def test_a_session_has_noise_while_the_array_presents_and_none_while_it_asks(tmp
 PLAYS = """
 import time
 from midair.study.design.study_design import MaskingNoise
-from midair.study.headphones import Headphones
+from midair.study.session.presenters import Headphones
 with Headphones(MaskingNoise(level_dbfs=-20, ramp_s=0.05), seed=1) as phones:
     phones.on(); time.sleep(0.6); phones.off(); time.sleep(0.3)
 """

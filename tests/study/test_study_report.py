@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from midair.errors import InputError
 from midair.study import Chance, analyse, confusion_matrix, data_of_columns, report_page
-from midair.study.findings.finding import Choices
+from midair.study.findings.choice_findings import Choices
 from midair.study.study_report import (
     chance_figure,
     confusion_figure,

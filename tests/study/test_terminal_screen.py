@@ -9,7 +9,7 @@ from rich.console import Console
 
 from midair.study.design.question import Question
 from midair.study.session.trials import TrialStep
-from midair.study.terminal_screen import Keyboard, TerminalScreen, keyboard_of_terminal
+from midair.study.stimulus_rig import Keyboard, TerminalScreen, keyboard_of_terminal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")
 CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "sponge"))

@@ -4,13 +4,17 @@ import shutil
 from pathlib import Path
 
 import pytest
+from tests.study.simulated import simulate
 
 import midair.study
 from midair.cli.commands.study import study_app
 from midair.errors import BrokenFileError, InputError, MismatchError
-from midair.study import StudyFolder, analyse, data_of_study, load_study, noted_seals, verify_study
-from midair.study.design import digest_of
-from midair.study.folder import template_text
+from midair.study import load_study, noted_seals, verify_study
+from midair.study.design import answers_table, digest_of
+from midair.study.findings import analyse
+from midair.study.folder import StudyFolder, read_design, template_text
+from midair.study.session import SimulatedParticipant
+from midair.study.verification import data_of_study
 
 
 def study(*words):
@@ -177,4 +181,57 @@ def test_studies_without_chain_are_read_and_reported(tmp_path):
     assert "the plan is older than chained logs" in found.summary
     assert found.sessions == (
         "sub-01.jsonl: seal none; finished; the plan requires no chain: changes cannot be detected",
+    )
+
+
+PLAN = """
+name = "visual"
+participants = 5
+seed = 3
+[[questions]]
+name = "rough"
+kind = "slider"
+text = "How rough was it?"
+low = 0
+high = 100
+low_label = "smooth"
+high_label = "rough"
+levels = { rated = "towel" }
+[[stimuli]]
+name = "towel"
+kind = "object"
+source = "towel"
+levels = { object = "towel" }
+[[stimuli]]
+name = "glass"
+kind = "object"
+source = "glass"
+levels = { object = "glass" }
+[[blocks]]
+name = "only"
+stimuli = ["towel", "glass"]
+questions = ["rough"]
+repetitions = 4
+[analysis]
+rated = ["rough"]
+within = ["object"]
+"""
+
+
+@pytest.mark.long
+def test_sliders_have_the_analysis_of_variance_of_their_unrounded_answers(tmp_path):
+    from scipy.stats import ttest_rel
+
+    folder = StudyFolder.create(tmp_path / "s", PLAN, read_design(PLAN))
+    plan = simulate(folder, SimulatedParticipant(rating_effect=10, rating_noise=5))
+    answers = answers_table(plan, folder.sessions())
+    given = answers["answer"].astype(float)
+    assert (given % 1).any()
+    assert given.between(0, 100).all()
+    report = analyse(data_of_study(folder), seed=1, draws=100)
+    table = next(one.table for one in report.findings if one.table is not None and "p_GG" in one.table)
+    means = given.groupby([answers["participant"], answers["object"]]).mean().unstack()
+    # With two levels, F is the square of the paired t.
+    assert table.set_index("effect").loc["object", "F"] == pytest.approx(
+        ttest_rel(means["towel"], means["glass"]).statistic ** 2
     )

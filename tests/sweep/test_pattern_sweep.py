@@ -12,7 +12,7 @@ from midair.model import Acoustics, AmplitudeFrames, Medium, TransducerArray
 from midair.physics import focus_amplitude
 from midair.solvers import solve
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
-from midair.sweep.task import settings_of
+from midair.sweep.storage import settings_of
 from midair.targets import interpolation_matrix
 
 

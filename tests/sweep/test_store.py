@@ -12,8 +12,8 @@ from midair.errors import BrokenFileError, DeviceStateError, InputError, MidairE
 from midair.files.native.provenance_json import from_json
 from midair.sweep.pattern_report import PatternResults
 from midair.sweep.pattern_sweep import PatternSweep
+from midair.sweep.storage import Found, Result
 from midair.sweep.store import load_sweep, open_sweep, write_region
-from midair.sweep.task import Found, Result
 
 SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
 

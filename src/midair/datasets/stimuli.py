@@ -28,7 +28,10 @@ def am_stimulus(
     cells at 11 mm.
     """
     sensor = sensor or SensorGrid()
-    parts = _modulation(kind)
+    if kind not in get_args(Stimulus):
+        raise InputError(f"stimulus: expected one of {', '.join(get_args(Stimulus))}, got {kind!r}")
+    # Frequencies in Hz with their shares of the peak.
+    parts = {25.0: 0.6, 250.0: 0.4} if kind == "iii" else {100.0: 1.0}
     if rate <= 2 * max(parts):
         raise RateError(f"rate of stimulus {kind}: expected above {2 * max(parts):g} Hz, got {rate:g} Hz")
     frames = max(1, round(positive(duration, "duration", "s") * rate))
@@ -55,15 +58,6 @@ def am_stimulus(
 
 LAZY_FROM = 20.0
 """Duration in s above which a stimulus is computed when it is read."""
-
-
-def _modulation(kind: Stimulus) -> dict[float, float]:
-    """Mapping of frequency in Hz to share of the peak."""
-    if kind in ("i", "ii"):
-        return {100.0: 1.0}
-    if kind == "iii":
-        return {25.0: 0.6, 250.0: 0.4}
-    raise InputError(f"stimulus: expected one of {', '.join(get_args(Stimulus))}, got {kind!r}")
 
 
 Probe = Literal["25+250 Hz", "noise", "bursts"]

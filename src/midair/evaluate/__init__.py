@@ -3,10 +3,6 @@
 from midair.physics import printed_error as printed_error
 from midair.physics import relative_error as relative_error
 
-from .alignment import advance as advance
-from .alignment import apply_band_twice as apply_band_twice
-from .alignment import band_settling_frames as band_settling_frames
-from .alignment import find_delay as find_delay
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .comparison import peak_position as peak_position
@@ -14,7 +10,11 @@ from .distortion import OVERALL as OVERALL
 from .distortion import RATIOS as RATIOS
 from .distortion import TOUCHED as TOUCHED
 from .distortion import Fidelity as Fidelity
+from .distortion import advance as advance
+from .distortion import apply_band_twice as apply_band_twice
+from .distortion import band_settling_frames as band_settling_frames
 from .distortion import fidelity as fidelity
+from .distortion import find_delay as find_delay
 from .distortion import image_level as image_level
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
@@ -37,16 +37,16 @@ from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
 from .perception import FELT_BANDS as FELT_BANDS
 from .perception import FIBRES as FIBRES
+from .perception import THIRD_OCTAVES as THIRD_OCTAVES
 from .perception import SkinModel as SkinModel
 from .perception import afferent_rates as afferent_rates
 from .perception import band_levels as band_levels
+from .perception import dominant_frequency as dominant_frequency
 from .perception import pacinian_level as pacinian_level
+from .perception import spectral_error as spectral_error
 from .perception import spqi as spqi
 from .perception import st_sim as st_sim
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
-from .spectrum import THIRD_OCTAVES as THIRD_OCTAVES
-from .spectrum import dominant_frequency as dominant_frequency
-from .spectrum import spectral_error as spectral_error

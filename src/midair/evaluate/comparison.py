@@ -8,9 +8,8 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
-from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import OVERALL, Limits, distortion_ratios
-from midair.evaluate.spectrum import dominant_frequency, spectral_error
+from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
+from midair.evaluate.perception import dominant_frequency, spectral_error
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.streaming import LazyFrames, blocks
 from midair.validation import check_type
@@ -121,6 +120,8 @@ def compare(
     low, high = band or original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
     found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
+    least, most = band or original.band or (0.0, float("inf"))
+    inside = (sums.frequency >= least) & (sums.frequency <= most)
     return Comparison(
         delay=delay,
         correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),
@@ -128,7 +129,7 @@ def compare(
         waveform_error=_ratio(np.sqrt(sums.error.sum()), np.sqrt(sums.xx.sum())),
         distortion_ratio=found[OVERALL][0],
         ratios=found,
-        spectral_error=_spectral_error(sums, band or original.band),
+        spectral_error=spectral_error(sums.densities[0][inside], sums.densities[1][inside]),
         peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
         rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
@@ -222,12 +223,6 @@ def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
         raise RateError(
             f"reproduced: expected the original's {original.rate:g} Hz, got {reproduced.rate:g} Hz; resample one first"
         )
-
-
-def _spectral_error(sums: _Sums, band: tuple[float, float] | None) -> float:
-    low, high = band or (0.0, float("inf"))
-    inside = (sums.frequency >= low) & (sums.frequency <= high)
-    return spectral_error(sums.densities[0][inside], sums.densities[1][inside])
 
 
 def _over(part: Array | np.floating | float, whole: Array | np.floating | float) -> Array:

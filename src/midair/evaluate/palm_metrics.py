@@ -15,8 +15,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import Band, resample
-from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.distortion import decibels, finite, in_band
+from midair.evaluate.distortion import advance, decibels, find_delay, finite, in_band
 from midair.model import BAND, Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 from midair.validation import frozen_array

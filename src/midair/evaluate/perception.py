@@ -7,6 +7,11 @@ threshold curve T below. A test compares them with numbers of vibromaf.
 
 TouchSim computes the responses of nerve fibres, from a copy of the user (Saal, Delhaye et al., PNAS 114(28), 2017). It
 states no licence: midair contains nothing of it, and calls its classes `Stimulus` and `AfferentPopulation`.
+
+The spectral measures are a difference, the dominant frequency, and the texture: spectral shape, balance of bands,
+modulation of the envelope. The texture does not depend on the level. The balance of high and low frequencies explains
+most of how noisy vibrations differ once their intensity is equalised (Bernard, Thoret, Huloux and Ystad, The high/low
+frequency balance drives the perception of noisy vibrations, 2023).
 """
 
 import warnings
@@ -18,10 +23,122 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
+from midair.dsp import band_energies
 from midair.errors import ShapeError
-from midair.evaluate.spectrum import long_stretches
-from midair.model import PressureFrames
+from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, read_frames
+
+
+def spectral_error(original: Array, later: Array) -> float:
+    """Rms level difference of two power densities (bin, ...) in dB, weighted by the power of the original.
+
+    Bins with little power in the original have little weight, so that noise floors do not matter. The result is never
+    NaN: for a silent original it is 0 if the other is silent too, otherwise infinite.
+    """
+    total = original.sum()
+    if total <= 0:
+        return 0.0 if later.sum() <= 0 else float("inf")
+    # Silence has no level, so use 120 dB below the strongest bin instead.
+    tiny = 1e-12 * original.max()
+    difference = 10 * np.log10((later + tiny) / (original + tiny))
+    return float(np.sqrt((original * difference**2).sum() / total))
+
+
+LONGEST = 2**17
+"""Frames per spectrum: 131 s at 1 kHz, 33 s at 4 kHz."""
+
+
+def long_stretches(frames: int) -> list[tuple[int, int]]:
+    """(first, last) frames of the fewest segments of equal length with at most `LONGEST` frames.
+
+    A few frames at the end are omitted if the frames do not divide evenly.
+    """
+    count = -(-frames // LONGEST)
+    return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
+
+
+def power_spectrum(samples: Array | LazyFrames) -> tuple[Array, int]:
+    """Power spectrum of samples (frame, ...) without their means, summed over channels, and the frames per spectrum.
+
+    The spectra of segments are summed for more than `LONGEST` frames.
+    """
+    parts = long_stretches(len(samples))
+    frames = parts[0][1]
+    power = np.zeros(frames // 2 + 1)
+    for first, last in parts:
+        for channel in read_frames(samples, first, last).reshape(frames, -1).T:
+            power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
+    return power, frames
+
+
+def dominant_frequency(samples: Array | LazyFrames, rate: float) -> float:
+    """Frequency of the strongest bin of `power_spectrum`, in Hz."""
+    power, frames = power_spectrum(samples)
+    return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
+
+
+THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
+"""Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
+
+OCTAVE_BANDS = tuple((middle / 10**0.05, middle * 10**0.05) for middle in THIRD_OCTAVES)
+"""Ends of the third octaves in Hz."""
+
+SPLIT = 100.0
+"""Frequency in Hz between the low and the high band of the balance, near the middle of the band in octaves."""
+
+MODULATION = ((2.0, 8.0), (8.0, 32.0), (32.0, 128.0))
+"""Bands in Hz of the envelope's spectrum."""
+
+_SLOPE, _BALANCE = "spectral slope", f"balance above over below {SPLIT:g} Hz"
+_ENVELOPE = [f"envelope, {low:g} to {high:g} Hz" for low, high in MODULATION]
+TEXTURE = {
+    _SLOPE: ("", "s of a power density f^-s: 0 for white noise, more for weaker high frequencies."),
+    _BALANCE: ("dB", "Power of high over that of low frequencies: the strongest cue between noisy textures."),
+    **dict.fromkeys(_ENVELOPE, ("dB", "Swings of the vibration's envelope relative to its mean: its rhythm.")),
+}
+"""Unit and meaning of each figure of `texture`; none depends on the level."""
+
+
+def texture(pressure: Array, rate: float) -> dict[str, Array]:
+    """Figures of `TEXTURE` for each channel of pressure, shape (frame, ...), and last for all channels together.
+
+    The slope is the least-squares line through the levels of the third octaves, where the power of f^-s is
+    proportional to f^(1 - s). The envelope is the magnitude of the analytic signal in 20 to 470 Hz; a band of its
+    spectrum needs two periods. Undefined figures are NaN or infinite.
+    """
+    x = pressure.reshape(len(pressure), -1)
+
+    def level(part: Array, whole: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(10 * np.log10(_with_all(part) / _with_all(whole)), np.float64)
+
+    centred = np.log10(THIRD_OCTAVES) - np.mean(np.log10(THIRD_OCTAVES))
+    low, high = BAND[0], min(BAND[1], rate / 2)
+    *octave, above, below = band_energies(x, rate, [*OCTAVE_BANDS, (SPLIT, high), (low, SPLIT)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        octaves = 10 * np.log10([_with_all(each) for each in octave])
+        slope = 1 - centred @ octaves / 10 / (centred @ centred)
+    envelope = _envelope(x, rate, (low, high))
+    mean = envelope.mean(axis=0)
+    spectrum = np.abs(np.fft.rfft(envelope - mean, axis=0)) ** 2 * 2 / len(x) ** 2
+    at = np.fft.rfftfreq(len(x), 1 / rate)
+    found = {_SLOPE: slope, _BALANCE: level(above, below)}
+    for name, (first, last) in zip(_ENVELOPE, MODULATION, strict=True):
+        swings = level(spectrum[(at >= first) & (at < last)].sum(axis=0), mean**2)
+        found[name] = swings if first * len(x) / rate >= 2 else np.full_like(swings, np.nan)
+    return found
+
+
+def _with_all(power: Array) -> Array:
+    return np.append(power, power.sum())
+
+
+def _envelope(x: Array, rate: float, band: tuple[float, float]) -> Array:
+    """Magnitude of the analytic signal of x, shape (frame, channel), within a band."""
+    at = np.fft.fftfreq(len(x), 1 / rate)[:, None]
+    inside = (at >= band[0]) & (at <= band[1])
+    return np.asarray(np.abs(np.fft.ifft(np.where(inside, 2 * np.fft.fft(x, axis=0), 0), axis=0)), np.float64)
+
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
@@ -233,7 +350,7 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
     peak amplitudes of the Fourier components of the whole signal without its mean. For long signals the mean power of
-    segments is used, see `midair.evaluate.spectrum.long_stretches`. A sine at the threshold has 0 dB, silence minus
+    segments is used, see `midair.evaluate.perception.long_stretches`. A sine at the threshold has 0 dB, silence minus
     infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
     """
     skin = skin or SkinModel()
@@ -298,7 +415,7 @@ def _stretches(reference: Array | LazyFrames, distorted: Array | LazyFrames) -> 
 FIBRES = {"SA1": "slowly adapting", "RA": "rapidly adapting", "PC": "Pacinian"}
 """Classes of fibres in TouchSim."""
 
-LONGEST = 10.0
+LONGEST_FELT = 10.0
 """Duration in s of what is simulated, from the beginning."""
 
 
@@ -309,7 +426,7 @@ def afferent_rates(pressure: PressureFrames, model: Any) -> dict[str, float]:
     have no noise.
     """
     skin, pitch = SkinModel(), 1e3 * pressure.sensor.pitch
-    held = np.asarray(pressure.pressure[: round(LONGEST * pressure.rate)])
+    held = np.asarray(pressure.pressure[: round(LONGEST_FELT * pressure.rate)])
     x, y = np.meshgrid(pressure.sensor.x, pressure.sensor.y)
     middles = 1e3 * np.stack([x.ravel(), y.ravel()], axis=1)
     with warnings.catch_warnings():

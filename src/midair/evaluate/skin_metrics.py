@@ -9,10 +9,19 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.dsp import resample
 from midair.errors import ShapeError
-from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import check_alike
-from midair.evaluate.perception import FELT_BANDS, RATE, SkinModel, band_levels, pacinian_level, similarities
-from midair.evaluate.spectrum import LONGEST, TEXTURE, texture
+from midair.evaluate.distortion import advance, find_delay
+from midair.evaluate.perception import (
+    FELT_BANDS,
+    LONGEST,
+    RATE,
+    TEXTURE,
+    SkinModel,
+    band_levels,
+    pacinian_level,
+    similarities,
+    texture,
+)
 from midair.model import BAND, PressureFrames
 from midair.streaming import LazyFrames, as_lazy, blocks, each_frame, read_frames
 

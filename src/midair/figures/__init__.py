@@ -1,12 +1,6 @@
 """Matplotlib figures and HTML pages with units on every axis; nothing here writes files."""
 
 from .calibration_sheet import calibration_figure as calibration_figure
-from .errors import ErrorSpread as ErrorSpread
-from .errors import budget_figure as budget_figure
-from .errors import error_figure as error_figure
-from .errors import laboratory_figure as laboratory_figure
-from .errors import passes_figure as passes_figure
-from .errors import trials_figure as trials_figure
 from .maps import PalmPanel as PalmPanel
 from .maps import beam_figure as beam_figure
 from .maps import card_figure as card_figure
@@ -17,14 +11,20 @@ from .maps import phase_figure as phase_figure
 from .maps import spectra_figure as spectra_figure
 from .maps import traces_figure as traces_figure
 from .paper_figures import Curve as Curve
+from .paper_figures import ErrorSpread as ErrorSpread
 from .paper_figures import Example as Example
 from .paper_figures import FieldRow as FieldRow
+from .paper_figures import budget_figure as budget_figure
 from .paper_figures import curve_figure as curve_figure
+from .paper_figures import error_figure as error_figure
 from .paper_figures import examples_figure as examples_figure
 from .paper_figures import fields_figure as fields_figure
 from .paper_figures import histogram_figure as histogram_figure
+from .paper_figures import laboratory_figure as laboratory_figure
 from .paper_figures import objects_figure as objects_figure
+from .paper_figures import passes_figure as passes_figure
 from .paper_figures import stimuli_figure as stimuli_figure
+from .paper_figures import trials_figure as trials_figure
 from .style import STYLE as STYLE
 from .style import Picture as Picture
 from .style import new_figure as new_figure

@@ -13,12 +13,12 @@ from .exposure_places import MOST_PROTECTION as MOST_PROTECTION
 from .exposure_places import ExposureProfile as ExposureProfile
 from .exposure_places import Place as Place
 from .exposure_places import cone_points as cone_points
+from .exposure_places import palm_warming as palm_warming
+from .exposure_places import skin_warming as skin_warming
+from .exposure_places import unit_duty as unit_duty
+from .exposure_places import unit_levels as unit_levels
 from .exposure_search import airs_of_room as airs_of_room
 from .exposure_search import searched_points as searched_points
-from .heating import palm_warming as palm_warming
-from .heating import skin_warming as skin_warming
-from .heating import unit_duty as unit_duty
-from .heating import unit_levels as unit_levels
 from .playback import PlaybackChain as PlaybackChain
 from .playback import Spread as Spread
 from .playback import TransducerDynamics as TransducerDynamics

@@ -16,9 +16,8 @@ from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_modes import Workspace, drive_parts
-from midair.physics.exposure_places import ExposureProfile, Place
+from midair.physics.exposure_places import PUBLISHED_TIME, ExposureProfile, HeatSoFar, Place, palm_warming
 from midair.physics.exposure_search import Searches, ceiling, point_search, searches_of
-from midair.physics.heating import PUBLISHED_TIME, HeatSoFar, palm_warming
 from midair.physics.propagation import radiation_pressure, transfer_matrix
 from midair.progress import report_progress
 from midair.validation import frozen_array

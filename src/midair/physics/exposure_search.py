@@ -145,19 +145,15 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
         for air, magnitude in zip(airs, magnitudes, strict=True)
     )
-    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _mode_count(wide)
+    # The number of modes is estimated from products of two bands, since the sources form a surface.
+    x, y, z = (float(band) for band in wide)
+    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, round(24 + 0.85 * (x * y + y * z + z * x))
     while True:
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
             return CubeSearch(field=field, ceiling=alone)
         step, tried = 0.85 * step, 2 * tried
-
-
-def _mode_count(wide: Array) -> int:
-    """Estimated number of modes of a field with these bands: products of two, since the sources form a surface."""
-    x, y, z = (float(band) for band in wide)
-    return round(24 + 0.85 * (x * y + y * z + z * x))
 
 
 def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
@@ -214,7 +210,11 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     most = np.inf if room is None else room.attenuation
     slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
     turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
-    count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
+    # The paths from the transducers to a place differ from that from the middle of the array by this much, in m.
+    points = np.concatenate([place.points for place in places])
+    paths = np.linalg.norm(points[:, None] - array.position, axis=2)
+    longest = float(np.abs(paths - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())
+    count = 1 + max(2, int(np.ceil(turns * longest / STEP)))
     return tuple(
         Acoustics(medium=_air(float(degrees), float(wet), (dry, damp), most, array.frequency))
         for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
@@ -225,10 +225,3 @@ def _air(degrees: float, humidity: float, ends: tuple[float, float], most: float
     """Air with the lowest attenuation between two humidities, where it has no minimum, and at most `most` Np/m."""
     airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *ends)]
     return replace(airs[0], attenuation=min(most, *(air.attenuation for air in airs)))
-
-
-def _path_difference(place: Place, array: TransducerArray) -> float:
-    """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
-    points = place.points
-    path = np.linalg.norm(points[:, None] - array.position, axis=2)
-    return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())

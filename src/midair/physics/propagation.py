@@ -21,19 +21,15 @@ def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: floa
     if kind == "point":
         return np.ones_like(angle)
     if kind == "piston":
-        return _piston(wavenumber * radius * np.sin(angle))
+        from scipy.special import j1
+
+        x = wavenumber * radius * np.sin(angle)
+        # Kinsler et al., Fundamentals of Acoustics, 7.4. On the axis the quotient is 0 / 0; its limit is 1.
+        small = np.abs(x) < 1e-8
+        return np.where(small, 1.0, 2 * j1(x) / np.where(small, 1.0, x))
     if kind == "t4010a1":
         return _t4010a1(np.degrees(angle))
     raise InputError(f"directivity: expected one of {', '.join(get_args(Directivity))}, got {kind!r}")
-
-
-def _piston(x: Array) -> Array:
-    """2 J1(x) / x; Kinsler et al., Fundamentals of Acoustics, 7.4."""
-    from scipy.special import j1
-
-    # On the axis the quotient is 0 / 0; its limit is 1.
-    small = np.abs(x) < 1e-8
-    return np.where(small, 1.0, 2 * j1(x) / np.where(small, 1.0, x))
 
 
 def _t4010a1(degrees: Array) -> Array:

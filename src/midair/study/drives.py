@@ -67,7 +67,17 @@ def prepare_drives(
     drives = [one for one in design.stimuli if one.kind == "drive"]
     # If several stimuli share a drive, the one with `made_from` is used.
     wanted = {one.source: one for one in sorted(drives, key=lambda one: bool(one.made_from))}
-    _check_sources(wanted, found_in)
+    missing = [
+        source
+        for source, one in sorted(wanted.items())
+        if not any(_find_source(source, found_in)) and not (found_in is None and one.made_from)
+    ]
+    if missing:
+        where = f"in {found_in}" if found_in else "in a folder"
+        raise MissingFileError(
+            f"drives: expected {', '.join(missing)} {where} (or recordings, {missing[0].removesuffix(ENDING)}.h5 and so"
+            " on), found none; give their folder with --drives, or --drives none for a plan that is only simulated"
+        )
     gathered: list[StudyDrive] = []
     for source, stimulus in sorted(wanted.items()):
         target = into / source
@@ -84,10 +94,23 @@ def prepare_drives(
         else:
             # At 4 kHz a simulated drive would take four times as long and four times the disk space.
             how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
-            _solve(_virtual_pressure(stimulus.made_from, chosen, seed), chosen, target, stage(source))
+            rig = VirtualRig(seed=seed, height=chosen.target.grid.height)
+            with sensor_named(stimulus.made_from, rig) as touched:
+                take = record(touched, 1.28 if "am-" not in stimulus.made_from else 0.5)
+                pressure = calibrated_pressure(take.recording, take.calibration, chosen)
+            _solve(pressure, chosen, target, stage(source))
         target.chmod(0o600)
         gathered.append(StudyDrive(source=source, how=how, duration=_duration(target), digest=digest_of_file(target)))
-    _check_same_array([into / one.source for one in gathered])
+    arrays = {
+        path.name: load_solution(path, streamed=True).drive.array for path in (into / one.source for one in gathered)
+    }
+    first = next(iter(arrays.values()), None)
+    for name, array in arrays.items():
+        if first is not None and (array.name, array.count) != (first.name, first.count):
+            raise MismatchError(
+                f"{name}: expected a drive for {first.name} with {first.count} transducers like the others, got one "
+                f"for {array.name} with {array.count}; solve all drives for one array"
+            )
     return gathered
 
 
@@ -118,28 +141,6 @@ def _find_source(source: str, folder: Path | None) -> tuple[Path | None, Path | 
     return ready if ready.is_file() else None, recording if recording.is_file() and recording != ready else None
 
 
-def _check_sources(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
-    missing = [
-        source
-        for source, one in sorted(wanted.items())
-        if not any(_find_source(source, folder)) and not (folder is None and one.made_from)
-    ]
-    if missing:
-        names = ", ".join(missing)
-        where = f"in {folder}" if folder else "in a folder"
-        raise MissingFileError(
-            f"drives: expected {names} {where} (or recordings, {missing[0].removesuffix(ENDING)}.h5 and so on), found"
-            " none; give their folder with --drives, or --drives none for a plan that is only simulated"
-        )
-
-
-def _virtual_pressure(name: str, settings: Settings, seed: int) -> PressureFrames:
-    rig = VirtualRig(seed=seed, height=settings.target.grid.height)
-    with sensor_named(name, rig) as touched:
-        take = record(touched, 1.28 if "am-" not in name else 0.5)
-        return calibrated_pressure(take.recording, take.calibration, settings)
-
-
 def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:
     led = add_lead(pressure, required_lead(settings))
     wanted, parts = reproduce_stream(led, TransducerArray.autd3(), settings, progress=progress)
@@ -152,17 +153,6 @@ def _duration(path: Path) -> float:
     if all(status == "silent" for status in solution.status):
         raise BrokenFileError(f"{path.name}: expected a drive with sound, got silence in all frames; solve it again")
     return solution.drive.frames / solution.drive.rate
-
-
-def _check_same_array(paths: list[Path]) -> None:
-    arrays = {path.name: load_solution(path, streamed=True).drive.array for path in paths}
-    first = next(iter(arrays.values()), None)
-    for name, array in arrays.items():
-        if first is not None and (array.name, array.count) != (first.name, first.count):
-            raise MismatchError(
-                f"{name}: expected a drive for {first.name} with {first.count} transducers like the others, got one "
-                f"for {array.name} with {array.count}; solve all drives for one array"
-            )
 
 
 LARGEST = 20_000_000

@@ -12,8 +12,8 @@ from midair.files import read_text
 from midair.study.design import answers_table, excluded_participants, thresholds_of
 from midair.study.drives import digest_of_file
 from midair.study.findings import StudyData, data_of_answers
+from midair.study.folder import withdrawn
 from midair.study.session import chain_hashes
-from midair.study.withdrawal import withdrawn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

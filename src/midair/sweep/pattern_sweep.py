@@ -16,7 +16,7 @@ from midair.model import HEIGHT, Acoustics, ControlGrid, Medium, Provenance, Sen
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Problem, error_of, one_blas_thread, spreading_phase
 from midair.solvers import solver as solver_of
-from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
+from midair.sweep.storage import Coordinate, Found, Job, Task, settings_of
 from midair.targets import interpolation_matrix
 from midair.validation import positive
 

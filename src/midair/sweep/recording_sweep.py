@@ -20,7 +20,7 @@ from midair.settings import Settings
 from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece
 from midair.solvers import solver as solver_of
 from midair.streaming import blocks
-from midair.sweep.task import Coordinate, Found, Job, Task, settings_of
+from midair.sweep.storage import Coordinate, Found, Job, Task, settings_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,9 +17,8 @@ import numpy as np
 
 from midair.errors import ClusterError
 from midair.model import Progress
-from midair.sweep.storage import sweep_package
+from midair.sweep.storage import Job, Result, Task, sweep_package
 from midair.sweep.store import Sweep, SweepAddress, open_sweep
-from midair.sweep.task import Job, Result, Task
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -213,7 +212,12 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
         # A task may hold several megabytes, so submit only as many as keep the workers busy.
         for number, task in islice(coming, max(0, 2 * watch.threads() + 2 - len(waiting))):
             # Keep the order of the tasks, so that a stopped sweep has its first tasks complete.
-            future = _submitted(client, sweep.job(task), task, address, -number)
+            with warnings.catch_warnings():
+                # The amount of queued data is limited here; Dask warns above 10 MB.
+                warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
+                future = client.submit(
+                    done_and_stored, sweep.job(task), task, address, installed_code(), pure=False, priority=-number
+                )
             waiting.add(future)
             future.add_done_callback(finished.put)
         if not waiting:
@@ -233,13 +237,6 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
             watch.reset()
         else:
             watch.look()
-
-
-def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress, priority: int) -> Any:
-    with warnings.catch_warnings():
-        # The amount of queued data is limited in `_results`; Dask warns above 10 MB.
-        warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
-        return client.submit(done_and_stored, job, task, address, installed_code(), pure=False, priority=priority)
 
 
 def _next(finished: "SimpleQueue[Any]", *, patience: float = 1.0, most: int = 256) -> list[Any]:

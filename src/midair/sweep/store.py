@@ -19,8 +19,7 @@ from midair.errors import BrokenFileError, MidairError, MismatchError, MissingFi
 from midair.files import check_memory_for, parse_errors, to_json
 from midair.sweep.pattern_sweep import PatternSweep
 from midair.sweep.recording_sweep import RecordingSweep
-from midair.sweep.storage import SweepStorage, storage_of, sweep_package
-from midair.sweep.task import Found, Result, Task
+from midair.sweep.storage import Found, Result, SweepStorage, Task, storage_of, sweep_package
 from midair.version import __version__
 
 Sweep = PatternSweep | RecordingSweep

@@ -206,7 +206,11 @@ class ViewData:
 
 def show_recording(recording: Recording, *, pressure: PressureFrames | None = None, part: Part = WHOLE) -> ViewData:
     """View of a recording, or of its calibrated pressure if given."""
-    shown = _channels_of(recording) if pressure is None else _pressure_channels(pressure, "calibrated")
+    if pressure is None:
+        values = np.asarray(recording.samples)
+        shown = Channels(values=values.reshape(len(values), -1), unit=recording.unit, label="recorded")
+    else:
+        shown = _pressure_channels(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
     first, last = frame_range(part, len(shown.values), rate)
     return ViewData(
@@ -304,11 +308,6 @@ def played_field(drive: Drive, grid: ControlGrid) -> Complex:
         part = replace(drive, phase=read_frames(drive.phase, first, last), level=read_frames(drive.level, first, last))
         field[first:last] = part.q @ G
     return field
-
-
-def _channels_of(recording: Recording) -> Channels:
-    values = np.asarray(recording.samples)
-    return Channels(values=values.reshape(len(values), -1), unit=recording.unit, label="recorded")
 
 
 def _pressure_channels(pressure: PressureFrames, label: str) -> Channels:

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from midair.calibration import MeasureSettings, measure_calibration
-from midair.calibration.measure.frequency_response import channel_delay, upper_half
+from midair.calibration.measure.frequency_response import FrequencyResponse, channel_delay, upper_half
 from midair.calibration.measure.referenced_take import noise_signal, sweep_signal
+from midair.calibration.measure.take_sums import crosstalk_of
+from midair.errors import BandError
 from midair.model import SensorGrid
 from midair.physics import SensorModel, channel_response
 
@@ -177,3 +179,91 @@ def test_four_levels_give_no_linearity(bench):
         ).linearity
         is None
     )
+
+
+BANDS = 4
+ALL = np.ones(BANDS, bool)
+
+
+def fit(response, relative):
+    """Response of two channels to a press on one cell, with the same relative uncertainty everywhere."""
+    whole = np.broadcast_to(np.asarray(response, complex), (BANDS, 2))
+    each = np.ones((BANDS, 2))
+    return FrequencyResponse(
+        frequency=np.arange(BANDS, dtype=float),
+        terms=whole[..., None],
+        uncertainty=np.where(np.abs(whole) > 0, relative, np.inf),
+        coherence=each,
+        noise=each,
+        averages=each[0],
+        excited=each,
+    )
+
+
+def test_each_channel_is_compared_with_its_own_cell():
+    # H_ik: channel i, cell k. H_00 = 2, H_10 = .2; H_01 = .5, H_11 = 4j: C_01 = .5 / 2, C_10 = Re(.2 / 4j) = 0
+    found = crosstalk_of([fit([2, 0.2], 0.01), fit([0.5, 4j], 0.01)], ALL)
+    assert found.matrix == pytest.approx(np.array([[1, 0.25], [0, 1]]))
+    # 1 % in H_01 and 1 % in H_00, four bins: .25 * .01 * sqrt(2) / sqrt(4)
+    assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.01 * np.sqrt(2) / 2)
+    assert found.uncertainty.diagonal() == pytest.approx([0, 0])
+
+
+def test_variation_over_the_band_increases_the_uncertainty():
+    changing = np.array([[1, 0.1], [1, 0.3], [1, 0.1], [1, 0.3]])
+    found = crosstalk_of([fit(changing, 1e-6), fit([0, 1], 1e-6)], ALL)
+    # weights go by 1 / (1 + ratio^2) of own and other; nearly even, so mean .2, standard error .1155 / sqrt(4)
+    weight = 1 / (np.array([0.1, 0.3, 0.1, 0.3]) ** 2 * 2)
+    mean = np.average([0.1, 0.3, 0.1, 0.3], weights=weight)
+    scatter = np.average((np.array([0.1, 0.3, 0.1, 0.3]) - mean) ** 2, weights=weight)
+    assert found.matrix[1, 0] == pytest.approx(mean)
+    assert found.uncertainty[1, 0] == pytest.approx(np.sqrt(scatter / 3), rel=1e-3)
+
+
+def test_only_the_bins_that_count():
+    changing = np.array([[1, 0.1], [1, 9], [1, 0.1], [1, 9]])
+    found = crosstalk_of([fit(changing, 0.01), fit([0, 1], 0.01)], np.array([True, False, True, False]))
+    assert found.matrix[1, 0] == pytest.approx(0.1)
+
+
+def test_variation_between_takes_adds_to_both():
+    fits = [fit([2, 0.2], 1e-9), fit([0.5, 4], 1e-9)]
+    found = crosstalk_of(fits, ALL, repeat=np.array([0.03, 0.04]))
+    assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.05)
+    assert found.uncertainty[1, 0] == pytest.approx(0.05 * 0.05)
+
+
+def test_a_dead_channel_has_no_crosstalk():
+    found = crosstalk_of([fit([0, 0.2], 0.01), fit([0, 4], 0.01)], ALL)
+    assert found.matrix == pytest.approx(np.eye(2))
+    assert not found.uncertainty.any()
+
+
+FREQUENCY = np.arange(100.0, 400.0, 2.0)
+
+
+def test_a_pure_delay_is_measured():
+    response = np.exp(-2j * np.pi * FREQUENCY[:, None] * np.array([0, 1e-4, 3e-3])) * np.array([2, 0.5j, -1])
+    delay, unsure = channel_delay(FREQUENCY, response, np.full((150, 3), 0.01))
+    assert delay == pytest.approx([0, 1e-4, 3e-3], abs=1e-12)
+    # u = .01 / (2 pi sqrt(sum (f - mean)^2)) = .01 / (2 pi 1060.6 Hz)
+    assert unsure == pytest.approx(np.full(3, 0.01 / (2 * np.pi * 1060.6)), rel=1e-4)
+
+
+def test_delays_of_noisy_phases_scatter_as_stated():
+    rng = np.random.default_rng(0)
+    phase = 0.02 * rng.standard_normal((150, 400)) - 2 * np.pi * 5e-4 * FREQUENCY[:, None]
+    delay, unsure = channel_delay(FREQUENCY, np.exp(1j * phase), np.full((150, 400), 0.02))
+    assert ((delay - 5e-4) / unsure).std() == pytest.approx(1, abs=0.1)
+
+
+def test_a_channel_without_response_has_no_delay():
+    delay, unsure = channel_delay(FREQUENCY, np.zeros((150, 1)), np.full((150, 1), np.inf))
+    assert (delay[0], unsure[0]) == (0, np.inf)
+    with pytest.raises(BandError, match="three bins"):
+        channel_delay(FREQUENCY[:2], np.ones((2, 1)), np.ones((2, 1)))
+
+
+def test_the_upper_half():
+    assert FREQUENCY[upper_half(FREQUENCY)][0] == 250
+    assert len(FREQUENCY[:3][upper_half(FREQUENCY[:3])]) == 3

@@ -1,8 +1,15 @@
 import numpy as np
 import pytest
 
-from midair.calibration.measure.frequency_response import band_sums, solve_sums
-from midair.calibration.measure.linearity import bend_uncertainty, distinct, fit_levels, predicted_share, same_levels
+from midair.calibration.measure.frequency_response import (
+    band_sums,
+    bend_uncertainty,
+    distinct,
+    fit_levels,
+    predicted_share,
+    same_levels,
+    solve_sums,
+)
 from midair.errors import InputError
 
 

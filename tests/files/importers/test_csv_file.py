@@ -3,7 +3,7 @@ import pandas
 import pytest
 from tests.palms import palm_path
 
-from midair.datasets.catalogue import sample_path
+from midair.datasets.strokes import sample_path
 from midair.errors import BrokenFileError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
 from midair.files import load, load_palm_path, open_take, save, save_palm_path
 from midair.files.importers.csv_file import read_table

@@ -5,7 +5,7 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
-from midair.study.findings.finding import Finding, attempt, limits_words, note_last, p_words
+from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative
 from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
 

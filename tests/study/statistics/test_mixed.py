@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import cumulative_mixed, logistic_mixed, rm_anova
-from midair.study.statistics.mixed import right_answers
+from midair.study.statistics.cumulative import right_answers
 
 WITHIN = ["surface", "object"]
 

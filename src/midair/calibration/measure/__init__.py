@@ -31,4 +31,4 @@ from .tone import measure_tone as measure_tone
 from .tone import scale_of_drop as scale_of_drop
 from .tone import scale_of_tone as scale_of_tone
 from .tone import scale_to_tone as scale_to_tone
-from .tracker_fit import fit_tracker as fit_tracker
+from .unit_poses import fit_tracker as fit_tracker

@@ -98,7 +98,9 @@ def array_codes(
     count = max(1, round(array.count / plan.group))
     groups = tuple(np.sort(part) for part in np.array_split(rng.permutation(array.count), count))
     frames = round(plan.duration * plan.rate / count)
-    cells = middle_cells(sensor)
+    # The channels in the middle of the sensor: one or two along each axis.
+    rows, columns = ({(size - 1) // 2, size // 2} for size in sensor.shape)
+    cells = tuple(sorted(row * sensor.columns + column for row in rows for column in columns))
     # Each transducer has two unknowns of the response and two of the pole; each frame and cell gives one number.
     least = round(2 * 4 * len(groups[0]) / len(cells))
     if frames < least:
@@ -117,12 +119,6 @@ def array_codes(
         settle=round(plan.settle * plan.rate),
         cells=cells,
     )
-
-
-def middle_cells(sensor: SensorGrid) -> tuple[int, ...]:
-    """The channels in the middle of a sensor: one or two along each axis."""
-    rows, columns = ({(count - 1) // 2, count // 2} for count in sensor.shape)
-    return tuple(sorted(row * sensor.columns + column for row in rows for column in columns))
 
 
 def _beam(

@@ -11,8 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.calibration.measure.frequency_response import channel_delay, quiet_density, upper_half, white_level, widened
-from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
+from midair.calibration.measure.frequency_response import (
+    bend_uncertainty,
+    channel_delay,
+    fit_levels,
+    quiet_density,
+    upper_half,
+    white_level,
+    widened,
+)
 from midair.errors import InputError, ShapeError
 from midair.model import (
     BAND,
@@ -284,6 +291,12 @@ def measure_beam(
     delay, delay_error = channel_delay(reading.plan.tones[upper], response[upper], random[upper])
     shape = sensor.sensor.shape
     details = {"levels": reading.plan.levels, "top_pa": reading.plan.top, "pressure_uncertainty": reading.level}
+    # Share of the output's power over the levels that a line explains, shape (tone, channel).
+    x, y = np.moveaxis(reading.commanded, 0, -1), np.moveaxis(_own(reading), 0, -1)
+    design = np.stack([x, np.ones_like(x)], axis=-1)
+    rest = y - np.einsum("tlm,tcm->tcl", design @ np.linalg.pinv(design), y)
+    power = np.maximum((np.abs(y) ** 2).sum(axis=-1), 1e-300)
+    explained = np.clip(1 - (np.abs(rest) ** 2).sum(axis=-1) / power, 0, 1)
     return Calibration(
         sensor=sensor.sensor,
         frequency=reading.plan.tones,
@@ -294,7 +307,7 @@ def measure_beam(
         version=version,
         provenance=sensor.provenance.then("measure beam", details),
         measurement=Measurement(
-            coherence=_explained(reading).reshape(-1, *shape),
+            coherence=explained.reshape(-1, *shape),
             magnitude_uncertainty=magnitude.reshape(-1, *shape),
             phase_uncertainty=phase.reshape(-1, *shape),
             noise_density=density.reshape(-1, *shape),
@@ -383,15 +396,6 @@ def _linearity(
     line = fit_levels(*(values.reshape(shape) for values in (rms, share * rms, error * rms)))
     slopes = share - line.intercept.ravel() / rms
     return line, bend_uncertainty(slopes / slopes.mean(axis=0), error)
-
-
-def _explained(reading: BeamReading) -> Array:
-    """Share of the output's power over the levels that a line explains, shape (tone, channel)."""
-    x = np.moveaxis(reading.commanded, 0, -1)
-    design = np.stack([x, np.ones_like(x)], axis=-1)
-    y = np.moveaxis(_own(reading), 0, -1)
-    rest = y - np.einsum("tlm,tcm->tcl", design @ np.linalg.pinv(design), y)
-    return np.clip(1 - (np.abs(rest) ** 2).sum(axis=-1) / np.maximum((np.abs(y) ** 2).sum(axis=-1), 1e-300), 0, 1)
 
 
 def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:

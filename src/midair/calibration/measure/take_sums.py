@@ -11,15 +11,19 @@ from midair.calibration.measure.frequency_response import (
     BandSums,
     FrequencyResponse,
     band_sums,
+    bend_uncertainty,
     channel_delay,
     check_resolution,
+    distinct,
+    fit_levels,
+    predicted_share,
     quiet_density,
+    same_levels,
     solve_sums,
     upper_half,
     white_level,
     widened,
 )
-from midair.calibration.measure.linearity import bend_uncertainty, distinct, fit_levels, predicted_share, same_levels
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike, source_of, spelled
 from midair.errors import BandError, MismatchError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, Setting
@@ -39,11 +43,6 @@ class MeasureSettings:
     """Lowest coherence of a valid bin, 0 to 1; every live channel must reach it."""
     order: int = 2
     """Order of the polynomials, see `midair.calibration.measure.frequency_response`."""
-
-    def as_settings(self) -> dict[str, Setting]:
-        """Settings with their units, for a step of a provenance."""
-        step, width = check_resolution(self.resolution, self.width)
-        return {"resolution_hz": step, "width_hz": width, "coherence": self.coherence, "order": self.order}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -297,7 +296,8 @@ def measure_calibration(
     check_alike(takes)
     settings = settings or MeasureSettings()
     first = takes[0].recording
-    _check_quiet(quiet, first)
+    if quiet is not None and source_of(quiet) != source_of(first):
+        raise MismatchError(f"quiet recording: expected sensor {spelled(first)}, got {spelled(quiet)}")
     parts = tuple(
         sums_of(take.reference.pressure[:, None], take.recording, settings)
         for take in report_progress(takes, len(takes))
@@ -330,8 +330,12 @@ def measure_calibration(
     history = Provenance(
         source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes
     )
+    step, width = check_resolution(settings.resolution, settings.width)
     details: dict[str, Setting] = {
-        **settings.as_settings(),
+        "resolution_hz": step,
+        "width_hz": width,
+        "coherence": settings.coherence,
+        "order": settings.order,
         "takes": tuple(take.recording.provenance.source for take in takes),
         "levels_pa": tuple(round(take.level, 6) for take in takes),
         "reference_uncertainty": found.reference_uncertainty,
@@ -351,10 +355,3 @@ def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:
             f"{', '.join(map(str, missing))}; record the missing takes, or remove the takes on single cells"
         )
     return bool(pressed)
-
-
-def _check_quiet(quiet: Recording | None, first: Recording) -> None:
-    if quiet is None:
-        return
-    if source_of(quiet) != source_of(first):
-        raise MismatchError(f"quiet recording: expected sensor {spelled(first)}, got {spelled(quiet)}")

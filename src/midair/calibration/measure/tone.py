@@ -56,7 +56,13 @@ def measure_tone(
         raise InputError(
             f"tone: expected 3 segments or more and an uncertainty as a part of 1, got {segments}, {uncertainty:g}"
         )
-    _check_fits(recording, frequency, segments)
+    if not 0 < frequency < recording.rate / 2:
+        raise BandError(f"tone: expected below {recording.rate / 2:g} Hz, half the rate, got {frequency:g} Hz")
+    needed = 4 * segments / frequency
+    if recording.duration < needed:
+        raise BandError(
+            f"tone: expected {needed:.3g} s or more for {segments} segments of 4 cycles, got {recording.duration:.3g} s"
+        )
     flat = recording.samples.reshape(recording.frames, -1)
     found = _refined(flat, recording.rate, frequency)
     time = np.arange(recording.frames // segments * segments).reshape(segments, -1) / recording.rate
@@ -154,17 +160,6 @@ def _anchored_measurement(shape: Calibration, tone: Calibration) -> Measurement 
         reference_uncertainty=level.reference_uncertainty,
         reference=f"{have.reference}; level: {level.reference}",
     )
-
-
-def _check_fits(recording: Recording, frequency: float, segments: int) -> None:
-    """Raise a BandError for a tone above half the rate, or for segments of less than four cycles."""
-    if not 0 < frequency < recording.rate / 2:
-        raise BandError(f"tone: expected below {recording.rate / 2:g} Hz, half the rate, got {frequency:g} Hz")
-    needed = 4 * segments / frequency
-    if recording.duration < needed:
-        raise BandError(
-            f"tone: expected {needed:.3g} s or more for {segments} segments of 4 cycles, got {recording.duration:.3g} s"
-        )
 
 
 def _refined(flat: Array, rate: float, frequency: float) -> float:

@@ -8,11 +8,14 @@ equations (Schur complement). And the mean over the cells is a smooth pattern, w
 the scatter that is observed.
 
 The array as a whole and the sensor cannot be told apart, nor a common delay: only differences between units count.
+
+A tracker is placed by the rotation and the offset between places that it and the array measured (Kabsch 1976).
 """
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace, placed
@@ -25,7 +28,8 @@ from midair.calibration.measure.group_fit import (
     softness,
     sound_at_points,
 )
-from midair.model import POSE_AIMS, TransducerArray
+from midair.errors import InputError
+from midair.model import POSE_AIMS, TrackerPlacement, TransducerArray
 from midair.physics import transfer_matrix, wavenumber
 
 _PRIOR = 20.0
@@ -181,3 +185,43 @@ def differences(array: TransducerArray, pose: Array, covariance: Array) -> tuple
     shared = rigid.reshape(-1, 7)
     keep = np.eye(len(weight)) - shared @ np.linalg.solve(shared.T * weight @ shared, shared.T * weight)
     return (keep @ pose.ravel()).reshape(pose.shape), keep @ covariance @ keep.T
+
+
+LEAST_SPREAD = 0.02
+"""Least standard deviation of the places at right angles to their longest extent, in m: below it they are collinear."""
+LARGEST_SCATTER = 0.02
+"""Largest scatter of a coordinate in m; above it the tracker followed something else."""
+
+
+def fit_tracker(held: Array, places: Array) -> TrackerPlacement:
+    """Placement of a tracker from 3 or more places, by least squares.
+
+    The uncertainty follows from the scatter s of the coordinates, whose 3 n values have 3 n - 6 degrees of freedom:
+    s sqrt(2 / n) for each coordinate of a placed point, on average over the places, times the ratio of Student's t to
+    the normal distribution, so that twice the uncertainty covers 95 %.
+
+    `held`, shape (place, 3), are the places by the tracker, and `places` the same ones in array coordinates, in m.
+    Raises InputError if there are less than three, they are collinear, or they do not fit a rotation.
+    """
+    count = len(places)
+    if count < 3 or held.shape != places.shape:
+        raise InputError(f"tracker: expected 3 places or more, held as often as marked, got {len(held)} of {count}")
+    for name, points in (("marked", places), ("held", held)):
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(count)
+        if spread < LEAST_SPREAD:
+            raise InputError(
+                f"tracker: expected {name} places that are not in one line, got {1e3 * spread:.0f} mm beside it; "
+                f"choose places {1e3 * LEAST_SPREAD:.0f} mm or more off the line"
+            )
+    left, _, right = np.linalg.svd((places - places.mean(axis=0)).T @ (held - held.mean(axis=0)))
+    rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    offset = places.mean(axis=0) - rotation @ held.mean(axis=0)
+    freedom = 3 * count - 6
+    scatter = float(np.sqrt((((held @ rotation.T + offset) - places) ** 2).sum() / freedom))
+    if scatter > LARGEST_SCATTER:
+        raise InputError(
+            f"tracker: expected the held places to fit the marked ones, they scatter by {1e3 * scatter:.0f} mm; hold "
+            "the palm where the focus is felt, and check the order of the places"
+        )
+    wider = stdtrit(freedom, 0.975) / 1.96
+    return TrackerPlacement(rotation=rotation, offset=offset, uncertainty=scatter * np.sqrt(2 / count) * wider)

@@ -1,17 +1,17 @@
 """Design of a study: stimuli, questions, blocks, trial orders, the plan and adaptive blocks."""
 
-from .adaptive import Staircase as Staircase
-from .adaptive import stimulus_levels as stimulus_levels
 from .adaptive_block import next_stimulus as next_stimulus
 from .adaptive_block import threshold_cautions as threshold_cautions
 from .adaptive_block import thresholds_of as thresholds_of
 from .plan import Plan as Plan
+from .plan import Staircase as Staircase
 from .plan import Trial as Trial
 from .plan import balanced_latin_square as balanced_latin_square
 from .plan import block_order as block_order
 from .plan import constrained_shuffle as constrained_shuffle
 from .plan import digest_of as digest_of
 from .plan import draw_plan as draw_plan
+from .plan import stimulus_levels as stimulus_levels
 from .question import Question as Question
 from .question import Stimulus as Stimulus
 from .question import StimulusKind as StimulusKind

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.array_types import Array
-from midair.study.design.adaptive import Staircase, correct_answer, stimulus_levels
-from midair.study.design.plan import Plan, Trial
+from midair.study.design.plan import Plan, Staircase, Trial, correct_answer, stimulus_levels
 from midair.study.design.session_state import SessionState, answer_exclusion, answers_table, excluded_participants
 from midair.study.design.study_design import Block, Design
 from midair.study.statistics import ThresholdModel

@@ -156,7 +156,16 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
             raise ValueError(f"the log begins with {kind!r}, not with 'open'")
         match kind:
             case "open":
-                _check_owner(event, plan, participant)
+                if event["plan"] != plan.digest:
+                    raise MismatchError(
+                        f"expected plan {plan.digest}, got {event['plan']}; the plan was changed, or the log"
+                        " belongs to another study: restore a copy"
+                    )
+                if event["participant"] != participant:
+                    raise MismatchError(
+                        f"expected participant {participant}, got {event['participant']}; the log belongs to another"
+                        " person: restore a copy"
+                    )
                 opened = broken_off = True
                 simulated = simulated or bool(event["simulated"])
                 if "time" in event:
@@ -218,20 +227,6 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
         markers=tuple(markers),
         broken_off=broken_off,
     )
-
-
-def _check_owner(event: Mapping[str, Any], plan: Plan, participant: int) -> None:
-    """Raise MismatchError if a log was opened for another plan or participant."""
-    if event["plan"] != plan.digest:
-        raise MismatchError(
-            f"expected plan {plan.digest}, got {event['plan']}; the plan was changed, or the log"
-            " belongs to another study: restore a copy"
-        )
-    if event["participant"] != participant:
-        raise MismatchError(
-            f"expected participant {participant}, got {event['participant']}; the log belongs to another person:"
-            " restore a copy"
-        )
 
 
 def _training_result(

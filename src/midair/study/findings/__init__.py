@@ -3,7 +3,7 @@
 from .analysis import Choices as Choices
 from .analysis import Report as Report
 from .analysis import analyse as analyse
-from .finding import Finding as Finding
+from .choice_findings import Finding as Finding
 from .study_data import StudyData as StudyData
 from .study_data import data_of_answers as data_of_answers
 from .study_data import data_of_columns as data_of_columns

@@ -12,8 +12,17 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.progress import report_progress
-from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
-from midair.study.findings.finding import Choices, Finding, attempt, interval_words, limits_words
+from midair.study.findings.choice_findings import (
+    Choices,
+    Finding,
+    attempt,
+    choice_findings,
+    compared,
+    confusions,
+    interval_words,
+    limits_words,
+    mixed,
+)
 from midair.study.findings.rating_findings import adaptive, anova, cumulative, pairs, psychometric, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
@@ -34,13 +43,11 @@ def question_findings(data: StudyData) -> list[Finding]:
         for name, answers in [] if rows is None else rows.groupby("question", sort=False):
             one = title.format(name)
             parts = attempt(one, partial(_finding_by_kind, one, answers))
-            found += parts if rows is data.others else [_without_stimulus(part) for part in parts]
+            if rows is data.form:
+                tables = [None if part.table is None else part.table.drop(columns="stimulus") for part in parts]
+                parts = [replace(part, table=table) for part, table in zip(parts, tables, strict=True)]
+            found += parts
     return found
-
-
-def _without_stimulus(part: Finding) -> Finding:
-    """The finding without the column "stimulus", for questions of the form."""
-    return part if part.table is None else replace(part, table=part.table.drop(columns="stimulus"))
 
 
 def _reason(row: dict[str, object]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding, limits_words, note_last, p_words
+from midair.study.findings.choice_findings import Finding, limits_words, note_last, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     PRIORS,

@@ -7,6 +7,7 @@ from .participant import SimulatedParticipant as SimulatedParticipant
 from .participant import SimulatedScreen as SimulatedScreen
 from .presenters import ArrayPresenter as ArrayPresenter
 from .presenters import ExperimenterPresenter as ExperimenterPresenter
+from .presenters import Headphones as Headphones
 from .presenters import MarkedPresenter as MarkedPresenter
 from .presenters import MaskedPresenter as MaskedPresenter
 from .presenters import Presenter as Presenter

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels, numbers
-from midair.study.statistics.resample import sign_flip
+from midair.study.statistics.confusion import sign_flip
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

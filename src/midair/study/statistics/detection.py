@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.study.statistics.confusion import cohen_kappa, f_measure, wilson
-from midair.study.statistics.resample import Interval, limits_over_people
+from midair.study.statistics.confusion import Interval, cohen_kappa, f_measure, limits_over_people, wilson
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,10 +14,9 @@ import numpy as np
 from midair.errors import InputError
 from midair.progress import report_progress
 from midair.study.statistics.anova import noncentral_t_limits
-from midair.study.statistics.confusion import Confusion, chance_macro_f, f_measure, wilson
+from midair.study.statistics.confusion import Chance, Confusion, chance_macro_f, f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice, proportion_correct
 from midair.study.statistics.paired import bayes_factor, equivalence, holm
-from midair.study.statistics.resample import Chance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

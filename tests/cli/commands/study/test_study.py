@@ -21,8 +21,8 @@ from midair.study.folder import StudyFolder
 from midair.study.session.event_log import chain_hash, read_events
 from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import Session, run
+from midair.study.stimulus_rig import TerminalScreen
 from midair.study.tables import read_csv, write_csv
-from midair.study.terminal_screen import TerminalScreen
 
 
 def study(*words):
