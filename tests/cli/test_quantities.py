@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.cli.quantities import format_quantity, parse_quantity
+from midair.cli.options import format_quantity, parse_quantity
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceStateError, FileError
-from midair.files import check_not_recording, file_locks, lock_or_raise, save
+from midair.files import atomic, check_not_recording, lock_or_raise, save
 from midair.files.atomic import atomic_file
 from midair.model import Recording
 
 HOLDER = """
 import os, sys
 from pathlib import Path
-from midair.files.file_locks import acquire_for_writing, lock_or_raise
+from midair.files.atomic import acquire_for_writing, lock_or_raise
 file = os.open(sys.argv[2], os.O_RDWR)
 lock_or_raise(file, "held") if sys.argv[1] == "hold" else acquire_for_writing(file, Path(sys.argv[2]))
 print("has it", flush=True)
@@ -60,7 +60,7 @@ def test_a_failing_lock_blames_no_program(path):
 @pytest.mark.parametrize("way", ["places", pytest.param("whole files", marks=pytest.mark.long)])
 def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeypatch):
     if way == "whole files":  # as on systems without locks that belong to an open file
-        monkeypatch.setattr(file_locks, "fcntl", without_places())
+        monkeypatch.setattr(atomic, "fcntl", without_places())
         monkeypatch.setitem(globals(), "HOLDER", HOLDER.replace("file = os", f"{WITHOUT_PLACES}; file = os"))
     elif not hasattr(fcntl, "F_OFD_SETLK"):
         pytest.skip("this system has no locks that belong to an open file")
@@ -89,7 +89,7 @@ def without_places():
 
 def test_a_claim_of_its_own_is_refused_too(path):
     with path.open("rb+") as file:
-        file_locks.acquire_for_writing(file.fileno(), path)
+        atomic.acquire_for_writing(file.fileno(), path)
         with pytest.raises(FileError, match="this program is recording into it"):
             check_not_recording(path)
     check_not_recording(path)

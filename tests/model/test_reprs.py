@@ -36,7 +36,7 @@ from midair.model import (
     TrackerPlacement,
     TransducerArray,
 )
-from midair.model.reprs import clipped, clipped_list, counted, frames_and_duration, short, span
+from midair.model.provenance import clipped, clipped_list, counted, frames_and_duration, short, span
 
 LONG = "<b>" + "a very long name " * 40 + "\n</b>"
 RNG = np.random.default_rng(4)

@@ -6,8 +6,7 @@ from midair.calibration.measure.referenced_take import noise_signal
 from midair.errors import UnknownFormatError
 from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel
-from midair.rig.bench.calibration_page import calibration_rows, write_calibration_page
-from midair.rig.bench.simulated_bench import CalibrationBench
+from midair.rig.bench.calibration_page import CalibrationBench, calibration_rows, write_calibration_page
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ from midair.dsp import resample
 from midair.errors import InputError, MismatchError, UnitError
 from midair.files import save
 from midair.model import Recording, SensorGrid
-from midair.rig.bench.calibration_page import ReferenceChoice, read_takes
-from midair.rig.bench.simulated_bench import CalibrationBench
+from midair.rig.bench.calibration_page import CalibrationBench, ReferenceChoice, read_takes
 
 CHOICE = ReferenceChoice(sensitivity=50e-3, uncertainty=0.01, name="force cell 7")
 

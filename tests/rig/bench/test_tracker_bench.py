@@ -53,8 +53,8 @@ class Options(TrackerOptions):
 
 @pytest.fixture
 def bench(monkeypatch):
-    monkeypatch.setattr("midair.rig.bench.tracker_bench.ROUNDS", 3)
-    monkeypatch.setattr("midair.rig.bench.tracker_bench.ROUND", 0.005)
+    monkeypatch.setattr("midair.rig.bench.array_bench.ROUNDS", 3)
+    monkeypatch.setattr("midair.rig.bench.array_bench.ROUND", 0.005)
     rig = VirtualRig()
     with rig.array_device(rig.skin()) as array:
 

@@ -9,8 +9,7 @@ from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.files import save, save_palm_path
 from midair.model import PalmPath, Recording, SensorGrid, SensorWiring, TrackerPlacement
-from midair.rig.names.sensor_names import sensor_named, source_sensor, split_name
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_sensor, split_name
 
 RIG = VirtualRig()
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from midair.errors import InputError, MissingFileError
-from midair.rig.takes.take_names import Subject, last_subject, slug, store_subject, take_name, take_path
+from midair.rig.takes.take import Subject, last_subject, slug, store_subject, take_name, take_path
 
 
 def test_names_count_on_and_never_fill_a_gap(tmp_path):

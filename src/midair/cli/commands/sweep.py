@@ -15,8 +15,7 @@ from rich.table import Table as Shown
 from midair.cli.console import banner, bars, err, estimate_text, out, print_json, remember_speed, verbosity
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.help_text import add_command, epilogue
-from midair.cli.options import Json, OptionalTime, SolveOptions, Time
-from midair.cli.quantities import quantity
+from midair.cli.options import Json, OptionalTime, SolveOptions, Time, quantity
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import HEIGHT, Acoustics, Directivity, Medium, TransducerArray
