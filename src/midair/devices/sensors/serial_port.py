@@ -82,7 +82,13 @@ class SerialSource:
         port, self._port = self._port, None
         with self._hold:
             if port is not None:
-                _end_exclusive(port)
+                # Let other programs open the port again, which a system may not do while another process has it open.
+                if sys.platform != "win32":
+                    import fcntl
+                    import termios
+
+                    with suppress(OSError, AttributeError, ValueError):
+                        fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
                 port.close()
 
     def describe(self) -> dict[str, str]:
@@ -145,16 +151,6 @@ def exclusive_port(port: str, baud: int) -> Any:
         with suppress(OSError):
             fcntl.ioctl(opened.fileno(), termios.TIOCEXCL)
     return opened
-
-
-def _end_exclusive(port: Any) -> None:
-    """Let other programs open the port again, which a system may not do while another process has it open."""
-    if sys.platform != "win32":
-        import fcntl
-        import termios
-
-        with suppress(OSError, AttributeError, ValueError):
-            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
 
 
 def ports() -> list[str]:
