@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tests.calibration.measure.test_unit_poses import measured, some
-from tests.model.test_array_calibration import calibration
+from tests.model.test_calibration import calibration
 
 from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamPlan, BeamSetting

@@ -217,7 +217,15 @@ class SerialThermometer(Thermometer):
                 self._received, self._value = b"", None
             until = time.monotonic() + self.stale
             while port.in_waiting or (self._value is None and time.monotonic() < until):
-                self._take(port.read(max(1, port.in_waiting)))
+                data = port.read(max(1, port.in_waiting))
+                *lines, self._received = (self._received + data)[-1000:].replace(b"\r", b"\n").split(b"\n")
+                for line in filter(None, lines):
+                    text = line.decode("utf-8", errors="replace")
+                    found = LINE.fullmatch(text)
+                    if found is None:
+                        self._other = text[:40]
+                    else:
+                        self._value, self._arrived = float(found[1]), time.monotonic()
             self._looked = time.monotonic()
         except OSError as wrong:
             self.close()
@@ -237,16 +245,6 @@ class SerialThermometer(Thermometer):
         self._value = None
         if port is not None:
             port.close()
-
-    def _take(self, data: bytes) -> None:
-        *lines, self._received = (self._received + data)[-1000:].replace(b"\r", b"\n").split(b"\n")
-        for line in filter(None, lines):
-            text = line.decode("utf-8", errors="replace")
-            found = LINE.fullmatch(text)
-            if found is None:
-                self._other = text[:40]
-            else:
-                self._value, self._arrived = float(found[1]), time.monotonic()
 
     def _opened(self) -> Any:
         place, _, baud = self.place.partition("?baud=")
