@@ -52,6 +52,7 @@ SLOW = (
     "midair budget",
     "midair paper",
     "midair solve take.h5",
+    "midair play take.h5",
     "midair compare take.h5 take.drive.h5",
     "midair sweep",
     "midair calibrate array",

@@ -89,6 +89,7 @@ def _solved(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_the_drive_is_that_of_a_solve_to_the_last_bit(solved):
     played = play_pressure(pressure(), QUICK, loud(SURE), path="b.drive.h5")
     with h5py.File("b.drive.h5") as one, h5py.File(solved) as other:
@@ -109,6 +110,7 @@ def test_the_virtual_rig_rerecords_what_it_would_of_the_file():
     np.testing.assert_allclose(played.take.recording.samples, heard.samples, atol=1e-9)
 
 
+@pytest.mark.long
 def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(solved, monkeypatch):
     solver_that(lambda _: None, monkeypatch)
     levels = measure_exposure(load_solution(solved).drive, ARRAY, SURE.profile).level
