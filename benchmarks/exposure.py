@@ -56,7 +56,7 @@ from midair.physics import (
 )
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.rig import BudgetPlan, VirtualRig, level_trade, record
-from midair.rig.names.virtual_rig import SPREADS, TransducerSpread
+from midair.rig.names.sensor_names import SPREADS, TransducerSpread
 from midair.settings import best_mode, quiet_mode
 from midair.solvers import one_blas_thread, solve
 from midair.targets import add_lead, prepare

@@ -23,7 +23,7 @@ from midair.model import Acoustics, ArrayCalibration, Medium
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.pipeline import required_lead
 from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
-from midair.rig.names.virtual_rig import SPREADS
+from midair.rig.names.sensor_names import SPREADS
 from midair.settings import best_mode
 from midair.solvers import one_blas_thread
 

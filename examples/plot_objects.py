@@ -10,7 +10,7 @@ calibrated.
 import midair
 from midair.figures import spectra_figure
 from midair.rig import record
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 
 rig = VirtualRig(seed=1)
 felt = []

@@ -58,7 +58,7 @@ NEEDS = {
     "midair play take.drive.h5 --device autd3": "an array and a tracker: tests/rig/playing/test_following.py",
     "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
-    "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_tracker_bench.py",
+    "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_array_bench.py",
     "midair studio": "a browser: tests/studio",
     "midair serve": "clients: tests/rig/test_remote.py",
     "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",

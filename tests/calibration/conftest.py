@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.physics import SensorModel, channel_response
-from midair.rig.bench.simulated_bench import CalibrationBench
+from midair.rig.bench.calibration_page import CalibrationBench
 
 
 @pytest.fixture(scope="package")

@@ -10,7 +10,7 @@ from midair.figures import png_bytes
 from midair.figures.calibration_sheet import calibration_figure
 from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel
-from midair.rig.bench.simulated_bench import CalibrationBench
+from midair.rig.bench.calibration_page import CalibrationBench
 
 BENCH = CalibrationBench(model=SensorModel(grid=SensorGrid(rows=1, columns=3)).with_spread(seed=1))
 TONE = np.sqrt(2) * 10 * np.sin(np.pi / 2 * np.arange(2000))

@@ -160,7 +160,7 @@ def sweep(path: Path) -> None:
 def state(path: Path) -> None:
     """What a program that runs, or ran, has left for the next one."""
     from midair.devices import stop_playing
-    from midair.rig.takes.take_names import last_subject
+    from midair.rig.takes.take import last_subject
 
     os.environ["MIDAIR_STATE"] = str(path.parent)
     content = path.read_bytes()

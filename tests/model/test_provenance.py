@@ -1,8 +1,41 @@
 import dataclasses
+import re
+from dataclasses import is_dataclass, replace
 
+import numpy as np
 import pytest
+from tests.palms import palm_path
 
-from midair.model import Provenance, Step
+from midair import model
+from midair.model import (
+    Acoustics,
+    AmplitudeFrames,
+    ArrayCalibration,
+    Board,
+    Calibration,
+    ControlGrid,
+    Crosstalk,
+    Drive,
+    Event,
+    Linearity,
+    Measurement,
+    Medium,
+    Palm,
+    Placement,
+    PlayedTouch,
+    PressureFrames,
+    Provenance,
+    Recording,
+    SensorGrid,
+    SensorWiring,
+    Solution,
+    StageSetup,
+    StageStamp,
+    Step,
+    TrackerPlacement,
+    TransducerArray,
+)
+from midair.model.provenance import clipped, clipped_list, counted, frames_and_duration, short, span
 
 
 def test_a_step_is_added_and_the_past_kept():
@@ -37,3 +70,234 @@ def test_the_last_step_of_a_name_tells():
     life = Provenance().then("cut", {"start_s": 1.0}).then("lead", {}).then("cut", {"start_s": 2.0})
     assert life.last("cut")["start_s"] == 2.0
     assert dict(life.last("play")) == {}
+
+
+LONG = "<b>" + "a very long name " * 40 + "\n</b>"
+RNG = np.random.default_rng(4)
+
+TOWEL = Provenance(source="virtual:towel", simulated=True, notes={"object": "towel"}).then("cut", {"start_s": 0.5})
+SENSOR = SensorGrid(name="virtual sensor 0")
+FOUR = TransducerArray.autd3()
+
+
+def measurement(bins, rows, columns, **words):
+    shape = (bins, rows, columns)
+    parts = {"coherence": np.full(shape, 0.99), "noise_uncertainty": np.ones(shape[1:])}
+    parts |= dict.fromkeys(("magnitude_uncertainty", "phase_uncertainty", "noise_density"), np.full(shape, 0.021))
+    parts |= dict.fromkeys(("delay", "delay_uncertainty"), np.full(shape[1:], 1.25e-4))
+    return Measurement(**parts, **words)
+
+
+def linearity(rows, columns):
+    cells = [f"{name}{of}" for name in ("gain", "intercept", "curvature") for of in ("", "_uncertainty")]
+    levels = np.linspace(0.5, 20, 5)[:, None, None] * np.ones((rows, columns))
+    return Linearity(pressure=levels, output=levels, **dict.fromkeys(cells, np.full((rows, columns), 0.02)))
+
+
+def solution(drive, status="converged"):
+    frames = drive.frames
+    return Solution(
+        drive=drive,
+        error=np.linspace(0.05, 0.091, frames) * (status != "silent"),
+        iterations=np.ones(frames, int),
+        status=(status,) * frames,
+    )
+
+
+ORDINARY = {
+    "Acoustics": Acoustics(),
+    "AmplitudeFrames": AmplitudeFrames(amplitude=RNG.uniform(0, 3800, (50, 256)), rate=1000.0, provenance=TOWEL),
+    "ArrayCalibration": ArrayCalibration(
+        array=TransducerArray.autd3(),
+        response=1 + 0.05 * RNG.standard_normal(996),
+        pole=np.full(996, -5000 + 300j),
+        strength_uncertainty=np.full(996, 0.01),
+        phase_uncertainty=np.full(996, 0.01),
+        resonance_uncertainty=np.full(996, 20.0),
+        quality_uncertainty=np.full(996, 0.03),
+        dead=np.arange(996) < 3,
+        provenance=TOWEL,
+    ),
+    "Board": replace(Board.nominal(), offset=np.ones(256), serial="FT000003"),
+    "Calibration": Calibration(
+        sensor=SENSOR,
+        frequency=np.linspace(0, 500, 257),
+        response=RNG.uniform(0.01, 0.02, (257, 4, 4)),
+        noise=np.zeros((4, 4)),
+        date="2026-01-31",
+        provenance=TOWEL,
+        measurement=measurement(257, 4, 4),
+    ),
+    "ControlGrid": ControlGrid(),
+    "Crosstalk": Crosstalk(matrix=0.9 * np.eye(16) + 0.1, uncertainty=np.zeros((16, 16))),
+    "Drive": Drive(phase=RNG.uniform(0, 7, (50, 996)), level=np.ones(50), rate=1000.0, array=FOUR, provenance=TOWEL),
+    "Event": Event(kind="lost", frame=3, frames=12),
+    "Linearity": linearity(4, 4),
+    "Measurement": measurement(257, 4, 4, reference="microphone", takes=3),
+    "Medium": Medium.at(),
+    "Palm": Palm.disc(),
+    "PalmPath": palm_path(np.arange(2.0), np.full((2, 3), 0.2)),
+    "Placement": Placement.grid(),
+    "PlayedTouch": PlayedTouch(
+        phase_steps=np.zeros((50, 996), np.uint8),
+        intensity=np.full(50, 255, np.uint8),
+        instant=np.arange(50) * 10**6,
+        state=np.ones(50, np.int8),
+        rate=1000.0,
+        array=FOUR,
+    ),
+    "PressureFrames": PressureFrames(
+        pressure=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, band=(20.0, 470.0), provenance=TOWEL
+    ),
+    "Provenance": TOWEL,
+    "Recording": Recording(samples=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, provenance=TOWEL),
+    "SensorGrid": SENSOR,
+    "SensorWiring": SensorWiring(grid=SENSOR, unit="V", full_scale=10.0, sensitivity=0.02),
+    "StageSetup": StageSetup(
+        heading="+x",
+        start=(0.01, 0.05),
+        contact=-0.012,
+        clear=-0.004,
+        approach=5e-3,
+        back=0.1,
+        travel=((0.0, 0.2), (0.0, 0.2), (-0.06, 0.0)),
+    ),
+    "StageStamp": StageStamp(time=0.25, position=(0.02, 0.05, -0.012), feed=0.05),
+    "Step": Step(stage="cut", settings={"start_s": 0.5}),
+    "TransducerArray": FOUR,
+    "TrackerPlacement": TrackerPlacement(offset=[0, 0, 0.05], uncertainty=8e-4),
+}
+ORDINARY["Solution"] = solution(ORDINARY["Drive"])
+"""One ordinary object of each data class."""
+
+SAYS = {
+    "Acoustics": ["t4010a1", "340"],
+    "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
+    "ArrayCalibration": ["996 transducers", "3 dead", "strength 0.999 ± 0.051", "from virtual:towel"],
+    "Board": ["FT000003", "256 transducers", "offsets known"],
+    "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
+    "ControlGrid": ["rows=16", "height=0.2"],
+    "Crosstalk": ["16 x 16 channels", "at most 10 %"],
+    "Drive": ["50 frames at 1000 Hz", "996 transducers of AUTD3 2 x 2", "level 1,", "from virtual:towel"],
+    "Event": ["lost", "frame=3", "frames=12"],
+    "Linearity": ["5 levels of 4 x 4 cells", "0.5 to 20 Pa rms", "curvature 2 %"],
+    "Measurement": ["257 bins of 4 x 4", "2.1 % (median, k = 1)", "0.125 ms", "by microphone", "3 takes"],
+    "Medium": ["speed=34", "humidity=0.5"],
+    "Palm": ["disc of 85 mm", "cm2", "2.5 mm apart"],
+    "PalmPath": ["2 poses", "1 s"],
+    "Placement": ["4 units", "AUTD3 2 x 2"],
+    "PlayedTouch": ["50 frames", "1000 Hz", "AUTD3 2 x 2"],
+    "PressureFrames": ["1280 frames at 1000 Hz, 1.28 s", " Pa,", "band 20 to 470 Hz"],
+    "Provenance": ["from virtual:towel", "1 step: cut", "1 note: object"],
+    "Recording": ["1280 frames at 1000 Hz, 1.28 s", "4 x 4 'virtual sensor 0'", " V,", "from virtual:towel"],
+    "SensorGrid": ["4 x 4 'virtual sensor 0', 11 mm apart"],
+    "SensorWiring": ["16 channels in order", "in V", "full scale 10 V", "0.02 V/Pa"],
+    "Solution": ["50 frames, E mean 7.05 %, worst 9.1 %, of <Drive 50 frames"],
+    "StageSetup": ["heading='+x'", "contact=-0.012", "homing='switches'"],
+    "StageStamp": ["time=0.25", "feed=0.05"],
+    "Step": ["cut: start_s=0.5"],
+    "TrackerPlacement": ["(0, 0, 50) mm", "uncertainty 0.8 mm"],
+    "TransducerArray": ["AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz, 4.39 Pa m each"],
+}
+
+SIMULATED = {
+    "AmplitudeFrames",
+    "ArrayCalibration",
+    "Calibration",
+    "Drive",
+    "PressureFrames",
+    "Provenance",
+    "Recording",
+    "Solution",
+}
+
+BUSY = Provenance(
+    source=LONG,
+    simulated=True,
+    notes={f"{LONG}{i}": LONG for i in range(20)},
+    steps=tuple(Step(stage=f"{LONG}{i}", settings={LONG: LONG}) for i in range(20)),
+)
+NAMED = SensorGrid(rows=12, columns=20, name=LONG)
+ONE = SensorGrid(rows=1, columns=1, name=LONG)
+ALONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0, 1]]))
+QUIET = Drive(phase=np.zeros((1, 1)), level=np.zeros(1), rate=1e9, array=ALONE, provenance=BUSY)
+
+EXTREME = {
+    "recording of one frame, one cell": Recording(
+        samples=np.zeros((1, 1, 1)), rate=12345.678901, sensor=ONE, provenance=BUSY
+    ),
+    "solution that is silent": solution(QUIET, "silent"),
+    "calibration of many bins": Calibration(
+        sensor=NAMED,
+        frequency=np.arange(8000.0),
+        response=1e-9 * RNG.standard_normal((8000, 12, 20)),
+        noise=np.zeros((12, 20)),
+        date=LONG,
+        version=10**9,
+        provenance=BUSY,
+    ),
+    "measurement in many words": measurement(1, 1, 1, reference=LONG, method=LONG, takes=10**9),
+    "wiring of many cells": SensorWiring(
+        grid=NAMED, order=tuple(reversed(range(240))), full_scale=1 / 3, sensitivity=1 / 3
+    ),
+    "step with many settings": Step(stage=LONG, settings={f"{LONG}{i}": tuple(range(99)) for i in range(99)}),
+}
+"""Objects with the longest, emptiest or most constant data."""
+
+NOUNS = ORDINARY | EXTREME
+
+
+def test_the_table_has_every_data_class():
+    nouns = {name for name, value in vars(model).items() if is_dataclass(value)}
+    assert nouns == set(ORDINARY) == set(SAYS)
+    assert all(type(noun).__name__ == name for name, noun in ORDINARY.items())
+
+
+@pytest.mark.parametrize("name", NOUNS)
+def test_a_repr_is_one_short_line_without_the_numbers_of_an_array(name):
+    said = repr(NOUNS[name])
+    assert len(said) < 300
+    assert "\n" not in said
+    assert not re.search(r"array\(|\[", said)
+    assert not re.search(r"\b(nan|inf)\b", said)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_a_repr_has_the_main_figures_with_units(name):
+    said = repr(ORDINARY[name])
+    assert [words for words in SAYS[name] if words not in said] == []
+    assert said.startswith(("<" + name, name + "("))
+    assert said.endswith((">", ")"))
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_simulated_data_are_marked(name):
+    assert ("SIMULATED" in repr(ORDINARY[name])) == (name in SIMULATED)
+
+
+def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
+    drive = replace(ORDINARY["Drive"], phase=np.zeros((3, 996)), level=np.array([0.0, 1, 1]))
+    some = replace(solution(drive), error=np.array([0.0, 0.1, 0.2]), status=("silent", "stalled", "converged"))
+    assert "3 frames, E mean 15 %, worst 20 %, 1 silent, of <Drive" in repr(some)
+    assert some.plays.tolist() == [False, True, True]
+    assert "1 frame, 1 silent, of <Drive" in repr(EXTREME["solution that is silent"])
+
+
+def test_long_names_keep_both_ends():
+    assert clipped("C:/takes/of/a/long/winter/towel.h5", 20) == "C:/takes/…/towel.h5"
+    assert clipped("short") == "short"
+    assert clipped("two\nlines") == "two lines"
+
+
+def test_long_lists_end_with_the_number_of_further_entries():
+    assert clipped_list("abcdef", most=4) == "a, b, c, d and 2 more"
+    assert clipped_list("ab") == "a, b"
+    assert clipped_list([]) == ""
+
+
+def test_numbers_are_short_and_have_units():
+    assert [short(v) for v in (0.03141, -0.0, 2849.3, 999.6, 12e6)] == ["0.0314", "0", "2849", "1000", "1.2e+07"]
+    assert span(np.array([-0.31, 0.42]), "V") == "-0.31 to 0.42 V"
+    assert span(np.ones(3)) == "1"
+    assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
+    assert frames_and_duration(1, 4.0) == "1 frame at 4 Hz, 0.25 s"

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.model.test_array_calibration import calibration
+from tests.model.test_calibration import calibration
 
 import midair
 from midair.devices import ExposureChoices, FrameBlock, ReplaySensor, VirtualArray

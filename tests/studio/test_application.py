@@ -17,8 +17,7 @@ from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern
 from midair.studio import Studio, StudioPlan
-from midair.studio.drawn_pattern import PatternRequest, preview_pattern
-from midair.studio.panels.draw_panel import SaveForm, TakeNamed
+from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack

@@ -1,8 +1,10 @@
 import asyncio
+import socket
 
 import pytest
 
 from midair.studio.request_guard import LoginTokens, RequestGuard
+from midair.studio.server import listen
 
 PORT = 8123
 OURS = f"http://127.0.0.1:{PORT}"
@@ -168,3 +170,24 @@ def test_used_link_works_only_for_a_browser_that_is_logged_in(keys):
     assert asked(keys, path="/enter", query=key)[0] == 403
     assert asked(keys, path="/enter", query=key, cookie=f"{keys.cookie}=guessed")[0] == 403
     assert asked(keys, path="/enter", query=key, cookie=cookie(keys), origin="http://evil.example")[0] == 403
+
+
+def test_messages_are_sent_without_delay():
+    """No message waits for the acknowledgement of the previous one, which would delay samples by a picture."""
+
+    async def connected():
+        took = asyncio.get_running_loop().create_future()
+
+        class Studio(asyncio.Protocol):
+            def connection_made(self, transport):
+                took.set_result(transport.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+
+        with listen(0) as listening:
+            server = await asyncio.get_running_loop().create_server(Studio, sock=listening)
+            page = socket.create_connection(listening.getsockname())
+            at_once = await took
+            page.close()
+            server.close()
+            return at_once
+
+    assert asyncio.run(connected())

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.model.test_array_calibration import calibration
+from tests.model.test_calibration import calibration
 
 from midair.datasets import stroke
 from midair.errors import InputError

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from midair.cli.console import err, print_note
-from midair.cli.options import Time
-from midair.cli.quantities import quantity
+from midair.cli.options import Time, quantity
 from midair.devices import Cooling, ExposureChoices, Thermometer, measure_exposure
 from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named

@@ -11,8 +11,7 @@ import numpy as np
 from cyclopts import Parameter, Token
 
 from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
-from midair.cli.options import options_from
-from midair.cli.quantities import format_quantity, parse_quantity, quantity
+from midair.cli.options import format_quantity, options_from, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
 from midair.files import ImportOptions, OpenedTake, open_take
 from midair.model import Calibration, Provenance, Recording, SensorGrid

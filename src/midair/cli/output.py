@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.cli.console import banner, out, print_json, print_note, print_rows
-from midair.cli.quantities import format_quantity
+from midair.cli.options import format_quantity
 from midair.errors import InputError
 from midair.evaluate import SolveError, error_by_energy
 from midair.files import FormatLoss, check_not_recording, load_solution, load_target, lock_or_raise, writable_path

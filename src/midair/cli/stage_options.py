@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 from cyclopts import Parameter
 
 from midair.cli.console import err
-from midair.cli.quantities import quantity
+from midair.cli.options import quantity
 from midair.devices import StageDevice
 from midair.errors import InputError
 from midair.files import load_stage

@@ -1,13 +1,13 @@
 """Read and write recordings, calibrations and drives in HDF5, and recordings in other formats."""
 
+from .atomic import NoLocksWarning as NoLocksWarning
 from .atomic import atomic_file as atomic_file
 from .atomic import atomic_folder as atomic_folder
+from .atomic import check_not_recording as check_not_recording
 from .atomic import collect_written_files as collect_written_files
+from .atomic import lock_or_raise as lock_or_raise
 from .atomic import parse_errors as parse_errors
 from .atomic import writable_path as writable_path
-from .file_locks import NoLocksWarning as NoLocksWarning
-from .file_locks import check_not_recording as check_not_recording
-from .file_locks import lock_or_raise as lock_or_raise
 from .formats import FORMATS as FORMATS
 from .formats import Contents as Contents
 from .formats import contents as contents

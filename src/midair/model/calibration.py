@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from midair.array_types import Array, Complex
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model.geometry import SensorGrid, TransducerArray
-from midair.model.provenance import Provenance
+from midair.model.provenance import Provenance, clipped, counted, from_source, span, summary
 from midair.model.recording import Unit
-from midair.model.reprs import clipped, counted, from_source, span, summary
 from midair.validation import frozen_array
 
 

@@ -11,8 +11,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
-from midair.model.provenance import Provenance
-from midair.model.reprs import clipped, counted, frames_and_duration, from_source, span, summary
+from midair.model.provenance import Provenance, clipped, counted, frames_and_duration, from_source, span, summary
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 

@@ -12,9 +12,21 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.model.defaults import HEIGHT, HEIGHTS
-from midair.model.reprs import clipped, counted, summary
+from midair.model.provenance import clipped, counted, summary
 from midair.validation import PITCHES, frozen_array, length, number, positive
+
+HEIGHT = 0.2
+"""Height of the palm or the sensor above the array, in m."""
+
+HEIGHTS = (20e-3, 1.0)
+"""Allowed heights, in m."""
+
+BAND = (20.0, 470.0)
+"""(low, high) of the frequency band that is reproduced, in Hz."""
+
+RATE = 1000.0
+"""Frame rate of sensors and drives in Hz."""
+
 
 WIDEST = 1.0
 """Side of the largest square of control points in m, several palms."""

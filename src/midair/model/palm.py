@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
-from midair.model.reprs import clipped, summary
+from midair.model.provenance import clipped, summary
 from midair.validation import frozen_array, positive
 
 

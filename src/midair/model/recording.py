@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import ControlGrid, SensorGrid
-from midair.model.provenance import Provenance
-from midair.model.reprs import counted, frames_and_duration, from_source, span, summary
+from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 

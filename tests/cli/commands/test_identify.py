@@ -6,7 +6,7 @@ import pytest
 from midair.cli import run
 from midair.files import load_sensor, save, save_sensor
 from midair.model import Recording, SensorWiring
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 
 RHYTHM = ["--every", "1s"]
 

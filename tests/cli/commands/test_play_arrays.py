@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tests.model.test_array_calibration import calibration
+from tests.model.test_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 

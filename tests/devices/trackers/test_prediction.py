@@ -5,6 +5,7 @@ from scipy.linalg import expm
 from tests.palms import palm_path
 
 from midair.devices import DAMPED_VELOCITY, PosePredictor
+from midair.devices.trackers.tracker import ClockFit
 from midair.errors import DeviceStateError
 
 MODELS = [CONSTANT_VELOCITY, CONSTANT_ACCELERATION, DAMPED_VELOCITY]
@@ -71,3 +72,24 @@ def test_after_a_gap_it_starts_again_from_the_new_pose():
 def test_without_a_pose_there_is_no_prediction():
     with pytest.raises(DeviceStateError, match="expected a pose first"):
         PosePredictor().at(np.array([0.0]))
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4])
+def test_a_clock_that_drifts_is_followed_below_delays_that_vary(drift):
+    rng = np.random.default_rng(3)
+    true = np.arange(0, 60, 1 / 110)
+    stamps = 5000 + true * (1 + drift)
+    fit, error = ClockFit(), []
+    for at, stamp in zip(true, stamps, strict=True):
+        fit.add(stamp, at + 2e-3 + rng.exponential(5e-3))
+        error.append(fit.time(stamp) - at - 2e-3)
+    settled = np.array(error[110 * 10 :])
+    assert np.abs(settled).max() < 1e-3
+    assert settled.std() < 3e-4
+
+
+def test_stamps_of_the_clock_of_this_computer_stay():
+    fit = ClockFit()
+    for at in np.arange(100.0, 101, 0.01):
+        fit.add(at - 0.03, at)
+        assert fit.time(at - 0.03) == at - 0.03

@@ -6,7 +6,8 @@ import pytest
 from midair.calibration import calibrate
 from midair.datasets import am_stimulus
 from midair.devices import VirtualSensor, VirtualSkin
-from midair.model import PressureFrames, Recording
+from midair.errors import RateError, ShapeError
+from midair.model import PressureFrames, Recording, SensorGrid
 from midair.physics.sensing import SensorModel
 from midair.streaming import LazyFrames
 
@@ -69,3 +70,21 @@ def test_a_long_recording_is_sensed_piece_by_piece(monkeypatch):
     whole, pieces = samples(20.0, 3.0), samples(1.0, 3600.0)
     assert np.abs(whole[:2900] - pieces[:2900]).max() <= 2 * SensorModel().step
     assert whole.std() > 100 * SensorModel().step
+
+
+def test_pressures_are_appended_in_order():
+    skin = VirtualSkin(SensorModel())
+    skin.touch(PressureFrames(pressure=np.full((3, 4, 4), 7.0), rate=8000.0))
+    skin.press(np.full((2, skin.points.count), 5.0))
+    # Sound that ends at the last point rings a little: 1 % of it at the next cell.
+    np.testing.assert_allclose(skin.pressure(8)[:, 0, 0], [7, 7, 7, 5, 5, 0, 0, 0], rtol=1e-2)
+    skin.clear()
+    assert len(skin.pressure(0)) == 0
+
+
+def test_a_stroke_of_another_rate_or_sensor_is_refused():
+    skin = VirtualSkin(SensorModel())
+    with pytest.raises(RateError, match="8000 Hz"):
+        skin.touch(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0))
+    with pytest.raises(ShapeError, match="cells"):
+        skin.touch(PressureFrames(pressure=np.ones((3, 2, 2)), rate=8000.0, sensor=SensorGrid(rows=2, columns=2)))

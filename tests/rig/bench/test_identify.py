@@ -16,7 +16,7 @@ from midair.rig.bench.identify import (
     identify_by_tones,
     tone_answers,
 )
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 
 GRID = SensorGrid()
 NOISE = np.full(16, 1e-3)

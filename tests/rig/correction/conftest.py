@@ -4,7 +4,7 @@ from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.rig import OpenRig, record
 from midair.rig import loop as run_loop
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
 SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)

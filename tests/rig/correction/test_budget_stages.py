@@ -8,7 +8,7 @@ from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.pipeline import calibrated_pressure
 from midair.rig import record
 from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
 RIG = VirtualRig()

@@ -13,7 +13,7 @@ from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import OpenRig, default_exposure, record, rerecord
 from midair.rig import loop as run_loop
 from midair.rig.correction.correction_loop import beam_test, expected_gain, focus_on_cell
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 from midair.targets import add_lead
 

@@ -11,7 +11,7 @@ from midair.pipeline import calibrated_pressure, required_lead
 from midair.rig import OpenRig, open_rig, record
 from midair.rig import loop as run_loop
 from midair.rig.correction.iteration import playable, run_iterations
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
 RIG = VirtualRig()

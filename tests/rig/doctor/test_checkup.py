@@ -6,7 +6,7 @@ from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
-from midair.rig.doctor.check import Check
+from midair.rig.doctor.array_checkup import Check
 from midair.rig.doctor.checkup import live_sensor_findings, run_checks, sensor_findings
 
 

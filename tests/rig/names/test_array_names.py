@@ -3,7 +3,7 @@ from datetime import date
 
 import numpy as np
 import pytest
-from tests.model.test_array_calibration import calibration
+from tests.model.test_calibration import calibration
 
 from midair.errors import InputError, MissingFileError, UnknownDeviceError
 from midair.files import save_array_calibration

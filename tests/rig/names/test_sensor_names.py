@@ -9,8 +9,8 @@ from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.files import save, save_palm_path
 from midair.model import PalmPath, Recording, SensorGrid, SensorWiring, TrackerPlacement
-from midair.rig.names.sensor_names import sensor_named, source_sensor, split_name
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig import stage_named
+from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_sensor, split_name
 
 RIG = VirtualRig()
 
@@ -173,3 +173,19 @@ def test_it_replays_in_real_time(hand):
 def test_wrong_names_are_refused(hand, name, error, told):
     with pytest.raises(error, match=told):
         midair.open_tracker(name.replace("HAND", str(hand)))
+
+
+def test_a_port_with_its_rate():
+    assert stage_named("grbl:/dev/ttyUSB0?baud=250000").name == "grbl:/dev/ttyUSB0"
+
+
+@pytest.mark.parametrize("name", ["grbl", "grbl:", "marlin:COM3", ""])
+def test_an_invalid_stage_name_is_refused(name):
+    with pytest.raises(UnknownDeviceError, match="expected grbl:PORT"):
+        stage_named(name)
+
+
+@pytest.mark.parametrize("name", ["grbl:COM3?baud=fast", "grbl:COM3?baud=0", "grbl:COM3?speed=3"])
+def test_unknown_options_are_refused(name):
+    with pytest.raises(InputError, match="expected the option baud"):
+        stage_named(name)

@@ -9,9 +9,19 @@ from rich.table import Table
 from midair.cli.comparisons import calibrated_part, print_laboratory, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars, workload_of
 from midair.cli.exposure_options import print_air
-from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, Seed, SolveOptions, Spread, StartAt
+from midair.cli.options import (
+    ArrayCalibration,
+    Force,
+    Json,
+    Lead,
+    PartLength,
+    Seed,
+    SolveOptions,
+    Spread,
+    StartAt,
+    parse_quantity,
+)
 from midair.cli.output import may_write
-from midair.cli.quantities import parse_quantity
 from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, Budget

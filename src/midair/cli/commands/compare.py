@@ -25,7 +25,6 @@ from midair.evaluate import (
     RATIOS,
     Comparison,
     PalmFidelity,
-    PalmFrames,
     PerceptualMetrics,
     afferent_rates,
     compare,
@@ -33,7 +32,7 @@ from midair.evaluate import (
     ratio_text,
 )
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take
-from midair.model import Palm, PressureFrames, Progress
+from midair.model import Palm, PressureFrames
 from midair.rig import (
     VirtualRig,
     aligned_pair,
@@ -199,19 +198,6 @@ def _write_report(
         partial.write_text(page, encoding="utf-8")
 
 
-def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
-    """Write pressure and displacement, target beside reproduction, as a film."""
-    pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
-    motion = {f"{frames.skin} skin, wanted": 1e6 * frames.wanted_motion, "played": 1e6 * frames.motion}
-    groups = [
-        PalmMaps(maps=maps, unit=unit, pitch=frames.pitch, square=frames.square)
-        for maps, unit in ((pressure, "Pa"), (motion, "µm"))
-    ]
-    made = film_of_palm(groups, rate=frames.rate)
-    with atomic_file(path) as partial:
-        (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-
-
 def _played(
     original: Path, drive_file: Path, palm: Path | None, rig: VirtualRig, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
@@ -238,7 +224,17 @@ def _played(
             lead = (asked.frames - piece.frames) // 2 / piece.rate
             judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
             frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
-            _write_film(film, frames, stage("film"))
+            # Write pressure and displacement, target beside reproduction, as a film.
+            progress = stage("film")
+            pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
+            motion = {f"{frames.skin} skin, wanted": 1e6 * frames.wanted_motion, "played": 1e6 * frames.motion}
+            groups = [
+                PalmMaps(maps=maps, unit=unit, pitch=frames.pitch, square=frames.square)
+                for maps, unit in ((pressure, "Pa"), (motion, "µm"))
+            ]
+            made = film_of_palm(groups, rate=frames.rate)
+            with atomic_file(film) as partial:
+                (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
         heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=stage)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm
 

@@ -7,9 +7,8 @@ from cyclopts import Parameter
 
 from midair.cli.console import print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
-from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement
+from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
 from midair.cli.output import as_recording, may_write, parameter_values, reserved
-from midair.cli.quantities import quantity
 from midair.errors import InputError
 from midair.files import load_placement, load_solution, load_target, save
 from midair.model import Calibration, Medium

@@ -6,9 +6,8 @@ from typing import Annotated, get_args
 
 from midair.cli.console import print_figures, print_json, print_rows
 from midair.cli.exposure_options import AirOptions, print_check_time
-from midair.cli.options import Force, Json, Placement
+from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write
-from midair.cli.quantities import quantity
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.errors import InputError
 from midair.figures import exposure_figure, png_bytes

@@ -10,8 +10,7 @@ from rich.text import Text
 
 from midair.cli.console import banner, err, out, print_json
 from midair.cli.keys import Keys
-from midair.cli.options import Json, OptionalTime, Time
-from midair.cli.quantities import quantity
+from midair.cli.options import Json, OptionalTime, Time, quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
 from midair.files import load_sensor, save_sensor

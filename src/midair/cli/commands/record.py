@@ -16,9 +16,8 @@ from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
-from midair.cli.options import Json, Quiet, options_from, settings_from
+from midair.cli.options import Json, Quiet, options_from, parse_quantity, settings_from
 from midair.cli.output import sensor_text
-from midair.cli.quantities import parse_quantity
 from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError

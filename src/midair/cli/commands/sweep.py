@@ -15,8 +15,7 @@ from rich.table import Table as Shown
 from midair.cli.console import banner, bars, err, estimate_text, out, print_json, remember_speed, verbosity
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.help_text import add_command, epilogue
-from midair.cli.options import Json, OptionalTime, SolveOptions, Time
-from midair.cli.quantities import quantity
+from midair.cli.options import Json, OptionalTime, SolveOptions, Time, quantity
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import HEIGHT, Acoustics, Directivity, Medium, TransducerArray
@@ -249,7 +248,16 @@ def recordings_command(
     if not sources:
         raise InputError("sweep: expected recordings after the name of the sweep, got none")
     options = options or SolveOptions()
-    variants = _variants(options, vary)
+    # Every combination: its name, and its options.
+    axes = [_axis(text) for text in vary]
+    names = [name for axis in axes for name in {field for _, (field, _) in axis}]
+    if len(set(names)) < len(names):
+        raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
+    made: Any = options
+    variants = [
+        (" ".join(spelt for spelt, _ in chosen), replace(made, **dict(choice for _, choice in chosen)))
+        for chosen in itertools.product(*axes)
+    ]
     for _, chosen in variants:
         chosen.refuse_idle_palm()
     if not any(text.startswith("temperature=") for text in vary):
@@ -272,19 +280,6 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
     known = with_fitted_gain(part, TransducerArray.autd3(), settings)
     return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
-
-
-def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, SolveOptions]]:
-    """Every combination: its name, and its options."""
-    axes = [_axis(text) for text in vary]
-    names = [name for axis in axes for name in {field for _, (field, _) in axis}]
-    if len(set(names)) < len(names):
-        raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
-    made: Any = options
-    return [
-        (" ".join(spelt for spelt, _ in chosen), replace(made, **dict(choice for _, choice in chosen)))
-        for chosen in itertools.product(*axes)
-    ]
 
 
 def _axis(text: str) -> list[tuple[str, Choice]]:

@@ -1,3 +1,3 @@
 """Motion stages that draw an object over the sensor."""
 
-from .stage_device import StageDevice as StageDevice
+from midair.devices.interface import StageDevice as StageDevice

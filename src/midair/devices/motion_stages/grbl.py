@@ -14,8 +14,8 @@ from typing import Any
 
 import serial
 
+from midair.devices.interface import StageDevice
 from midair.devices.motion_stages.grbl_messages import STATES, Outbox, StatusReport, parse_status, with_meaning
-from midair.devices.motion_stages.stage_device import StageDevice
 from midair.devices.safety import PortGuard, device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached

@@ -5,8 +5,8 @@ from .sources import Chunk as Chunk
 from .sources import SensorOptions as SensorOptions
 from .sources import Source as Source
 from .sources import Stream as Stream
+from .streamed_sensor import PacedSensor as PacedSensor
+from .streamed_sensor import RemappedSensor as RemappedSensor
+from .streamed_sensor import ReplaySensor as ReplaySensor
 from .streamed_sensor import StreamedSensor as StreamedSensor
 from .thermometer import Thermometer as Thermometer
-from .wrapped_sensors import PacedSensor as PacedSensor
-from .wrapped_sensors import RemappedSensor as RemappedSensor
-from .wrapped_sensors import ReplaySensor as ReplaySensor

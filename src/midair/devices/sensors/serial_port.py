@@ -82,7 +82,13 @@ class SerialSource:
         port, self._port = self._port, None
         with self._hold:
             if port is not None:
-                _end_exclusive(port)
+                # Let other programs open the port again, which a system may not do while another process has it open.
+                if sys.platform != "win32":
+                    import fcntl
+                    import termios
+
+                    with suppress(OSError, AttributeError, ValueError):
+                        fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
                 port.close()
 
     def describe(self) -> dict[str, str]:
@@ -145,16 +151,6 @@ def exclusive_port(port: str, baud: int) -> Any:
         with suppress(OSError):
             fcntl.ioctl(opened.fileno(), termios.TIOCEXCL)
     return opened
-
-
-def _end_exclusive(port: Any) -> None:
-    """Let other programs open the port again, which a system may not do while another process has it open."""
-    if sys.platform != "win32":
-        import fcntl
-        import termios
-
-        with suppress(OSError, AttributeError, ValueError):
-            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
 
 
 def ports() -> list[str]:
@@ -221,7 +217,15 @@ class SerialThermometer(Thermometer):
                 self._received, self._value = b"", None
             until = time.monotonic() + self.stale
             while port.in_waiting or (self._value is None and time.monotonic() < until):
-                self._take(port.read(max(1, port.in_waiting)))
+                data = port.read(max(1, port.in_waiting))
+                *lines, self._received = (self._received + data)[-1000:].replace(b"\r", b"\n").split(b"\n")
+                for line in filter(None, lines):
+                    text = line.decode("utf-8", errors="replace")
+                    found = LINE.fullmatch(text)
+                    if found is None:
+                        self._other = text[:40]
+                    else:
+                        self._value, self._arrived = float(found[1]), time.monotonic()
             self._looked = time.monotonic()
         except OSError as wrong:
             self.close()
@@ -241,16 +245,6 @@ class SerialThermometer(Thermometer):
         self._value = None
         if port is not None:
             port.close()
-
-    def _take(self, data: bytes) -> None:
-        *lines, self._received = (self._received + data)[-1000:].replace(b"\r", b"\n").split(b"\n")
-        for line in filter(None, lines):
-            text = line.decode("utf-8", errors="replace")
-            found = LINE.fullmatch(text)
-            if found is None:
-                self._other = text[:40]
-            else:
-                self._value, self._arrived = float(found[1]), time.monotonic()
 
     def _opened(self) -> Any:
         place, _, baud = self.place.partition("?baud=")

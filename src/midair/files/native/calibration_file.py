@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.axes import array_from, array_values, sensor_from, sensor_values
 from midair.files.native.hdf5 import (
     check_kind,
     kind_of,
@@ -21,6 +20,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json
+from midair.files.native.schema import array_from, array_values, sensor_from, sensor_values
 from midair.model import ArrayCalibration, Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:

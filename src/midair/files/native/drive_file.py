@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.atomic import parse_errors
-from midair.files.native.axes import array_from, array_values, check_time, time_values
 from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
     finite,
@@ -29,7 +28,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
-from midair.files.native.schema import BLOCK
+from midair.files.native.schema import BLOCK, array_from, array_values, check_time, time_values
 from midair.model import (
     Acoustics,
     AmplitudeFrames,

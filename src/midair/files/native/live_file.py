@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from midair.errors import FileError
-from midair.files.atomic import reason
-from midair.files.file_locks import acquire_for_writing
+from midair.files.atomic import acquire_for_writing, reason
 from midair.files.native.hdf5 import LAYOUT
 from midair.files.native.hdf5_recovery import LENGTH, flagged_block
 

@@ -16,15 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.native.axes import (
-    array_from,
-    array_values,
-    check_time,
-    sensor_from,
-    sensor_values,
-    single,
-    time_values,
-)
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
@@ -41,7 +32,16 @@ from midair.files.native.hdf5 import (
 )
 from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.provenance_json import from_json
-from midair.files.native.schema import NETCDF
+from midair.files.native.schema import (
+    NETCDF,
+    array_from,
+    array_values,
+    check_time,
+    sensor_from,
+    sensor_values,
+    single,
+    time_values,
+)
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import (
     Calibration,

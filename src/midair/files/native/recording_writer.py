@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
 from midair.files.atomic import note_written_file, reason, writable_path
-from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.checksums import extend_checksums
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
 from midair.files.native.recording_file import KINDS, PLAYED, event_values, played_values, stage_values
+from midair.files.native.schema import sensor_values, single
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
 from midair.streaming import Stored
 from midair.validation import frozen_array, positive

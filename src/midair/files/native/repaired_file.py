@@ -8,13 +8,13 @@ from typing import Any, TypeVar
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.files.file_locks import check_not_recording
-from midair.files.native.axes import time_values
+from midair.files.atomic import check_not_recording
 from midair.files.native.calibration_file import load_calibration
 from midair.files.native.checksums import Ranges, ranges_text
 from midair.files.native.drive_file import read_drive, save_solution, solution_from, target_from
 from midair.files.native.hdf5 import kind_of, open_file
 from midair.files.native.recording_file import load_played, load_pressure, read_values, take_from, write_recording
+from midair.files.native.schema import time_values
 from midair.model import Event, PressureFrames
 from midair.streaming import LazyFrames, blocks, read_frames
 

@@ -1,15 +1,106 @@
-"""Exposure profiles in TOML: those of midair and those of users."""
+"""Exposure profiles in TOML: those of midair and those of users; frozen dataclasses as nested dicts."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import reduce
 from importlib import resources
+from json import dumps
+from operator import or_
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from midair.errors import InputError
-from midair.files.text_files import LARGEST_TOML, read_text, toml_of
-from midair.files.toml.plain import from_plain
+from midair.errors import BrokenFileError, InputError
+from midair.files.text_files import LARGEST_TOML, read_text, read_toml, toml_of
 from midair.physics import ExposureProfile, Place
+
+Sheet = TypeVar("Sheet")
+Made = TypeVar("Made")
+
+
+def read_sheet(
+    path: str | os.PathLike[str], expected: str, sheet: type[Sheet], make: Callable[[Sheet], Made] = lambda keys: keys
+) -> Made:
+    """Read a TOML file with the keys of a dataclass, and convert it by `make`; `expected` is for messages.
+
+    Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
+    """
+    content = read_toml(path, expected)
+    try:
+        return make(from_plain(sheet, content))
+    except InputError as wrong:
+        raise BrokenFileError(f"{path}: {wrong}") from wrong
+
+
+def to_plain(value: Any) -> Any:
+    """A frozen dataclass as a nested dict; tuples become lists, and None is omitted.
+
+    TOML has no null, so None has to be the default of any field that may be None.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        return {one.name: to_plain(got) for one in fields(value) if (got := getattr(value, one.name)) is not None}
+    return [to_plain(each) for each in value] if isinstance(value, tuple | list) else value
+
+
+def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -> Any:
+    """Create the dataclass `kind` from the output of `to_plain`; missing fields take their defaults.
+
+    `where` is the prefix of names in messages, such as ``solver.``. Raises InputError if a name is unknown, or a value
+    has the wrong type or is out of range.
+    """
+    hints, known = get_type_hints(kind), {one.name for one in fields(kind)}
+    if unknown := sorted(set(values) - known):
+        raise InputError(f"{where}{unknown[0]}: expected one of {', '.join(sorted(known))}")
+    needed = [one.name for one in fields(kind) if one.init and one.default is one.default_factory is MISSING]
+    if missing := [name for name in needed if name not in values]:
+        raise InputError(f"{where}{missing[0]} is missing: expected {', '.join(needed)}")
+    return kind(**{name: _value(hints[name], value, f"{where}{name}") for name, value in values.items()})
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """Validate one value against its annotation; dataclasses, and tuples of them, were made from text before."""
+    if all(is_dataclass(each) for each in (value if isinstance(value, tuple) and value else (value,))):
+        return value
+    if isinstance(value, Mapping):
+        kinds = [each for each in _alternatives(hint) if is_dataclass(each) and isinstance(each, type)]
+        if kinds:
+            return from_plain(kinds[0], value, where=f"{where}.")
+    if get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
+        if not isinstance(value, list):
+            raise InputError(f"{where}: expected tables [[{where}]], got {value!r}")
+        return tuple(_value(get_args(hint)[0], each, f"{where} {number}") for number, each in enumerate(value))
+    from pydantic import TypeAdapter, ValidationError
+
+    # Dataclasses are excluded, because pydantic does not support those with arrays.
+    plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
+    if not plain:
+        raise InputError(f"{where}: expected a table, got {value!r}")
+    try:
+        # Strict, so that true and "4" are no numbers; from JSON, whose lists become tuples.
+        return TypeAdapter[Any](reduce(or_, plain)).validate_json(dumps(value, default=str), strict=True)
+    except ValidationError as wrong:
+        raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """Members of a union at every depth, or the annotation itself."""
+    if get_origin(hint) in (Union, UnionType):
+        return tuple(each for part in get_args(hint) for each in _alternatives(part))
+    return (hint,)
+
+
+def _kinds(kinds: tuple[Any, ...]) -> str:
+    parts = [
+        " or ".join(str(each) for each in get_args(kind))
+        if get_origin(kind) is Literal
+        else (kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind))
+        for kind in kinds
+        if kind is not type(None)
+    ]
+    return " or ".join(parts)
+
 
 DEFAULT_PROFILE = "occupational-110"
 

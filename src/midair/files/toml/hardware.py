@@ -73,7 +73,7 @@ from scipy.spatial.transform import Rotation
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files.atomic import atomic_file
-from midair.files.toml.plain import read_sheet, to_plain
+from midair.files.toml.exposure_profiles import read_sheet, to_plain
 from midair.model import Heading, Palm, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
 from midair.validation import Declared, check_settings, positive, setting
 

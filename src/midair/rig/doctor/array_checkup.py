@@ -5,11 +5,40 @@ import os
 import socket
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 from midair.devices import close_orders, playing_now, state_folder
 from midair.errors import FileError, MidairError
-from midair.rig.doctor.check import Check, broken, missing, ok
 from midair.rig.names import array_named
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """Result of one check."""
+
+    subject: str
+    state: Literal["ok", "missing", "broken"]
+    """"missing" stands for something optional."""
+    found: str
+    advice: str = ""
+    """One line of advice; empty if there is nothing to do."""
+
+
+def ok(subject: str, found: str, advice: str = "") -> Check:
+    """Return a result without problem."""
+    return Check(subject=subject, state="ok", found=found, advice=advice)
+
+
+def missing(subject: str, found: str, advice: str = "") -> Check:
+    """Return the lack of something optional."""
+    return Check(subject=subject, state="missing", found=found, advice=advice)
+
+
+def broken(subject: str, found: str, advice: str = "") -> Check:
+    """Return a problem."""
+    return Check(subject=subject, state="broken", found=found, advice=advice)
+
 
 _ADVICE = {
     "firmware": "update the units to series 0.12 by the makers' console; firmware v10 to v12.1 plays with pyautd3",

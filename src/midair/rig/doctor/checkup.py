@@ -38,8 +38,7 @@ from midair.model import (
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.progress import report_progress
 from midair.recordings import at_limit
-from midair.rig.doctor.array_checkup import array_findings
-from midair.rig.doctor.check import Check, broken, missing, ok
+from midair.rig.doctor.array_checkup import Check, array_findings, broken, missing, ok
 from midair.rig.names import SENSORS, source_sensor
 from midair.solvers import solve
 

@@ -1,11 +1,11 @@
 """Record takes of a sensor, with meters and triggers while they run."""
 
 from .meters import Levels as Levels
+from .take import Subject as Subject
+from .take import last_subject as last_subject
 from .take import record_take as record_take
-from .take_names import Subject as Subject
-from .take_names import last_subject as last_subject
-from .take_names import store_subject as store_subject
-from .take_names import take_path as take_path
+from .take import store_subject as store_subject
+from .take import take_path as take_path
 from .take_state import Companion as Companion
 from .take_state import Drift as Drift
 from .take_state import RecordSettings as RecordSettings

@@ -1,20 +1,151 @@
-"""Panel Draw: patterns of moving foci, drawn on a palm, played and saved."""
+"""Panel Draw: patterns of moving foci, drawn on a palm, played and saved.
+
+The effect of a pattern on a palm, and its drive, are computed in the worker processes.
+"""
 
 from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 from pydantic import Field
 
-from midair.files import read_toml
-from midair.patterns import Pattern
-from midair.studio.drawn_pattern import PatternRequest, preview_pattern, save_pattern
+from midair.array_types import Array
+from midair.devices import measure_exposure
+from midair.dsp import resample
+from midair.errors import InputError
+from midair.evaluate import FELT_BANDS, SkinModel, band_levels
+from midair.files import DEFAULT_PROFILE, atomic_file, profile_named, read_toml
+from midair.model import Acoustics, Medium, Palm, Provenance, Solution, TransducerArray
+from midair.patterns import Foci, Pattern, check_reach, draw_file, draw_parts, drawn_settings, wanted_amplitude
+from midair.physics import SKINS, SkinMotion, radiation_pressure
+from midair.rig import array_calibration_for, array_of_kind
+from midair.studio.jobs import Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.reproduce_panel import TakeNamed
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import stamp_of
 from midair.studio.takes_list import DRAWN
+
+LOOP, SHOWN = 2.0, 1.0
+"""Lengths in s of the drive of a loop, and of the first part of a pattern that the maps show."""
+SAMPLED, RATE, MOTION_RATE = 12, 2000, 1000.0
+"""Frames of which the exposure is computed, and frames per second of the maps of pressure and motion."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatternRequest:
+    """A pattern as the dicts of its file, the array that will play it, and the stated air of the room."""
+
+    pattern: dict[str, Any]
+    text: str = ""
+    """Its TOML, in which files of recorded signals are relative."""
+    device: str = "virtual"
+    array_calibration: Path | None = None
+    room: Medium | None = None
+    files: tuple[str, ...] = ()
+    """Paths of the TOML file, and of the drive if one is to be made."""
+    replaces: tuple[str, ...] = ()
+    """Stamps of the files that may be replaced; empty for a file that may not exist."""
+
+    def array(self) -> TransducerArray:
+        """Return the array, with its calibration if there is one."""
+        known, array = array_calibration_for(self.device, self.array_calibration), array_of_kind("autd3")
+        return array if known is None else known.known.applied(array)
+
+
+def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:
+    """Return maps of pressure and motion of the skin, the exposure of the loudest frames, and the level that is felt.
+
+    The pressure is that of ideal foci, in steps of a quarter of a millimetre.
+    """
+    pattern, array, palm = Pattern.from_plain(request.pattern), request.array(), Palm.disc()
+    foci, acoustics = (
+        pattern.foci(min(pattern.duration_s or SHOWN, SHOWN)),
+        Acoustics(medium=request.room or Medium.at()),
+    )
+    used, every = check_reach(foci, array, acoustics), max(int(foci.rate // RATE), 1)
+    places = np.round(foci.position[::every] / 0.25e-3) * 0.25e-3
+    coarse = replace(foci, position=places, pressure=foci.pressure[::every], rate=foci.rate / every)
+    settings = drawn_settings(coarse, acoustics).but(grid=palm.grid(foci.height))
+    amplitude = np.asarray(wanted_amplitude(coarse, array, settings, Provenance()).amplitude[:])
+    pressure = radiation_pressure(amplitude, acoustics.medium).reshape(-1, *palm.inside.shape) * palm.inside
+    motion = _skin_motion().displacement(resample(pressure, coarse.rate, MOTION_RATE))
+    return {
+        "rows": len(palm.inside),
+        "pressure": _map(pressure, palm),
+        "motion": _map(1e6 * motion, palm),
+        "highest_pa": float(f"{foci.pressure.max():.4g}"),
+        "reach": used,
+        "exposure": _exposure(foci, array, acoustics, request.room) if foci.pressure.any() else None,
+        "felt": _felt(pressure, coarse.rate, palm),
+    }
+
+
+def _map(values: Array, palm: Palm) -> dict[str, Any]:
+    """Rms over time in 255 steps of its highest value, row by row from the lowest y; -1 beside the skin."""
+    rms = np.sqrt((values**2).mean(axis=0))
+    top, (row, column) = float(rms.max()), np.unravel_index(int(rms.argmax()), rms.shape)
+    place = [1e3 * palm.pitch * (int(at) - (len(rms) - 1) / 2) for at in (column, row)]
+    steps = np.where(palm.inside, np.rint(255 * rms / max(top, 1e-12)), -1).astype(int)
+    return {"top": float(f"{top:.3g}"), "at_mm": place, "steps": steps.ravel().tolist()}
+
+
+def _exposure(foci: Foci, array: TransducerArray, acoustics: Acoustics, room: Medium | None) -> dict[str, Any]:
+    """Highest level at the place that is nearest to its limit."""
+    together = foci.pressure.sum(axis=1)
+    loud = np.flatnonzero(together >= 0.9 * together.max())
+    chosen = loud[np.unique(np.linspace(0, len(loud) - 1, SAMPLED).astype(int))]
+    part = replace(foci, position=foci.position[chosen], pressure=foci.pressure[chosen])
+    drive = Solution.joined(list(draw_parts(part, array, acoustics=acoustics))).drive
+    found = measure_exposure(drive, array, profile_named(DEFAULT_PROFILE), room=room)
+    place, frame = found.worst
+    peak = float(found.level[frame, found.profile.places.index(place)])
+    return {"place": place.name, "peak_db": round(peak, 1), "limit_db": place.limit}
+
+
+def _felt(pressure: Array, rate: float, palm: Palm) -> dict[str, Any] | None:
+    """Level over the detection threshold where the skin is vibrated most; None if nothing vibrates."""
+    from scipy.ndimage import uniform_filter
+
+    # As wide as the disc of the model of skin.
+    wide = uniform_filter(pressure, (1, *2 * [round(2 * SkinModel().radius / palm.pitch)]), mode="constant")
+    power = wide.var(axis=0)
+    if power.max() < 1e-6:
+        return None
+    area = float((power >= 0.01 * power.max()).sum()) * palm.pitch**2
+    strongest = wide.reshape(len(wide), -1)[:, [int(power.argmax())]]
+    levels = band_levels(strongest, rate, area=area)[:, 0]
+    best = int(levels.argmax())
+    return {"level_db": round(float(levels[best]), 1), "band_hz": FELT_BANDS[best], "people_db": SkinModel().people}
+
+
+@cache
+def _skin_motion() -> SkinMotion:
+    """Model of the skin under the palm; building it takes longer than using it."""
+    palm, band = Palm.disc(), (20.0, 470.0)
+    return SkinMotion.of(
+        SKINS["soft, deep"], palm.inside.shape, pitch=palm.pitch, rate=MOTION_RATE, band=band, edge=10.0
+    )
+
+
+def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:
+    """Write a pattern as TOML, and its drive if a second path is given; returns the file names.
+
+    InputError if a file has changed since the page was asked whether it may be replaced.
+    """
+    pattern, source = Pattern.from_plain(request.pattern), Path(request.files[0])
+    if tuple(map(stamp_of, request.files)) != request.replaces:
+        raise InputError("save: expected the files as they were when it was asked, one has changed; save again")
+    with atomic_file(source) as written:
+        written.write_text(request.text, encoding="utf-8")
+    for drive in request.files[1:]:
+        foci, stage = pattern.foci(None if pattern.duration_s else LOOP), partial(progress, "drawing")
+        draw_file(foci, source, drive, request.array(), medium=request.room, progress=stage)
+    return [Path(file).name for file in request.files]
 
 
 class PatternForm(Arguments):

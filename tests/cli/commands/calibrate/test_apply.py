@@ -13,7 +13,7 @@ from midair.cli.commands.calibrate.measure import drift
 from midair.files import load_calibration, load_pressure, save, save_calibration
 from midair.model import SensorGrid
 from midair.physics import SensorModel, channel_response
-from midair.rig.bench.simulated_bench import CalibrationBench, practice_bench
+from midair.rig.bench.calibration_page import CalibrationBench, practice_bench
 
 MODEL = SensorModel(grid=SensorGrid(rows=1, columns=2, name="palm 3")).with_spread(seed=1)
 BENCH = CalibrationBench(model=MODEL, reference_uncertainty=0.01)

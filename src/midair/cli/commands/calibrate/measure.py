@@ -22,9 +22,8 @@ from midair.calibration import (
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.import_options import calibration_from_options, stated_sensitivity
-from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time
+from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time, quantity
 from midair.cli.output import calibration_text, may_write, print_result
-from midair.cli.quantities import quantity
 from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, load_pressure, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, Medium, SensorGrid

@@ -10,9 +10,8 @@ from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.keys import Keys
-from midair.cli.options import Force, Json, Length, Placement, Spread, Time
+from midair.cli.options import Force, Json, Length, Placement, Spread, Time, quantity
 from midair.cli.output import array_rows, may_write, print_result
-from midair.cli.quantities import quantity
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
 from midair.files import (
