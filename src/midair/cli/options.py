@@ -278,19 +278,16 @@ class _SettingsOptions:
 
 
 def _argument(value: Any, unit: str) -> str:
-    """A value as an exact command-line argument."""
     if not unit:
         return str(value)
     return f"{100 * value!r}%" if unit == "%" else f"{value!r}{unit}"
 
 
 def _cores() -> int:
-    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _settings_of_file(path: Path) -> Settings:
-    """Settings from a TOML file or from the provenance of a drive."""
     if not path.name.lower().endswith(".h5"):
         return Settings.load(path)
     found = Settings.of(load_solution(path, streamed=True).drive.provenance)

@@ -303,7 +303,6 @@ class _PendingFrames:
         return corrected.cut(self.kept, end), rest
 
     def _phases(self, part: slice) -> Array:
-        """Corrected phases of the frames of a block."""
         frames = min(part.stop + self.settings.around, self.solution.drive.frames)
         solution, wanted = self.solution.cut(0, frames), self.wanted[:frames]
         metric = self.settings.metric(part, frames, solution.drive.rate)

@@ -542,7 +542,6 @@ def _not_felt_note(found: Exposure) -> str:
 
 
 def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
-    """The drive at the strongest intensities of the firmware that meet the profile."""
 
     def weakened(level: Array) -> Array:
         return _strongest_below(level * factor)

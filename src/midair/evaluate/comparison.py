@@ -185,7 +185,6 @@ def _pairs(x: Array | LazyFrames, y: Array | LazyFrames) -> Iterator[tuple[Array
 
 
 def _products(x: Array, y: Array) -> Array:
-    """Sum over the frames of the products of each channel."""
     return np.asarray(np.einsum("tc,tc->c", x, y), np.float64)
 
 

@@ -313,7 +313,6 @@ def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *
 
 
 def _alone(reference: Array, distorted: Array) -> tuple[float, float]:
-    """ST-SIM and SPQI of one channel."""
     whole = _stretches(np.asarray(reference, float), np.asarray(distorted, float))
     return _similarity(sum(_similarity_sums(*each) for each in whole))
 
@@ -393,7 +392,6 @@ def _weighted_level(
 
 
 def _alike(reference: Array, distorted: Array) -> float:
-    """Sum over the blocks of their correlation with the reference."""
     power = (reference**2).sum(axis=1) + np.finfo(float).eps
     return float(((reference * distorted).sum(axis=1) / power).sum())
 

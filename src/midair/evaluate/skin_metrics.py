@@ -213,12 +213,10 @@ Values = tuple[Array | float, Array]
 
 
 def _metric(name: tuple[str, str], values: Values, meaning: str) -> PerceptualFigure:
-    """A metric by its name and unit."""
     return PerceptualFigure(name=name[0], unit=name[1], overall=float(values[0]), channels=values[1], meaning=meaning)
 
 
 def _both(name: str, unit: str, pair: Sequence[Values], meaning: str) -> list[PerceptualFigure]:
-    """A metric of the original and of the reproduction."""
     return [_metric((name + end, unit), each, meaning) for end, each in zip((_BEFORE, _AFTER), pair, strict=True)]
 
 

@@ -252,7 +252,6 @@ class ImportedData:
 
 
 def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:
-    """Report of the gaps that were filled."""
     if not mended.journal:
         return ()
     missing = sum(event.frames for event in mended.journal)

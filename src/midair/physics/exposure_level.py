@@ -328,7 +328,6 @@ def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> f
 
 @lru_cache(maxsize=16)
 def _palm(profile: ExposureProfile, array: TransducerArray, acoustics: Acoustics) -> Searches:
-    """The search of the palm."""
     return Searches.of(point_search(_palm_points(profile), array, (acoustics,)))
 
 

@@ -157,7 +157,6 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
 
 
 def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
-    """Largest bands of all airs."""
     return np.max([bands(place, array, air) for air in airs], axis=0)
 
 

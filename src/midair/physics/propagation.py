@@ -88,7 +88,6 @@ _AT_ONCE = 2**16
 
 
 def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Complex:
-    """The transfer matrix at some points."""
     away = places[:, None, :] - array.position[None, :, :]
     distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
     if distance.min() <= 0:

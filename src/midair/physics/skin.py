@@ -137,7 +137,6 @@ def _layer(k: Complex, a: Complex, b: Complex, kt2: Complex, depth: float) -> Co
 
 
 def _decaying(square: Complex) -> Complex:
-    """The root that decays with depth."""
     root = np.sqrt(square)
     return np.asarray(np.where(np.real(root) < 0, -root, root), np.complex128)
 

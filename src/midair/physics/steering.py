@@ -233,7 +233,6 @@ class MovingSpread:
         return spreads[0].factor * np.asarray(field.real**2 + field.imag**2, np.float64)
 
     def _at(self, poses: PalmPath, number: int) -> Spread:
-        """Map from drives to the field at one pose."""
         one = pose_of(poses, number)
         if (known := one.rotation.tobytes() + one.centre.tobytes()) not in self._known:
             here = on_the_palm(self._points, self._solved, one)[0]

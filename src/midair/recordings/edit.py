@@ -287,7 +287,6 @@ def _check(channel: int, first: int, frames: int, rate: float, mending: Mending)
 
 
 def _fill(wave: Array, gaps: list[tuple[int, int]], fill: GapFill) -> None:
-    """Fill the gaps of one channel in place."""
     if not gaps:
         return
     missing = ~np.isfinite(wave)

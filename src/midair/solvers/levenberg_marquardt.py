@@ -254,7 +254,6 @@ def _bordered(problem: Problem, normal: NDArray[np.floating[Any]], state: State)
 
 
 def _at(problem: Problem, p: Array, x: Array, *, damping: float) -> State:
-    """The state at x before its first step."""
     r = residual(problem, p, x)
     state = State(
         x=x,

@@ -251,7 +251,6 @@ class FoldedProduct(Product):
         return x.reshape(len(x), 4, -1)
 
     def _each(self, x: Rows, matrices: Rows) -> Rows:
-        """Multiply each kind of the rows by its matrix."""
         kinds, inner, outer = matrices.shape
         made: Any = np.empty((len(x), kinds, outer), x.dtype)
         # BLAS reads and writes the strided views without a copy.

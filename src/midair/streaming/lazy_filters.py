@@ -186,7 +186,6 @@ def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) 
 
 
 def _block_frames(x: LazyFrames) -> int:
-    """Number of frames in a block."""
     return max(1, BYTES // max(1, 8 * int(np.prod(x.shape[1:], dtype=np.int64))))
 
 

@@ -194,7 +194,6 @@ def moments(x: "Array | LazyFrames") -> Moments:
 
 
 def _squared_deviations(block: Array) -> Array:
-    """Sum of squared deviations from the mean."""
     return np.asarray(block.var(axis=0) * len(block), np.float64)
 
 

@@ -273,7 +273,6 @@ class Studio:
         return FileResponse(path, media_type=media_type(path) or "application/octet-stream", headers=disposition)
 
     async def _upload(self, request: Request) -> Response:
-        """Store a recording that was dropped on the page."""
         name = unquote(request.headers.get("x-name", ""))
         try:
             page = int(request.headers.get("x-page", "0"))
@@ -288,7 +287,6 @@ class Studio:
         return JSONResponse({"ok": path.name, "imports": not own})
 
     async def _socket(self, socket: WebSocket) -> None:
-        """Serve one page until it disconnects."""
         await socket.accept()
         page = self.store.enter(socket)
         self._begin()
@@ -313,7 +311,6 @@ class Studio:
 
 
 async def _send(page: Page) -> None:
-    """Send the queued state messages in order."""
     with contextlib.suppress(Exception):
         while True:
             await page.wire.send_text(await page.waiting.get())

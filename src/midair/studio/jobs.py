@@ -168,7 +168,6 @@ class Jobs:
         answer.add_done_callback(lambda answer: self._done(job, answer))
 
     def _on_event(self, said: dict[str, Any]) -> None:
-        """Show the progress of the running job."""
         with self._lock:
             job = self._running
             if said["kind"] != "progress" or job is None or job.number != said["number"]:

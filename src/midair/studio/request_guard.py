@@ -129,7 +129,6 @@ class RequestGuard:
         return ""
 
     def _enter(self, scope: Scope) -> ASGIApp:
-        """Exchange the key of a link for the cookie."""
         given = parse_qs(scope["query_string"].decode("latin-1")).get("key", [""])
         if self._keys.known(_one(Headers(scope=scope), "cookie")) and scope["method"] == "GET":
             # A browser that is logged in may open the used link again.

@@ -83,7 +83,6 @@ def _rows(text: str, name: str) -> list[tuple[int, dict[str, str]]]:
 
 
 def _stimulus(stimulus: str, row: Mapping[str, str], name: str, number: int) -> dict[str, Any]:
-    """Content of a stimulus from its first row."""
     settings: dict[str, Any] = {column: row[column] for column in SETTINGS if row.get(column)}
     kinds: Sequence[str] = [kind for kind in get_args(StimulusKind) if kind != "pair"]
     kind = settings.get("kind", "drive")

@@ -187,7 +187,6 @@ def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
 
 
 def _experiment(power: PlannedPower, design: Design) -> tuple[Experiment, str]:
-    """Simulated study and its description."""
     effect = power.effect
     if power.test == "identification":
         what = f"Identification of {power.objects} objects at d' = {effect:g}, {power.trials} trials each"

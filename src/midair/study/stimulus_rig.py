@@ -148,7 +148,6 @@ def open_markers(plan: Plan, *, serial: str = "") -> Generator[EventMarkers | No
 
 
 def _marked(presenter: Presenter, markers: EventMarkers | None, console: Console) -> StimulusRig:
-    """Rig of a presenter whose stimuli are marked."""
     if markers is None:
         return StimulusRig(presenter=presenter)
     console.print(plain_text(f"markers: {markers.outputs.said}"))

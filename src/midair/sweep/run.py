@@ -204,7 +204,6 @@ def _leave_ctrl_c_to_the_client() -> None:
 
 
 def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress) -> Iterator[Result]:
-    """Yield the results of the tasks as they arrive."""
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
     coming, watch = enumerate(tasks), WorkerMonitor(client)

@@ -135,7 +135,6 @@ class Film:
 
     @cached_property
     def _ground(self) -> "Image.Image":
-        """Parts that are the same in every picture."""
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", self._size, _GROUND)
@@ -234,7 +233,6 @@ def _indexed(picture: "Image.Image", table: NDArray[np.uint8]) -> "Image.Image":
 
 
 def _groups(showing: ViewData) -> Iterator[Sequence[Tile]]:
-    """Return groups of maps that share a scale."""
     if showing.sound is not None and (fields := list(_fields(showing.sound))):
         yield fields
     felt = [each for each in (showing.samples, showing.again) if each is not None]

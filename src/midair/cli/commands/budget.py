@@ -119,7 +119,6 @@ def budget_command(
 
 
 def _levels(trade: str | None) -> list[float]:
-    """The levels of --trade in dB."""
     try:
         return [] if trade is None else [parse_quantity(each, "dB") for each in trade.split(",")]
     except ValueError as wrong:

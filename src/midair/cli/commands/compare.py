@@ -179,7 +179,6 @@ def _write_report(
     card: PerceptualMetrics | None,
     palm: PalmFidelity | None,
 ) -> None:
-    """Write the figures and both recordings as one page."""
     shown = show_comparison(before, after)
     check_size(shown)
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]

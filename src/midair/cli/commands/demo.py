@@ -116,7 +116,6 @@ def demo_command(
 
 
 def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage: Callable[[str], Progress]) -> Outcome:
-    """Run the loop once with these options."""
     settings = options.settings()
     original = calibrated_pressure(take.recording, take.calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
@@ -127,7 +126,6 @@ def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage:
 
 
 def _manual_commands(piece: _StrokePart, options: SolveOptions, paper: SolveOptions | None) -> tuple[str, ...]:
-    """Commands that do the same step by step."""
     record = ["midair", "record", f"virtual:{piece.object_name}", "stroke.h5", "--duration", f"{_STROKE}s"]
     seed = [] if piece.rig.seed == 0 else ["--seed", str(piece.rig.seed)]
     lines = [[*record, *seed]]

@@ -96,7 +96,6 @@ def doctor_command(
 
 
 def _ask(question: str) -> str:
-    """Ask on stderr and read a line from stdin."""
     err().print(question, end="")
     line = sys.stdin.readline()
     if not line:

@@ -198,7 +198,6 @@ ALLOWED = "; it may play here: the array is simulated and emits no sound"
 
 
 def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
-    """Rows to print before the array plays."""
     opened, order = session.opened, session.order
     grid = opened.sensor
     errors = ", ".join(f"{100 * error:.0f} % in {band}" for band, error in _by_band(session).items())

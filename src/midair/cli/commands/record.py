@@ -325,7 +325,6 @@ def _wait_pause(settings: RecordSettings, device: SensorDevice, screen: MeterScr
 
 
 def _level(text: str, device: SensorDevice) -> float:
-    """Trigger level in the sensor's unit."""
     try:
         return parse_quantity(text, device.unit)
     except ValueError as wrong:

@@ -452,7 +452,6 @@ PLAY_AGAIN = "solve it again for this air, or play it again with --correct-air"
 
 
 def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
-    """The drive of a file with its phases corrected for the air of the room."""
     if room is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
     corrected = correct_air_of_file(drive, source, room)
@@ -461,7 +460,6 @@ def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
 
 
 def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
-    """Print on stderr how the air of the room changes the drive of a file."""
     found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
     print_note(found.said, warn=found.warns)
 

@@ -85,7 +85,6 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
 
 
 def _table(texts: Sequence[str], figures: Sequence[str]) -> Shown:
-    """A table of E with columns of text and of figures."""
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
     for name in texts:

@@ -149,7 +149,6 @@ class FrameCapture:
         return "" if self._state is None else str(self._state)
 
     def _first_after(self, instant: int) -> int:
-        """First frame that was not over at an instant."""
         if not self._blocks:
             return self._ordered
         ends = [*(first for _, first in self._blocks[1:]), self._ordered]

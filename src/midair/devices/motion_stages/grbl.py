@@ -243,7 +243,6 @@ class GrblStage(StageDevice):
             self._asked = time.monotonic()
 
     def _query_status(self) -> StatusReport:
-        """Request a new status report."""
         if (report := self._wait_for_report(ANSWER_LIMIT)) is None:
             raise LinkLostError(f"{self.name}: expected a status report, got none in {ANSWER_LIMIT:g} s")
         return report

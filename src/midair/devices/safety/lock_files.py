@@ -215,7 +215,6 @@ def _lock(handle: int) -> bool:
 
 
 def _is_same_file(handle: int, path: Path) -> bool:
-    """True if the path still refers to the open file."""
     try:
         return os.path.samestat(os.fstat(handle), os.stat(path))
     except OSError:

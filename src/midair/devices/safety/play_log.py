@@ -173,7 +173,6 @@ def close_orders() -> None:
 
 
 def _open_orders() -> list[dict[str, Any]]:
-    """Orders in the log that have no end."""
     orders: dict[str, dict[str, Any]] = {}
     for entry in read_log()[0]:
         if entry["event"] == "play":

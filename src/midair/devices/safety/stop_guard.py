@@ -202,7 +202,6 @@ def _computer_lock(device: str) -> Generator[None]:
 
 
 def _socket_holder(name: str) -> str:
-    """The program that has a socket name."""
     import pwd
 
     who = "a program of another user"
@@ -218,12 +217,10 @@ def _socket_holder(name: str) -> str:
 
 
 def _overlap(one: str, other: str) -> bool:
-    """Whether one of two devices contains the other."""
     return one.startswith(f"{other}:") or other.startswith(f"{one}:")
 
 
 def _holder(path: Path) -> str:
-    """The program that has a lock file."""
     entry = held_entry(path) or {}
     process, command, since = (entry.get(key, "?") for key in ("process", "command", "since"))
     return f"process {process} ({command}) has had it since {since}"

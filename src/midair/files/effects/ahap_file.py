@@ -192,7 +192,6 @@ def frame_times(path: Path, end: float, rate: float, *, channels: int = 1) -> Ar
 
 
 def _parameter(event: Mapping[str, Any], name: str, otherwise: float) -> float:
-    """Value of an event parameter."""
     for each in event.get("EventParameters", ()):
         if each["ParameterID"] == name:
             return float(each["ParameterValue"])
@@ -207,7 +206,6 @@ def _length(event: Mapping[str, Any]) -> float:
 
 
 def _add(wave: Array, time: Array, event: Mapping[str, Any], intensity: Array, sharpness: Array) -> None:
-    """Add one event to the wave."""
     begin = float(event["Time"])
     part = slice(int(np.searchsorted(time, begin - 1e-9)), int(np.searchsorted(time, begin + _length(event) - 1e-9)))
     since = time[part] - begin

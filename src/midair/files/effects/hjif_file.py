@@ -101,7 +101,6 @@ def _channel(recording: Recording, number: int, still: float, peak: float, times
 
 
 def _frame(recording: Recording, number: int) -> dict[str, Any]:
-    """A channel without its keyframes."""
     row, column = divmod(number, recording.sensor.columns)
     x, y = recording.sensor.channel_position(number)
     effect = {"effect_type": "Basis", "position": 0, "phase": 0.0, "base_signal": "Sine", "keyframes": [_LATER]}
@@ -219,7 +218,6 @@ def _ends(channel: Plain, ticks: float) -> Iterator[float]:
 
 
 def _rendered(channel: Plain, time: Array, ticks: float) -> Array:
-    """Wave of a channel."""
     wave = np.zeros(len(time))
     for band, effect in _effects(channel):
         if band["band_type"] == "Transient":

@@ -239,7 +239,6 @@ def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]
 
 
 def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
-    """The unit in brackets after each name."""
     units: tuple[Unit, ...] = get_args(Unit)
     return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)
 

@@ -123,7 +123,6 @@ def _part(part: type[Part], names: Mapping[str, str], values: Mapping[str, Any],
 
 
 def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
-    """Stored values of an optional part of a calibration."""
     return {} if part is None else {name: getattr(part, attribute) for name, attribute in names.items()}
 
 

@@ -252,7 +252,6 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
 
 
 def _frame_values(phase: Frames, level: Frames, array: TransducerArray) -> dict[str, Any]:
-    """Stored phases and levels."""
     if not (np.bincount(array.unit) == AUTD3_TRANSDUCERS).all():
         return {"phase": phase, "level" if level.ndim == 1 else "transducer_level": level}
     own = {"level": level} if level.ndim == 1 else {"intensity_change": _changes(level, 255)}

@@ -373,7 +373,6 @@ def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
 
 
 def _digests(kind: Kind, values: Mapping[str, Any]) -> dict[str, str]:
-    """Digests of the texts that have one."""
     names = [entry.name for entry in TABLE[kind] if entry.name.endswith("_digest")]
     known = {name: values[name.removesuffix("_digest")] for name in names if name.removesuffix("_digest") in values}
     return {name: sha256(text.encode(errors="surrogatepass")).hexdigest() for name, text in known.items()}

@@ -193,7 +193,6 @@ class RecordingWriter:
         self._add("stage", stage_values(tuple(stamps)))
 
     def _add(self, axis: str, values: dict[str, Any]) -> None:
-        """Append rows along an axis."""
         with self._lock:
             file = self._opened()
             first, rows = self._rows[axis], len(values[axis])

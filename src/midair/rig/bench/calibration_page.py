@@ -130,7 +130,6 @@ def _pressed_cell(recording: Recording, path: Path) -> int | None:
 
 
 def _with_source(recording: Recording, path: Path) -> Recording:
-    """Return the recording with its file's name as source."""
     return replace(recording, provenance=replace(recording.provenance, source=path.name))
 
 
@@ -224,7 +223,6 @@ def describe_uncertainty(calibration: Calibration) -> str:
 
 
 def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
-    """One row of the table."""
     row, column = divmod(channel, calibration.sensor.columns)
     factor = 1e3 if calibration.unit == "V" else 1.0
     size = factor * abs(calibration.response_at(np.array([at]))[0, row, column])
@@ -250,7 +248,6 @@ def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
 
 
 def _noise_pressure(calibration: Calibration, row: int, column: int) -> str:
-    """Noise-equivalent pressure of a channel with its uncertainty."""
     measured, frequency = calibration.measurement, calibration.frequency
     band = (max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1])))
     try:
@@ -264,7 +261,6 @@ def _noise_pressure(calibration: Calibration, row: int, column: int) -> str:
 
 
 def _with_uncertainty(value: float, unsure: float | None) -> str:
-    """Format a value with the digits that its uncertainty supports."""
     if unsure is None or not np.isfinite(unsure):
         return f"{value:.4g}"
     if unsure <= 0:

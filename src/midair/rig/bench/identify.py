@@ -160,7 +160,6 @@ def _duplicates(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, in
 
 
 def _permutation(identity: Identity) -> str:
-    """Describe how the channels are permuted."""
     moved = [(cell, c) for cell, c in enumerate(identity.channel) if c is not None and c != cell]
     for name, order in _orientations(identity.grid).items():
         if all(c in (None, order[cell]) for cell, c in enumerate(identity.channel)):

@@ -246,7 +246,6 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
 
 
 def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, PlaybackChain]]:
-    """Each stage of playback with all stages before it."""
     full = plan.rig.array_device().chain
     ideal = PlaybackChain(phase_bits=None, hold="ideal")
     settings = plan.settings

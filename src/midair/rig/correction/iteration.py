@@ -199,7 +199,6 @@ def _next_target(
     step: float,
     delay: float,
 ) -> PressureFrames:
-    """Target of the next pass: that of the best pass plus its missing pressure."""
     focus = focus_amplitude(settings.target.grid, rig.transducers, acoustics=settings.acoustics)
     top = float(radiation_pressure(np.array(focus), settings.acoustics.medium)) / best.gain
     asked, rate = playable(best.asked.pressure, mapping=settings.target.mapping, top=top), original.rate

@@ -182,7 +182,6 @@ class _Stage:
         return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
 
     def _array(self, lab: Laboratory, solved: Array, rng: np.random.Generator) -> TransducerArray:
-        """The array as it is in this laboratory."""
         array, known = self.drive.array, self.measured
         response = array.response * self._response(lab, rng)
         place = array.position.copy(), array.normal.copy()
@@ -198,7 +197,6 @@ class _Stage:
         return replace(moved, response=response * np.exp(-1j * k * longer))
 
     def _response(self, lab: Laboratory, rng: np.random.Generator) -> Complex:
-        """Response of each transducer over the one that the drive was solved for."""
         count, known = self.drive.array.count, self.measured
         alive = rng.random(count) >= (lab.dead if known is None else 0.0)
         if known is None:
@@ -242,7 +240,6 @@ def _mirrored_twice(array: TransducerArray, pose: PalmPath, solved: Array) -> Tr
 
 
 def _pose(lab: Laboratory, solved: Array, rng: np.random.Generator) -> PalmPath:
-    """A random place of the palm."""
     from scipy.spatial.transform import Rotation
 
     sides = np.array([lab.palm_aside_mm, lab.palm_aside_mm, lab.palm_height_mm])

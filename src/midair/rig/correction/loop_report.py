@@ -313,7 +313,6 @@ def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
 
 
 def _level_text(drive: Drive, frame: int) -> str:
-    """Describe the range of the transducers' levels."""
     levels = drive.level[frame]
     low, high = float(np.min(levels)), float(np.max(levels))
     return (

@@ -100,7 +100,6 @@ def _text(path: Path) -> str | None:
 
 
 def _cards(root: Path) -> list[str]:
-    """Network cards with hardware behind them."""
     folder = root / "sys/class/net"
     try:
         return sorted(each.name for each in folder.iterdir() if (each / "device").exists())
@@ -204,13 +203,11 @@ def _is_root(root: Path) -> bool:
 
 
 def _status(root: Path) -> dict[str, list[str]]:
-    """Lines of /proc/self/status by name."""
     lines = (line.partition(":") for line in (_text(root / "proc/self/status") or "").splitlines())
     return {name: rest.split() for name, _, rest in lines}
 
 
 def _disk_space(folder: Path) -> Check:
-    """Check the free disk space for recordings and for the log."""
     said, short = [], False
     for name, place in (("here", folder), ("for the log", state_folder())):
         near = next(each for each in (place.absolute(), *place.absolute().parents) if each.exists())

@@ -287,7 +287,6 @@ def _placement(array: ArrayDevice, ask: Ask) -> Check:
 
 
 def _heat(array: ArrayDevice) -> Check:
-    """Heat of the units after everything that sounded."""
     found = array.describe().get("temperature")
     if found is None:
         return missing("heat", "not reported by this array", "feel the units")

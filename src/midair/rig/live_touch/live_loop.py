@@ -244,7 +244,6 @@ class LiveLoop:
             ring.add("played")
 
     def _collect_sending_times(self) -> None:
-        """Store the sending times that the units have reported since."""
         while self._looked < self._puts:
             left = self._array.units.sent(self._looked)
             if not left and self._puts - self._looked < 32:

@@ -325,7 +325,6 @@ class LiveSession:
         thread.start()
 
     def _receive(self, wait: float) -> None:
-        """Receive a message of the process."""
         try:
             if not self._told.poll(wait):
                 return

@@ -202,7 +202,6 @@ class LivePanel(Panel):
             raise DeviceStateError("live: expected no running live touch, one is running; end it, then start again")
 
     def _on_message(self, said: dict[str, Any]) -> None:
-        """Handle an event of the process."""
         match said["kind"]:
             case "frames":
                 self.feed.add(said["data"])

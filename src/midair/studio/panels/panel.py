@@ -74,7 +74,6 @@ class Panel:
         """Act when the studio ends."""
 
     def _show(self, **changes: Any) -> None:
-        """Change the state of the panel."""
         self._state = {**self._state, **changes}
         self._store.put(**{self.name: self._state})
 

@@ -375,12 +375,10 @@ class PlayPanel:
             self.permit.stop()
 
     def _left(self, page: Page) -> None:
-        """Stop at once if the page that armed has gone."""
         if page.number == self._controls:
             self.permit.stop()
 
     def _on_message(self, said: dict[str, Any]) -> None:
-        """Handle an event of the player."""
         match said["kind"]:
             case "ready":
                 self._show(state="opens")

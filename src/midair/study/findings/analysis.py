@@ -100,7 +100,6 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:
-    """Counts of each answer to each stimulus."""
     from pandas import DataFrame
 
     counts = Counter(zip(rows["stimulus"].tolist(), rows["answer"].tolist(), strict=True))

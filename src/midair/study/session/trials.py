@@ -141,7 +141,6 @@ def steps_of(plan: Plan, progress: Callable[[], SessionState]) -> Iterator[Trial
 
 
 def _before(design: Design, trials: Sequence[Trial], index: int, first: int, done: int) -> Iterator[TrialStep]:
-    """Break and instruction that precede a trial."""
     block = design.block(trials[index].block)
     earlier = design.block(trials[index - 1].block) if index > first else None
     within = index - next(place for place, trial in enumerate(trials) if trial.block == block.name)
@@ -166,7 +165,6 @@ def _trial(
 
 
 def _feedback(plan: Plan, trial: Trial, now: SessionState) -> str:
-    """Feedback on the answer to the first question."""
     name = trial.questions[0]
     right = right_answer_of_trial(plan, trial, now.chosen, name)
     if not right:

@@ -256,6 +256,5 @@ def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_
 
 
 def _object_counts(counts: Counts) -> Array:
-    """Number of times each object was presented or answered."""
     table = counts.sum(axis=0)
     return np.asarray(table.sum(axis=1) + table.sum(axis=0)[: len(table)], np.float64)

@@ -184,7 +184,6 @@ def _print_drives(gathered: list[StudyDrive]) -> None:
 
 
 def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
-    """Print the next commands."""
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
