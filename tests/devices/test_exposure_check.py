@@ -374,6 +374,7 @@ def test_what_is_read_again_is_what_was_measured():
         drive.phase.read(500, 700)
 
 
+@pytest.mark.long
 def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
     """Four places per frame, twice while they are copied: 64 bytes per frame, in any air."""
     array = TransducerArray(position=np.array([[0, 0, 0], [0.01, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))

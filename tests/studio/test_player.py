@@ -66,6 +66,7 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
     assert [(row["participant"], row["end"]) for row in dose_report().orders] == [("touch/3", "played"), ("", "played")]
 
 
+@pytest.mark.long
 def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_it(tmp_path):
     grid = ControlGrid()
     target = AmplitudeFrames(amplitude=np.ones((50, grid.count)), rate=1000.0, grid=grid)

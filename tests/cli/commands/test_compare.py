@@ -178,6 +178,7 @@ def test_a_report_holds_the_figures_and_both_recordings(capsys):
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_level_that_is_off_comes_with_the_option_that_corrects_it(capsys):
     # A drive of its own: other tests of this folder solve other parts.
     assert (

@@ -367,6 +367,7 @@ def heat_once(tap, hot, *, at=0, seconds=0.2):
     return progress
 
 
+@pytest.mark.long
 def test_a_play_that_may_wait_is_silent_while_a_unit_is_too_hot_and_continues_at_the_same_frame(tap):
     drive, hot, told = noise(1500), [], []
     with autd3_array(tap.address, ONE) as device:

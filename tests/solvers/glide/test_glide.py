@@ -37,6 +37,7 @@ def test_a_moving_spot_is_as_true_as_by_the_batch_solver_and_keeps_still(spot, g
     assert rms_step(glided.phase) <= 0.25 < rms_step(batch.phase)
 
 
+@pytest.mark.long
 def test_it_takes_far_fewer_iterations_than_the_batch_solver(glided, batch):
     assert glided.iterations.sum() < batch.iterations.sum() / 2
 
