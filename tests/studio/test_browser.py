@@ -258,7 +258,8 @@ def test_every_key_of_the_transport(studio_at, look):
     press("?")
     assert page.page.locator("#help tr").count() == told
     press("Escape")
-    for number, room in enumerate(("record", "calibrate", "reproduce", "compare", "study", "live"), start=1):
+    rooms = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live")
+    for number, room in enumerate(rooms, start=1):
         press(f"Alt+{number}")
         page.until(f"studio.name === {room!r}")
     press("Alt+1")
