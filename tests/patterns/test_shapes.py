@@ -26,9 +26,11 @@ def test_keys_move_a_spot_and_change_its_pressure():
         np.testing.assert_allclose((x[-801], y[-801], foci.pressure[-801, 0]), at_the_end, atol=0.05)
 
 
-@pytest.mark.parametrize("keys", [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}]])
+@pytest.mark.parametrize(
+    "keys", [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}], [{"centre_mm": [np.nan, 0.0]}]]
+)
 def test_keys_that_are_not_in_order_or_unknown_are_refused(keys):
-    with pytest.raises(InputError, match=r"spot 1: key"):
+    with pytest.raises(InputError, match=r"spot 1: (key|centre_mm)"):
         Pattern.from_plain({"duration_s": 1.0, "spot": [{"key": keys}]})
 
 

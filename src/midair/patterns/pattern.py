@@ -126,7 +126,7 @@ class Spot(Checked):
         Checked.__post_init__(self)
         if self.draw_hz and self.speed_m_s:
             raise InputError("speed_m_s: expected draw_hz or speed_m_s, got both; leave out one of them")
-        if not np.isfinite(self.centre_mm).all():
+        if not np.isfinite([self.centre_mm, *(key.centre_mm for key in self.key)]).all():
             raise InputError(f"centre_mm: expected finite numbers, got {self.centre_mm}")
         times = [key.at_s for key in self.key]
         if any(later <= earlier for earlier, later in pairwise(times)) or (self.loop_keys and len(times) < 2):
@@ -141,10 +141,8 @@ class Spot(Checked):
         """Way of the centre in mm, and part of the pressure, by the keys at times in s: shape (frame, 3)."""
         if not self.key:
             return np.tile([0.0, 0.0, 1.0], (len(time), 1))
-        at, values = (
-            np.array([key.at_s for key in self.key]),
-            np.array([(*key.centre_mm, key.part) for key in self.key]),
-        )
+        at = np.array([key.at_s for key in self.key])
+        values = np.array([(*key.centre_mm, key.part) for key in self.key])
         since = time - self.start_s
         since = at[0] + np.mod(since - at[0], at[-1] - at[0]) if self.loop_keys else np.clip(since, at[0], at[-1])
         before = np.clip(np.searchsorted(at, since + 1e-9, "right") - 1, 0, max(len(at) - 2, 0))
@@ -291,7 +289,7 @@ def load_pattern(
     if os.fspath(path).lower().endswith(".adaptics"):
         return load_adaptics(path, chosen or {}, pressure=pressure)
     content = read_toml(path, "a pattern in TOML")
-    for spot in content.get("spot", []):
+    for spot in spots if isinstance(spots := content.get("spot"), list) else []:
         if isinstance(spot, dict) and isinstance(signal := spot.get("signal"), dict) and "file" in signal:
             # A path is relative to the pattern.
             signal["file"] = os.path.join(os.path.dirname(os.fspath(path)), str(signal["file"]))

@@ -149,6 +149,7 @@ def test_a_study_takes_drawn_drives(drawn):
 MISTAKES = {
     "spot 1: shape: expected one of points, circle,": '[[spot]]\nshape = "star"',
     "spot: expected one table [[spot]] or more": "duration_s = 1.0",
+    "spot: expected one table": "spot = 3",
     "duration: expected a time, since the pattern is a loop": "[[spot]]",
     "spot 1: pressure_pa: expected 0 to 10000 Pa, got nan Pa": "[[spot]]\npressure_pa = nan",
     "spot 1: radius: expected one of": "[[spot]]\nradius = 3",

@@ -122,6 +122,11 @@ def test_a_day_has_no_more_hours_of_sound_than_the_profile():
     assert entries()[-2]["override_by"] == "A. Person"
     with pytest.raises(ExposureError, match="for P2"):
         order("P2")
+    # The end states a shorter time of sound, as of an order whose drive was triggered now and then.
+    number = log_order("x.drive.h5", "autd3", admitted(0.001), participant="P3")
+    time.sleep(0.02)
+    log_end(number, "x.drive.h5", "autd3", "played", report={"duration": 1e-4})
+    order("P3")
     order()
     with pytest.raises(ExposureError, match="for people not named"):
         order()

@@ -92,7 +92,8 @@ def _check_hours(admission: ExposureClearance, participant: str) -> str:
         if entry["event"] == "play" and not entry.get("simulated") and entry.get("participant", "") == participant
     }
     ends = [entry for entry in events if entry["event"] == "end" and entry["order"] in began]
-    spent = sum((datetime.fromisoformat(end["time"]) - began[end["order"]]).total_seconds() for end in ends)
+    took = [(datetime.fromisoformat(end["time"]) - began[end["order"]]).total_seconds() for end in ends]
+    spent = sum(float(end.get("duration_s", most)) for end, most in zip(ends, took, strict=True))
     coming = 0.0 if drive is None else drive.frames * admission.repeats / drive.rate
     if spent + coming > 3600 * profile.hours and not admission.named:
         raise ExposureError(
