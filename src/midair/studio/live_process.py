@@ -128,7 +128,7 @@ class LiveView:
 
     def found(self, opened: LoopStarted) -> None:
         """Set rate and number of channels once the sensor is open."""
-        self._rate, self._channels = opened.rate, opened.sensor.count
+        self._rate, self._channels = opened.schedule.formed * opened.rate, opened.sensor.count
 
     def about(self) -> dict[str, Any]:
         """Return the geometry that the page needs to draw the sections."""
@@ -238,7 +238,8 @@ class _LiveSupervisor:
             with session:
                 opened = session.opened
                 sight.found(opened)
-                kept = RecentFrames(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
+                most = round(REMEMBERED * opened.schedule.formed * opened.rate)
+                kept = RecentFrames(opened.sensor.count, sight.array.count, most)
                 self._past = session.order, opened, kept
                 plays = True
                 self._pipe.answer(order, {**_session_info(session), **about})
@@ -282,7 +283,8 @@ class _LiveSupervisor:
         if self._past is None or not self._past[2].frames:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         known, opened, kept = self._past
-        moment = kept.last(round(order["seconds"] * opened.rate))
+        rate = opened.schedule.formed * opened.rate
+        moment = kept.last(round(order["seconds"] * rate))
 
         def write() -> None:
             with self._pipe.answering(order):
@@ -290,7 +292,7 @@ class _LiveSupervisor:
                 take.end()
                 take.run()
                 take.close()
-                found = {"frames": len(moment.frames), "duration_s": len(moment.frames) / opened.rate}
+                found = {"frames": len(moment.frames), "duration_s": len(moment.frames) / rate}
                 self._pipe.answer(order, {"name": Path(order["path"]).name, **found})
 
         threading.Thread(target=write, name="keep").start()
@@ -304,7 +306,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "rows": grid.rows,
         "columns": grid.columns,
         "pitch_mm": 1e3 * grid.pitch,
-        "rate_hz": opened.rate,
+        "rate_hz": opened.schedule.formed * opened.rate,
         "device": order.device,
         "transducers": opened.transducers,
         "simulated": opened.simulated,
@@ -314,7 +316,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "array_calibration": opened.array_calibration,
         "height_mm": 1e3 * order.height,
         "air_c": order.acoustics.medium.degrees,
-        "hold_ms": 1e3 * order.hold,
+        "hold_ms": 1e3 * opened.schedule.hold,
         "errors": [
             [f"{low:g} to {high:g} Hz", round(100 * error, 1)]
             for (low, high), error in zip(opened.parts, opened.error, strict=True)

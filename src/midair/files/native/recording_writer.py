@@ -78,6 +78,7 @@ class RecordingWriter:
         staged: bool = False,
         stored: Stored = "f8",
         array: TransducerArray | None = None,
+        played_each: int = 1,
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -88,7 +89,7 @@ class RecordingWriter:
         self.interval = positive(interval, "interval", "s")
         self.reserve, self.expected, self.staged = reserve, expected, staged
         self.stored: Stored = stored
-        self.array = array
+        self.array, self.played_each = array, played_each
         self._frames = self._safe = 0
         # Rows of events and of stage positions: all, and those flushed.
         self._rows = {"event": 0, "stage": 0}
@@ -130,7 +131,7 @@ class RecordingWriter:
             if self.calibration is not None:
                 write_calibration(file.create_group("calibration"), self.calibration)
             if self.array is not None:
-                begun = played_values(self.array, self.rate, self.provenance)
+                begun = played_values(self.array, self.played_each * self.rate, self.provenance)
                 write_group(file.create_group("played"), "played", begun, live=True)
         self._live = LiveFile(self.path, image.getvalue())
         return self
@@ -150,9 +151,9 @@ class RecordingWriter:
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
         """Append frames in the unit of the recording, shape (frame, row, column).
 
-        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
-        `PlayedTouch`. An invalid block raises InputError and nothing is written. Raises FileError if the file is
-        closed, or the disk is full or fails.
+        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, or of
+        `played_each` for each of them, as in `PlayedTouch`. An invalid block raises InputError and nothing is written.
+        Raises FileError if the file is closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:
@@ -169,9 +170,11 @@ class RecordingWriter:
             with self._disk_errors():
                 self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
                 self._extend(stored_dataset(file, "samples"), start, samples)
-                beside = {} if played is None else {"time": np.arange(start, stop) / self.rate, **played}
-                for name, values in beside.items():
-                    self._extend(stored_dataset(file, f"played/{name}"), start, values)
+                if played is not None:
+                    each = self.played_each
+                    times = np.arange(each * start, each * stop) / (each * self.rate)
+                    for name, values in {"time": times, **played}.items():
+                        self._extend(stored_dataset(file, f"played/{name}"), each * start, values)
                 self._frames = stop
                 # Otherwise a timer, as the next block may be late.
                 waited = time.monotonic() - self._flushed
@@ -275,7 +278,8 @@ class RecordingWriter:
     def _lengths(self) -> dict[str, int]:
         """Number of complete rows of each dataset that grows."""
         lengths = dict.fromkeys(("time", "samples"), self._frames)
-        lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
+        names = (f"played/{name}" for name in PLAYED) if self.array is not None else ()
+        lengths |= dict.fromkeys(names, self.played_each * self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
         return lengths | dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
 

@@ -221,7 +221,7 @@ def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureCleara
     override.
     """
     array = array_for(order, rate)
-    return check_exposure_level(order.level, array, order.exposure, rate=rate)
+    return check_exposure_level(order.level, array, order.exposure, rate=order.schedule(rate).formed * rate)
 
 
 @contextmanager
