@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.errors import InputError
@@ -169,7 +170,6 @@ def rating_means(data: StudyData) -> DataFrame | None:
     except InputError:
         return None
     from pandas import DataFrame
-    from scipy.stats import t as t_distribution
 
     people = len(cells.participants)
     y = cells.mean.reshape(people, -1)
@@ -177,7 +177,7 @@ def rating_means(data: StudyData) -> DataFrame | None:
     half = np.zeros(y.shape[1])
     if people > 1:
         size = y.shape[1] / (y.shape[1] - 1)
-        half = t_distribution.ppf(0.975, people - 1) * np.sqrt(size * centred.var(axis=0, ddof=1) / people)
+        half = scipy.stats.t.ppf(0.975, people - 1) * np.sqrt(size * centred.var(axis=0, ddof=1) / people)
     where = np.indices(cells.mean.shape[1:]).reshape(len(data.within), -1)
     columns = {name: [str(cells.levels[f][i]) for i in where[f]] for f, name in enumerate(data.within)}
     mean = y.mean(axis=0)

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from midair.errors import InputError
 from midair.progress import report_progress
@@ -46,15 +47,14 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
 
     `d_z` is the true mean difference over the standard deviation of the differences, `alpha` the significance level.
     """
-    from scipy.stats import nct
-    from scipy.stats import t as t_distribution
-
     if participants < 2:
         raise InputError(f"participants: expected two or more, got {participants}")
-    edge = float(t_distribution.ppf(1 - alpha / 2, participants - 1))
+    edge = float(scipy.stats.t.ppf(1 - alpha / 2, participants - 1))
     shift = abs(d_z) * participants**0.5
     # A two-sided test also rejects on the opposite side, which matters for small effects.
-    return float(nct.sf(edge, participants - 1, shift) + nct.cdf(-edge, participants - 1, shift))
+    return float(
+        scipy.stats.nct.sf(edge, participants - 1, shift) + scipy.stats.nct.cdf(-edge, participants - 1, shift)
+    )
 
 
 def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 0.05, most: int = 10_000) -> int:
@@ -201,7 +201,6 @@ def published_statistics() -> DataFrame:
     Columns quantity, value, low, high (95 % limits, NaN where undefined).
     """
     from pandas import DataFrame
-    from scipy.stats import t as t_distribution
 
     paper = Published()
     n, d_z = paper.objects, paper.t / paper.objects**0.5
@@ -211,9 +210,9 @@ def published_statistics() -> DataFrame:
     fewest = int(np.floor(paper.real_correct * trials)) + 1
     share = wilson(fewest, trials)
     sense = d_prime_choice(fewest, trials, alternatives=n)
-    margin = d_z + float(t_distribution.ppf(0.95, n - 1)) / n**0.5
+    margin = d_z + float(scipy.stats.t.ppf(0.95, n - 1)) / n**0.5
     rows = [
-        ("p of t(2) = 1.60, two-sided", 2 * float(t_distribution.sf(paper.t, n - 1)), np.nan, np.nan),
+        ("p of t(2) = 1.60, two-sided", 2 * float(scipy.stats.t.sf(paper.t, n - 1)), np.nan, np.nan),
         ("d_z over objects", d_z, low, high),
         ("power of the test at d_z = 0.5", power_paired_t(n, d_z=0.5), np.nan, np.nan),
         ("power of the test at d_z = 1", power_paired_t(n, d_z=1.0), np.nan, np.nan),
