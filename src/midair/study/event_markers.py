@@ -14,7 +14,6 @@ from midair.errors import DeviceError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
 
     from midair.study.design import MarkerOutputs
 
@@ -55,9 +54,7 @@ class EventMarkers:
             self._hold = hold.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._outlet = None
         self._hold.close()
 
