@@ -1,12 +1,9 @@
 """Report on ratings, and on thresholds: psychometric functions over all people, and adaptive blocks of each."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame, Series
 
 from midair.errors import InputError
 from midair.study.findings.choice_findings import Finding, limits_words, note_last, p_words
@@ -23,10 +20,6 @@ from midair.study.statistics import (
     pairwise,
     rm_anova,
 )
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 
 SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
 
@@ -61,8 +54,6 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
 
 def anova(data: StudyData) -> list[Finding]:
     """Analysis of variance of the ratings, with its sphericity statistics."""
-    from pandas import DataFrame, Series
-
     ratings, left_out = complete_ratings(data)
     table = rm_anova(ratings, value="rating", participant="participant", within=data.within, between=data.between)
     known = table["p_GG"].dropna()
@@ -169,8 +160,6 @@ def rating_means(data: StudyData) -> DataFrame | None:
         cells = cell_means(complete_ratings(data)[0], value="rating", participant="participant", within=data.within)
     except InputError:
         return None
-    from pandas import DataFrame
-
     people = len(cells.participants)
     y = cells.mean.reshape(people, -1)
     centred = y - y.mean(axis=1, keepdims=True) + y.mean()
@@ -186,8 +175,6 @@ def rating_means(data: StudyData) -> DataFrame | None:
 
 def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     """One Weibull function for the answers of all participants, with jackknife limits over participants."""
-    from pandas import DataFrame
-
     if data.strengths is None:
         return []
     rows = data.strengths

@@ -1,24 +1,19 @@
 """Repeated-measures analysis of variance, with corrections for sphericity, limits of effect sizes, a check on ranks."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels, numbers
 from midair.study.statistics.confusion import sign_flip
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
 
 
 def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
@@ -153,8 +148,6 @@ def rm_anova(
     np2_low, np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A
     value that is undefined is NaN, and `note` gives the reason.
     """
-    from pandas import DataFrame
-
     if not within:
         raise InputError("within: expected one factor or more, got none")
     if both := set(within) & set(between):

@@ -1,24 +1,17 @@
 """Permutation tests and jackknife intervals over participants; confusion matrices: precision, recall, F, kappa."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pandas import DataFrame
-
 
 Scale = Literal["plain", "share", "positive", "correlation"]
 """Unbounded values; between 0 and 1; above 0; between -1 and 1."""
@@ -277,8 +270,6 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The precision
     of an object that was never answered is NaN, and `note` says so.
     """
-    from pandas import DataFrame
-
     counts = confusion.counts
     hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)[: len(counts)]
     low, high = wilson(hits, given, level=level)

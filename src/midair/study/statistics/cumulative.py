@@ -1,24 +1,18 @@
 """Mixed models with crossed random effects: cumulative-link for ratings, logistic for correct and wrong answers."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
-
 
 Indices = NDArray[np.int64]
 
@@ -67,8 +61,6 @@ def cumulative_mixed(
     Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x
     effect levels, in logits. Values that do not apply are NaN.
     """
-    from pandas import DataFrame
-
     data = frame_of(table)
     category = np.unique(numbers(data, value), return_inverse=True)[1].astype(np.int64)
     if not 1 <= category.max() < 30:
@@ -389,8 +381,6 @@ def logistic_mixed(
     deviation of the effect between participants, in logits, NaN where it is not estimated. The note warns of cells with
     only correct (or only wrong) answers, whose logit is infinite.
     """
-    from pandas import DataFrame
-
     data = right_answers(table, correct=correct, participant=participant, within=within)
     full = data.fit()
     note = _note(data, full)

@@ -7,11 +7,10 @@ The functions with limits over participants take counts of trials as an integer 
 answered), unless stated otherwise, and raise InputError for fewer than five participants.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
@@ -20,9 +19,6 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.confusion import Interval, cohen_kappa, f_measure, limits_over_people, wilson
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

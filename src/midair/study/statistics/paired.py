@@ -1,25 +1,18 @@
 """Paired values: t-test, equivalence, Bayes factor, Holm's correction, and comparisons of the levels of factors."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.study.statistics.anova import between_groups, noncentral_t_limits
+from midair.study.statistics.anova import Groups, between_groups, noncentral_t_limits
 from midair.study.statistics.columns import cell_means, frame_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
-
-    from midair.study.statistics.anova import Groups
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,8 +152,6 @@ def pairwise(
     standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits are
     from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
     """
-    from pandas import DataFrame
-
     cells = cell_means(table, value=value, participant=participant, within=within)
     groups = between_groups(frame_of(table), cells, participant, list(between))
     if (people := len(cells.participants)) <= len(groups.sizes):

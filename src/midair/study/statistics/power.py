@@ -3,14 +3,12 @@
 And the statistics that follow from the numbers printed in section 5.3 of the paper.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
+from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.progress import report_progress
@@ -18,12 +16,6 @@ from midair.study.statistics.anova import noncentral_t_limits
 from midair.study.statistics.confusion import Chance, Confusion, chance_macro_f, f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice, proportion_correct
 from midair.study.statistics.paired import bayes_factor, equivalence, holm
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pandas import DataFrame
-
 
 Experiment = Callable[[int, np.random.Generator], float]
 """Function of the number of participants and a random generator that returns the p-value of the planned test."""
@@ -85,8 +77,6 @@ def power_curve(
     experiment: Experiment, candidates: Sequence[int], *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
 ) -> DataFrame:
     """Power for several numbers of participants: columns participants, power, low, high."""
-    from pandas import DataFrame
-
     # The simulation time grows with the number of participants.
     each = report_progress(candidates, sum(candidates), weight=lambda n: n)
     found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in each]
@@ -200,8 +190,6 @@ def published_statistics() -> DataFrame:
 
     Columns quantity, value, low, high (95 % limits, NaN where undefined).
     """
-    from pandas import DataFrame
-
     paper = Published()
     n, d_z = paper.objects, paper.t / paper.objects**0.5
     low, high = (limit / n**0.5 for limit in noncentral_t_limits(paper.t, n - 1))

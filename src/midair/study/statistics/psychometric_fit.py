@@ -1,10 +1,9 @@
 """Psychometric functions, the probability of an answer by stimulus level, and their maximum likelihood fit."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy
@@ -12,10 +11,6 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 
 CurveShape = Literal["logistic", "normal", "weibull"]
 
