@@ -49,7 +49,9 @@ def fill(ring, first, count, flags=FRAME_EMITTED):
 
 
 def taking(path, ring, order=ORDER):
-    take = LiveTake(path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring, {"object": "towel"}, every=0.005)
+    take = LiveTake(
+        path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring, {"object": "towel"}, every=0.005
+    )
     thread = threading.Thread(target=take.run)
     thread.start()
     return take, thread
