@@ -14,6 +14,7 @@ from midair.errors import InputError
 from midair.figures import STYLE, Picture, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
 from midair.study.findings import Finding, Report, StudyData
+from midair.study.tables import legend_of
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def report_json(report: Report) -> str:
             {
                 "title": one.title,
                 "words": one.words,
-                "legend": dict(one.legend),
+                "legend": dict(legend_of(one)),
                 "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
             }
             for one in report.findings
@@ -117,7 +118,7 @@ def _table_context(finding: Finding) -> dict[str, Any]:
         [_cell_text(name, value) for name, value in zip(names, row, strict=True)]
         for row in shown.itertuples(index=False, name=None)
     ]
-    legend = [(name, meaning) for name, meaning in finding.legend if name in names]
+    legend = [(name, meaning) for name, meaning in legend_of(finding) if name in names]
     return {"title": finding.title, "words": finding.words, "names": names, "rows": rows, "legend": legend}
 
 
