@@ -32,7 +32,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="ut
 @pytest.fixture
 def served(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
-    monkeypatch.setattr(remote, "immediate_array", lambda *_: virtual_immediate(units=units))
+    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
     with closing(Here(tmp_path, units)) as one:
         yield one
 
