@@ -37,6 +37,13 @@ class Play(OfFile):
     repeats: int = Field(1, ge=0, le=1_000_000)
 
 
+class Parameter(OfFile):
+    """Change a named parameter of a loaded pattern."""
+
+    name: str = Field(max_length=200)
+    value: float
+
+
 class Level(Message):
     """Set the level of all that plays."""
 
@@ -52,7 +59,7 @@ class Palm(Message):
 
 MESSAGES: dict[str, type[Message]] = {
     **dict.fromkeys(("list", "control", "release", "stop"), Message),
-    **{"load": Load, "play": Play, "level": Level, "palm": Palm},
+    **{"load": Load, "play": Play, "parameter": Parameter, "level": Level, "palm": Palm},
 }
 """All messages by their name."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,11 @@ class PalmReports:
 class Loaded:
     """A file that may play, and its order in the log."""
 
+    path: Path
+    duration: float | None
+    follow: bool
+    values: dict[str, float]
+    """Values of parameters that differ from their defaults."""
     about: dict[str, Any]
     """What clients get to read about it."""
     drive: Drive
@@ -74,6 +79,16 @@ class Loaded:
     follower: Follower | None
 
 
+class Trigger(NamedTuple):
+    """An order to play."""
+
+    loaded: Loaded
+    repeats: int
+    token: LeaseToken
+    rises: bool = False
+    """Whether its level rises from 0."""
+
+
 class Player:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
@@ -86,16 +101,22 @@ class Player:
         self.level, self._late, self._failsafe = 1.0, 0, 0
         self.palm, self.silent = PalmReports(), threading.Event()
         self.tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
-        self.triggers = queue.SimpleQueue[tuple[Loaded, int, LeaseToken] | None]()
+        self.triggers = queue.SimpleQueue[Trigger | None]()
         self._now: tuple[Loaded, int, float, int] | None = None
 
-    def load(self, path: Path, duration: float | None, follow: bool) -> dict[str, Any]:
-        """Read or draw a file, check its exposure and log the order; slow, for a thread of its own."""
+    def load(self, path: Path, duration: float | None, follow: bool, values: dict[str, float]) -> dict[str, Any]:
+        """Read or draw a file, check its exposure and log the order; slow, for a thread of its own.
+
+        While the file plays, its next pass is the new one.
+        """
         if hasattr(os, "sched_setscheduler"):
             with suppress(OSError):  # the check must not hold up the thread that plays
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         array, how, units = self._array, self._settings, self._array.placement.units
-        drive = self._drawn(path, duration) if path.suffix in PATTERN_ENDINGS else load_solution(path).drive
+        drawn = path.suffix in PATTERN_ENDINGS
+        if values and not drawn:
+            raise InputError(f"parameter: expected a pattern, got the drive {path.name}")
+        drive = self._drawn(path, duration, values) if drawn else load_solution(path).drive
         if not 100 <= drive.rate <= 8000 or drive.level.ndim > 1:
             expected = "100 to 8000 frames a second with one level for all transducers"
             raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
@@ -117,28 +138,34 @@ class Player:
 
         report: dict[str, Any] = {"plays": 0, "duration": 0.0}
         about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
-        about |= {"follow": follow, "exposure": admission.verdict()}
+        about |= {"follow": follow, "parameters": values, "exposure": admission.verdict()}
         put, log = self._begin(admission, path, report)
-        made: dict[str, Any] = {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
-        self.loaded[path.name] = Loaded(about=about, drive=drive, frames=frames, follower=follower, **made)
+        made: dict[str, Any] = {"path": path, "duration": duration, "follow": follow, "values": values, "about": about}
+        made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
+        self.loaded[path.name] = Loaded(drive=drive, frames=frames, follower=follower, **made)
         return about
 
-    def _drawn(self, path: Path, duration: float | None) -> Drive:
-        pattern, acoustics = load_pattern(path), Acoustics(medium=self._settings.exposure.room or Medium.at())
+    def _drawn(self, path: Path, duration: float | None, values: dict[str, float]) -> Drive:
+        pattern, acoustics = load_pattern(path, values), Acoustics(medium=self._settings.exposure.room or Medium.at())
         known, foci = array_calibration_for(self._settings.device), pattern.foci(duration)
         array = self._array.array if known is None else known.known.applied(self._array.array)
         life = drawn_settings(foci, acoustics).noted(Provenance(source=path.name))
         return replace(draw(foci, array, acoustics=acoustics).drive, provenance=life)
 
-    def trigger(self, file: str, repeats: int) -> Loaded:
-        """Play a loaded file now."""
+    def loaded_file(self, file: str) -> Loaded:
+        """A loaded file; InputError if it is not loaded."""
         if file not in self.loaded:
             raise InputError(f"file: expected one that is loaded, {sorted(self.loaded)}, got {file[:60]!r}; load it")
+        return self.loaded[file]
+
+    def trigger(self, file: str, repeats: int) -> Loaded:
+        """Play a loaded file now."""
+        loaded = self.loaded_file(file)
         if self.permit.refusal(self._token) is not None:
             self._token = self.permit.arm(lasts=LEASE)
         self.silent.clear()
-        self.triggers.put((self.loaded[file], repeats, self._token))
-        return self.loaded[file]
+        self.triggers.put(Trigger(loaded, repeats, self._token))
+        return loaded
 
     def state(self) -> dict[str, Any]:
         """What plays now, its level, and the levels at the places of the exposure profile in dB."""
@@ -154,18 +181,19 @@ class Player:
 
     def run(self) -> None:
         """Send silent frames, and play each trigger."""
+        trigger: Trigger | None = None
         while True:
-            if self.triggers.empty():
+            if trigger is None and self.triggers.empty():
                 self._now = None
                 self.silent.set()
             try:
-                trigger = self.triggers.get(timeout=WORD)
+                trigger = trigger or self.triggers.get(timeout=WORD)
             except queue.Empty:
                 self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
                 continue
             if trigger is None:
                 return
-            self._play(*trigger)
+            trigger = self._play(*trigger)
 
     def _put(self, put: Callable[..., None], *frame: Any) -> None:
         try:
@@ -174,8 +202,11 @@ class Player:
             self._failsafe += 1
             self._array.resume()
 
-    def _play(self, loaded: Loaded, repeats: int, token: LeaseToken) -> None:
-        """Play to the end, or until the next trigger or the end of the lease."""
+    def _play(self, loaded: Loaded, repeats: int, token: LeaseToken, rises: bool) -> Trigger | None:
+        """Play to the end, or until the next trigger or the end of the lease.
+
+        If the file was loaded again, return a trigger of the remaining passes, after the level has fallen to 0.
+        """
         units, rate, frames = self._array.units, loaded.drive.rate, loaded.drive.frames
         period, ahead, step = divider(rate) * TICK, round(1e9 * min(self._array.hold, 5 / rate)), 1 / (rate * FADE)
         soon, early, block = min(ahead, 500_000), 1_000_000, max(1, round(FollowRules().block * rate))
@@ -185,8 +216,8 @@ class Player:
         self.silent.clear()
         loaded.report["plays"] += 1
         first = -(-(units.now() + ahead + early) // period) * period
-        number, begin, end, gain, phases, intensities = 0, 0, 0, self.level, np.zeros(0), np.zeros(0)
-        before = loaded.report["duration"]
+        number, begin, end, phases, intensities = 0, 0, 0, np.zeros(0), np.zeros(0)
+        before, gain = loaded.report["duration"], 0.0 if rises else self.level
         while not repeats or number < repeats * frames:
             if self.permit.refusal(token) is not None:
                 return self._array.silence()
@@ -196,14 +227,17 @@ class Player:
                 # The units keep the frame before.
                 self._late, number = self._late + missed, number + missed
                 continue
+            newest, at = self.loaded[loaded.path.name], number % frames
+            if newest is not loaded and at == 0 and gain <= 0:
+                return Trigger(newest, repeats and repeats - number // frames, token, rises=True)
             if number >= end:
-                at = number % frames
                 begin, end = number, number + min(block, frames - at)
                 clock = first + time.monotonic_ns() - units.now()
                 times = 1e-9 * (clock + np.arange(begin, end, dtype=np.float64) * period)
                 phases, intensities = loaded.frames(slice(at, at + end - begin), times)
             wait_until(units, first + number * period - ahead)
-            gain += min(max(self.level - gain, -step), step)
+            level = 0.0 if newest is not loaded and frames - at <= FADE * rate + 1 else self.level
+            gain += min(max(level - gain, -step), step)
             intensity = int(intensities[number - begin] * gain)
             self._put(loaded.put, phases[number - begin], intensity, first + number * period)
             self._now = loaded, number, gain, intensity

@@ -22,7 +22,7 @@ from midair.errors import DeviceError, DeviceStateError, FileError, InputError, 
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
 from midair.rig.playing import PlaySettings, immediate_array
-from midair.rig.remote.messages import Level, Load, Message, Palm, Play, osc_packet, read_json, read_osc
+from midair.rig.remote.messages import Level, Load, Message, Palm, Parameter, Play, osc_packet, read_json, read_osc
 from midair.rig.remote.player import LEASE, Player
 from midair.rig.signals import signals_end_the_program
 
@@ -56,6 +56,8 @@ class _Server(asyncio.DatagramProtocol):
         self._control: Client | None = None
         self._osc: asyncio.DatagramTransport | None = None
         self._entered = self._refused = 0
+        self._values: dict[str, dict[str, float]] = {}
+        """Values of parameters by file, until they are set."""
         self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
 
     async def run(self, host: str, ports: tuple[int, int], ready: Callable[[int, int], object], playing: Any) -> None:
@@ -194,7 +196,16 @@ class _Server(asyncio.DatagramProtocol):
                     if path.parent != self._folder or not path.name.endswith(ENDINGS) or not path.is_file():
                         raise InputError(f"file: expected one of the list, got {message.file[:60]!r}")
                     async with self._loading:
-                        found = await asyncio.to_thread(player.load, path, message.duration, message.follow)
+                        found = await asyncio.to_thread(player.load, path, message.duration, message.follow, {})
+                case Parameter():
+                    player.loaded_file(message.file)
+                    self._values.setdefault(message.file, {})[message.name] = message.value
+                    async with self._loading:
+                        old, values = player.loaded[message.file], self._values.pop(message.file, {})
+                        found = old.about
+                        if values:  # the others were set together with an earlier one
+                            values = old.values | values
+                            found = await asyncio.to_thread(player.load, old.path, old.duration, old.follow, values)
                 case Play():
                     loaded, passes = player.trigger(message.file, message.repeats), message.repeats or "endless"
                     await asyncio.to_thread(loaded.log, "trigger", f"client {client.number}, {passes} passes")
