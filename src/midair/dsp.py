@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import cast
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.errors import BandError, InputError
@@ -73,8 +74,6 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     reach : float
         Duration of the response in time, in s; the signal is extended by it on both sides.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     if isinstance(x, LazyFrames):
         return cast("Array", filter_lazily(x, rate, response, reach=reach))
     pad = int(np.ceil(reach * rate)) + 1
@@ -83,9 +82,9 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     mean = x.mean(axis=0)
     held = extend(x - mean, pad)
     # Padding with a few zeros costs less than a length with a large prime factor.
-    length = next_fast_len(len(held), real=True)
+    length = scipy.fft.next_fast_len(len(held), real=True)
     wanted = response(fft_frequencies(length, rate))
-    changing = irfft(rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
+    changing = scipy.fft.irfft(scipy.fft.rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
     return np.asarray(changing + mean * wanted[0].real, np.float64)
 
 
@@ -111,14 +110,12 @@ def filter_fir(x: Array, fir: Array) -> Array:
 
     `fir`, shape (taps, ...), has as many axes as `x`, which is held beyond its ends, as in `filter_response`.
     """
-    from scipy.signal import oaconvolve
-
     if len(fir) % 2 == 0:
         raise InputError(f"taps: expected an odd number, got {len(fir)}")
     if isinstance(x, LazyFrames):
         return cast("Array", convolve_lazily(x, fir))
     pad = len(fir) - 1
-    return np.asarray(oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
+    return np.asarray(scipy.signal.oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
 
 
 def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:

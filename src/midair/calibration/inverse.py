@@ -9,6 +9,7 @@ depend on the recording, so all recordings are treated alike.
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies, fir_from_response
@@ -170,8 +171,6 @@ def causal_fir(
     InputError
         If delay, taps or below is out of range.
     """
-    from scipy.linalg import solve_toeplitz
-
     band, edges = _checked(calibration, rate, band, edges, delay, taps)
     if not 0 <= below < np.inf:
         raise InputError(f"below: expected 0 Hz or more, got {below:g} Hz")
@@ -185,7 +184,7 @@ def causal_fir(
     # Rounding errors of the FFTs must not make the matrix of a quiet channel ill conditioned.
     alike[0] *= 1 + 1e-9
     each = [
-        solve_toeplitz(column, np.stack([right, np.ones(taps)], axis=1))
+        scipy.linalg.solve_toeplitz(column, np.stack([right, np.ones(taps)], axis=1))
         for column, right in zip(alike.T, wanted.T, strict=True)
     ]
     fir, sums = np.stack([two[:, 0] for two in each], axis=1), np.stack([two[:, 1] for two in each], axis=1)

@@ -22,6 +22,7 @@ from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex, Single
@@ -219,11 +220,9 @@ class EnvelopePrediction:
 
     def metric(self, part: slice, frames: int, rate: float) -> Single:
         """The matrix (F^T F + slow), (frame, frame), for frames of which `part` is the block."""
-        from scipy.signal import firwin
-
         reach = self.around // 3
         short = 2 * self.highest < 0.9 * rate
-        taps = firwin(2 * reach + 1, self.highest, fs=rate, window="hann") if short else np.ones(1)
+        taps = scipy.signal.firwin(2 * reach + 1, self.highest, fs=rate, window="hann") if short else np.ones(1)
         passed = np.zeros((frames, frames))
         for by, tap in enumerate(taps, -(len(taps) // 2)):
             passed += tap * np.eye(frames, k=by)
@@ -250,12 +249,10 @@ class _PendingFrames:
     @classmethod
     def of(cls, settings: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_PendingFrames":
         """Start from silence."""
-        from scipy.linalg import block_diag
-
         grid, places = target.grid, settings.places
         target_weights = cell_weights(places, grid, centre=grid.centre, between="lines")
         on_grid = cell_weights(places, grid, centre=grid.centre, between="waves")
-        weights = block_diag(on_grid, np.eye(len(settings.silent)))
+        weights = scipy.linalg.block_diag(on_grid, np.eye(len(settings.silent)))
         points = np.concatenate([grid.position, settings.silent])
         return cls(
             settings=settings,

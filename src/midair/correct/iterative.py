@@ -32,6 +32,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.dsp import Band, band_edges, band_window, filter_response
@@ -278,15 +279,12 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
     re-recorded pressure in Pa, at the same times. Raises ShapeError if their shapes differ and InputError if the
     commanded pressure is zero in the band.
     """
-    from scipy.signal import csd
-    from scipy.signal import welch as scipy_welch
-
     if asked.shape != heard.shape:
         raise ShapeError(f"heard: expected the shape of the commanded pressure, {asked.shape}, got {heard.shape}")
     segment = min(len(asked), max(8, round(rate / resolution)))
     u, y = asked.reshape(len(asked), -1), heard.reshape(len(heard), -1)
-    frequency, power = scipy_welch(u, rate, nperseg=segment, axis=0)
-    _, cross = csd(u, y, rate, nperseg=segment, axis=0)
+    frequency, power = scipy.signal.welch(u, rate, nperseg=segment, axis=0)
+    _, cross = scipy.signal.csd(u, y, rate, nperseg=segment, axis=0)
     inside = (frequency >= band[0]) & (frequency <= band[1])
     # Summed before the ratio, so that cells with little pressure do not make it noisy.
     power, cross = power.sum(axis=1) * inside, cross.sum(axis=1)

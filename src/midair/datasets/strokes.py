@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -160,19 +161,17 @@ def _slide(
     texture: Texture, motion: Motion, sensor: SensorGrid, rate: float, groove: bool, rng: np.random.Generator
 ) -> Array:
     """Pressure on each cell at a fine rate, shape (frame, row, column), in Pa."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     frames = int(np.ceil(motion.duration(sensor) * rate)) + 1
-    length = next_fast_len(frames, real=True)
+    length = scipy.fft.next_fast_len(frames, real=True)
     frequency = fft_frequencies(length, rate)
     profile = _profile(texture, frequency / motion.speed, length, sensor.columns, rng)
     # The same profile reaches one row after another: phase factors give exact delays, also between frames.
     late = np.exp(-2j * np.pi * frequency[:, None] * motion.passage(sensor))
-    slips = rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
+    slips = scipy.fft.rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
     spectrum = profile[:, None, :] * late[:, :, None] + slips[:, None, None]
     if groove:
         spectrum *= groove_gain(frequency / motion.speed)[:, None, None]
-    vibration = irfft(spectrum, length, axis=0)[:frames]
+    vibration = scipy.fft.irfft(spectrum, length, axis=0)[:frames]
     # A contact cannot pull: pressure is never negative.
     return motion.cover(sensor, np.arange(frames) / rate) * np.maximum(texture.load + vibration, 0)
 

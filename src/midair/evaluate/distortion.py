@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array
 from midair.dsp import Band, band_edges, band_energy, band_window, filter_response, resample
@@ -62,8 +63,6 @@ _SINC, _FINE = 16, 50
 
 def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach: int) -> Array:
     """Cross-correlation for lags of -reach to reach frames, shape (2 reach + 1,), block by block."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     total = np.zeros(2 * reach + 1)
     for first, last in block_ranges(original.shape):
         a = read_frames(original, first, last).reshape(last - first, -1)
@@ -73,9 +72,9 @@ def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach:
         if begin < end:
             at = begin - first + reach
             b[at : at + end - begin] = read_frames(later, begin, end).reshape(end - begin, -1)
-        length = next_fast_len(len(b), real=True)
-        both = np.conj(rfft(a, length, axis=0)) * rfft(b, length, axis=0)
-        total += irfft(both.sum(axis=1), length)[: 2 * reach + 1]
+        length = scipy.fft.next_fast_len(len(b), real=True)
+        both = np.conj(scipy.fft.rfft(a, length, axis=0)) * scipy.fft.rfft(b, length, axis=0)
+        total += scipy.fft.irfft(both.sum(axis=1), length)[: 2 * reach + 1]
     return total
 
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -264,9 +265,7 @@ def blocks(signal: Array) -> Array:
 
 def perceptual_spectrum(signal: Array) -> Array:
     """Level of each DCT bin of each block over the threshold: ``S = 20 log10 |DCT| - T``, shape (block, bin), in dB."""
-    from scipy.fft import dct
-
-    size = np.abs(dct(blocks(signal), norm="ortho", axis=1))
+    size = np.abs(scipy.fft.dct(blocks(signal), norm="ortho", axis=1))
     with np.errstate(divide="ignore"):
         return 20 * np.log10(size) - Threshold().at(BLOCK)
 
@@ -319,13 +318,11 @@ def _alone(reference: Array, distorted: Array) -> tuple[float, float]:
 
 def _similarity_sums(reference: Array, distorted: Array) -> Array:
     """Sums over whole blocks: tau, s and blocks of ST-SIM, terms and blocks of SPQI; 1 more if the signals differ."""
-    from scipy.special import ndtr
-
     r, d = blocks(reference), blocks(distorted)
     spectra = [perceptual_spectrum(x) for x in (reference, distorted)]
     varies = r.std(axis=1) > 0
     temporal = _alike(_standard(r[varies]), _standard(d[varies]))
-    spectral = _alike(*(ndtr(each[varies] / 12) for each in spectra))
+    spectral = _alike(*(scipy.special.ndtr(each[varies] / 12) for each in spectra))
     before, after = (10 ** (each / 10) for each in spectra)
     power = before.sum(axis=1)
     heard = power > 0

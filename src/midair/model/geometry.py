@@ -8,6 +8,7 @@ import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -359,10 +360,9 @@ class Placement:
     @property
     def quaternion(self) -> Array:
         """Rotation of each unit as a quaternion (w, x, y, z), the order of both SDKs, shape (unit, 4)."""
-        from scipy.spatial.transform import Rotation
-
         # SciPy puts w last, the SDKs put it first.
-        return np.roll(np.asarray(Rotation.from_euler("xyz", self.rotation).as_quat(), np.float64), 1, axis=1)
+        quaternion = scipy.spatial.transform.Rotation.from_euler("xyz", self.rotation).as_quat()
+        return np.roll(np.asarray(quaternion, np.float64), 1, axis=1)
 
     @property
     def origin(self) -> Array:
@@ -385,9 +385,8 @@ class Placement:
         return self._turned(one - one[0]) + self.position[:, None]
 
     def _turned(self, points: Array) -> Array:
-        from scipy.spatial.transform import Rotation
-
-        return np.stack([turn.apply(points) for turn in Rotation.from_euler("xyz", self.rotation)])
+        turns = scipy.spatial.transform.Rotation.from_euler("xyz", self.rotation)
+        return np.stack([turn.apply(points) for turn in turns])
 
     def __repr__(self) -> str:
         return f"<Placement of {self.units} units, '{clipped(self.name)}'>"

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -75,15 +76,13 @@ class Palm:
 
     def wider(self, margin: float, *, pitch: float) -> "Palm":
         """All points at most `margin` away from the skin, on a grid of another pitch; both in m."""
-        from scipy.spatial import cKDTree
-
         skin = self.grid(1.0).position[self.inside.ravel(), :2]
         # A point of skin stands for a square that extends half a pitch around it.
         reach = margin + self.pitch / 2
         half_y, half_x = ((count - 1) / 2 * self.pitch + reach for count in self.inside.shape)
         x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
         points = np.stack(np.meshgrid(x, y), axis=-1)
-        away, _ = cKDTree(skin).query(points)
+        away, _ = scipy.spatial.cKDTree(skin).query(points)
         return Palm(inside=np.asarray(away <= reach), pitch=pitch, name=self.name)
 
     def grid(self, height: float) -> ControlGrid:

@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
@@ -186,16 +187,14 @@ def cell_pressure(model: SensorModel, pressure: Array) -> Array:
 
 
 def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) -> Array:
-    from scipy.fft import irfft, next_fast_len, rfft
-
     frames, settle = -(-len(pressure) // oversample), settling_frames(model, rate)
     held = np.concatenate([pressure, fade_window(settle * oversample)[:, None, None] * pressure[-1]])
-    length = next_fast_len(frames + 2 * settle, real=True)
+    length = scipy.fft.next_fast_len(frames + 2 * settle, real=True)
     bins = length // 2 + 1
     # Omitting the bins above half the output rate is the ideal anti-alias filter.
-    spectrum = rfft(held, length * oversample, axis=0)[:bins] / oversample
+    spectrum = scipy.fft.rfft(held, length * oversample, axis=0)[:bins] / oversample
     response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
-    return irfft(spectrum * response, length, axis=0)[:frames]
+    return scipy.fft.irfft(spectrum * response, length, axis=0)[:frames]
 
 
 def settling_frames(model: SensorModel, rate: float) -> int:
@@ -293,10 +292,8 @@ def _bow(x: Array, spread: float) -> Array:
 
 def _gauss(x: Array, spread: float) -> tuple[Array, Array]:
     """Phi(x / s), and the density phi(x / s) / s."""
-    from scipy.special import ndtr
-
     z = x / spread
-    return np.asarray(ndtr(z), np.float64), np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))
+    return np.asarray(scipy.special.ndtr(z), np.float64), np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))
 
 
 def channel_volts(
@@ -309,10 +306,8 @@ def channel_volts(
     pressure. `every` takes the first of `steps` steps, and returns every `oversample`-th pressure on the cell from
     there on, in Pa; `rate` is that of the output, in Hz. The shape is (ceil(steps / oversample),).
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     frames, settle = -(-steps // oversample), settling_frames(model, rate)
-    length = next_fast_len(frames + 2 * settle, real=True)
+    length = scipy.fft.next_fast_len(frames + 2 * settle, real=True)
     # After the end the last pressure is held and faded out; it belongs to the offset of the last step.
     last, fade = float(every((steps - 1) % oversample)[-1]), fade_window(settle * oversample)
     turn = np.exp(-2j * np.pi * np.arange(length // 2 + 1) / (length * oversample))
@@ -321,7 +316,7 @@ def channel_volts(
         part = np.concatenate([every(phase), last * fade[(phase - steps) % oversample :: oversample]])
         # Horner's scheme in the phase factor of one step.
         spectrum *= turn
-        spectrum += rfft(part, length, overwrite_x=True)
+        spectrum += scipy.fft.rfft(part, length, overwrite_x=True)
     frequency = np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
     row, column = divmod(number, model.grid.columns)
     parts = [
@@ -329,7 +324,7 @@ def channel_volts(
         for first in range(0, len(frequency), _BINS)
     ]
     spectrum *= np.concatenate(parts) / oversample
-    return np.asarray(irfft(spectrum, length, overwrite_x=True)[:frames], np.float64)
+    return np.asarray(scipy.fft.irfft(spectrum, length, overwrite_x=True)[:frames], np.float64)
 
 
 _BINS = 2**13

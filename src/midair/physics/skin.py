@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
@@ -230,19 +231,17 @@ class SkinMotion:
 
     def _moved(self, block: NDArray[np.floating[Any]]) -> Array:
         """Displacement by one block alone, with `reach` moments before and after it, (frame + 2 reach, row, column)."""
-        from scipy import fft
-
         rows, columns = self.rows, self.columns
         early = np.zeros((self.length, rows, columns), np.float32)
         early[self.reach : self.reach + len(block)] = block
         waves = np.zeros((self.length // 2 + 1, rows, columns), np.complex64)
-        inside = fft.rfft(early, axis=0)[self.bins]
+        inside = scipy.fft.rfft(early, axis=0)[self.bins]
         for first in range(0, len(inside), _TOGETHER):
             some = slice(first, first + _TOGETHER)
             whole = np.pad(self.response[some], ((0, 0), (0, rows - 1), (0, columns - 1)), mode="reflect")
-            wide = fft.fft2(inside[some], (2 * rows, 2 * columns)) * whole
-            waves[self.bins][some] = fft.ifft2(wide)[:, :rows, :columns]
-        return fft.irfft(waves, self.length, axis=0)[: len(block) + 2 * self.reach].astype(np.float64)
+            wide = scipy.fft.fft2(inside[some], (2 * rows, 2 * columns)) * whole
+            waves[self.bins][some] = scipy.fft.ifft2(wide)[:, :rows, :columns]
+        return scipy.fft.irfft(waves, self.length, axis=0)[: len(block) + 2 * self.reach].astype(np.float64)
 
 
 _TOGETHER = 32
@@ -257,13 +256,11 @@ _PANEL = 40.0
 
 def _kernel(tissue: Tissue, shape: tuple[int, int], pitch: float, omega: Array) -> Complex:
     """The kernel h at all distances between two points, shape (bin, row + 1, column + 1), in m/Pa/m2."""
-    from scipy.special import jv
-
     row, column = np.arange(shape[0] + 1), np.arange(shape[1] + 1)
     square, place = np.unique(row[:, None] ** 2 + column**2, return_inverse=True)
     k, weight = _path(np.pi / pitch)
     moved = skin_compliance(tissue, k[:, None], omega) * (weight * k / (2 * np.pi))[:, None]
-    h = jv(0, pitch * np.sqrt(square)[:, None] * k) @ moved
+    h = scipy.special.jv(0, pitch * np.sqrt(square)[:, None] * k) @ moved
     return np.asarray(h.T[:, place.ravel()].reshape(-1, len(row), len(column)), np.complex128)
 
 
@@ -282,7 +279,5 @@ def _path(finest: float) -> tuple[Complex, Complex]:
 
 def _even_spectrum(kernel: Complex) -> NDArray[np.complex64]:
     """First quadrants of the two-dimensional spectra of symmetric maps, given by their first quadrants."""
-    from scipy.fft import dctn
-
-    parts = [dctn(part, type=1, axes=(1, 2)) for part in (kernel.real, kernel.imag)]
+    parts = [scipy.fft.dctn(part, type=1, axes=(1, 2)) for part in (kernel.real, kernel.imag)]
     return np.asarray(parts[0] + 1j * parts[1], np.complex64)

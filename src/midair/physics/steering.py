@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
@@ -25,13 +26,11 @@ def poses_at(path: PalmPath, time: Array) -> PalmPath:
     Linear interpolation would have a corner at each pose, which can be felt. `time` increases, in s.
     """
     # Imported here, since scipy.interpolate takes a fifth of a second.
-    from scipy.interpolate import CubicSpline
-
     time = np.asarray(time, float)
     now = np.clip(time, path.time[0], path.time[-1])
     held = np.stack([path.centre, path.normal, path.fingers], axis=1)
     if len(path.time) > 1:
-        between = CubicSpline(path.time, held, bc_type="natural")(now)
+        between = scipy.interpolate.CubicSpline(path.time, held, bc_type="natural")(now)
     else:
         between = np.repeat(held, len(now), axis=0)
     centre, normal, fingers = np.moveaxis(between, 1, 0)
@@ -152,15 +151,13 @@ def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int
     Pressure that does not change with time cannot be felt and does not count. The place is smoothed over about `smooth`
     seconds, so that the phases which follow from it change slowly.
     """
-    # Imported here, since scipy.ndimage is needed by nothing else that plays.
-    from scipy.ndimage import gaussian_filter1d
-
     G = np.asarray(transfer_matrix(grid, drive.array, acoustics=drive.acoustics).T, np.complex64)
     pressure = np.empty((drive.frames, grid.count), np.float32)
     for first in range(0, drive.frames, block):
         last = min(first + block, drive.frames)
         pressure[first:last] = np.abs(drive.q_of(slice(first, last)).astype(np.complex64) @ G) ** 2
-    power = gaussian_filter1d((pressure - pressure.mean(axis=0)) ** 2, smooth * drive.rate, axis=0, mode="nearest")
+    power = (pressure - pressure.mean(axis=0)) ** 2
+    power = scipy.ndimage.gaussian_filter1d(power, smooth * drive.rate, axis=0, mode="nearest")
     total = power.sum(axis=1, keepdims=True)
     # Where nearly nothing presses, the aim returns to the centre.
     away = power @ (grid.position - middle_of(grid)) / (total + 1e-3 * total.max() + 1e-30)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from midair import dsp
@@ -322,11 +323,9 @@ def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> 
 
 def _prediction_errors(x: Array, order: int) -> Array:
     """Matrix of the errors of predicting each value of `x` from the `order` values before it."""
-    from scipy.linalg import convolution_matrix, solve_toeplitz
-
     n = len(x)
     correlation = np.correlate(x, x, "full")[n - 1 : n + order] / n
     # 1e-7 of white noise, because pure tones leave the model undetermined.
     correlation[0] = correlation[0] * (1 + 1e-7) + np.finfo(float).tiny
-    model = np.concatenate([[1.0], -solve_toeplitz(correlation[:order], correlation[1:])])
-    return np.asarray(convolution_matrix(model, n, mode="valid"), np.float64)
+    model = np.concatenate([[1.0], -scipy.linalg.solve_toeplitz(correlation[:order], correlation[1:])])
+    return np.asarray(scipy.linalg.convolution_matrix(model, n, mode="valid"), np.float64)

@@ -2,7 +2,6 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from types import TracebackType
 from typing import Any, Self
 
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice
@@ -58,10 +57,8 @@ class OpenRig:
             self._open.push(opened.pop_all())
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self._open.__exit__(*error)
 
     def __repr__(self) -> str:
         heard = "nothing listens" if self.sensor is None else f"heard by {self.sensor.name}"

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import cast
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.errors import ShapeError
@@ -76,15 +77,13 @@ def filter_lazily(
     impulse response beyond it is cut off, which matters for the inverse of an envelope with a phase other than 0 at
     half the rate: it contains a tone at half the rate that falls as 1 / t.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     pad = int(np.ceil(reach * rate)) + 1
     margin = max(2 * pad, LEAST)
     mean, known = x.moments.mean, dict[int, Complex | Array]()
 
     def make(first: int, last: int) -> Array:
         around = _with_margins(x, first - margin, last + margin, pad, mean, fade=margin // 2)
-        length = next_fast_len(len(around), real=True)
+        length = scipy.fft.next_fast_len(len(around), real=True)
         if length not in known:
             # All segments except the last one have the same length.
             known.clear()
@@ -98,8 +97,8 @@ def filter_lazily(
         # One row of channels at a time: spectra of all rows take several times the memory of the segment.
         for row in range(x.shape[1]):
             factor = wanted[:, row if wanted.shape[1] > 1 else 0]
-            spectrum = rfft(around[:, row], length, axis=0)
-            changing[:, row] = irfft(spectrum * factor, length, axis=0, overwrite_x=True)[inside]
+            spectrum = scipy.fft.rfft(around[:, row], length, axis=0)
+            changing[:, row] = scipy.fft.irfft(spectrum * factor, length, axis=0, overwrite_x=True)[inside]
         changing += mean * wanted[0].real
         return changing
 
@@ -111,18 +110,17 @@ def shift_earlier(x: LazyFrames, by: float) -> LazyFrames:
 
     It multiplies a linear phase. Compared with the spectrum of the whole, the error is 1e-6 up to 0.48 of the rate.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     margin, rest = LEAST + int(np.ceil(abs(by))), int(np.prod(x.shape[1:], dtype=np.int64))
 
     def make(first: int, last: int) -> Array:
         around = _with_margins(x, first - margin, last + margin, 0, np.zeros(x.shape[1:]), fade=LEAST // 2)
-        length = next_fast_len(len(around), real=True)
+        length = scipy.fft.next_fast_len(len(around), real=True)
         turn = np.exp(2j * np.pi * np.fft.rfftfreq(length) * by)
         moved = np.empty((last - first, rest))
         for channel, values in enumerate(around.reshape(len(around), rest).T):
-            spectrum = rfft(values, length)
-            moved[:, channel] = irfft(spectrum * turn, length, overwrite_x=True)[margin : margin + last - first]
+            spectrum = scipy.fft.rfft(values, length)
+            turned = scipy.fft.irfft(spectrum * turn, length, overwrite_x=True)
+            moved[:, channel] = turned[margin : margin + last - first]
         return moved.reshape(-1, *x.shape[1:])
 
     return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * margin), kept=2)
@@ -130,13 +128,11 @@ def shift_earlier(x: LazyFrames, by: float) -> LazyFrames:
 
 def convolve_lazily(x: LazyFrames, fir: Array) -> LazyFrames:
     """`midair.dsp.filter_fir` of lazy frames, equal to rounding."""
-    from scipy.signal import oaconvolve
-
     pad = len(fir) - 1
 
     def make(first: int, last: int) -> Array:
         around = _with_margins(x, first - pad // 2, last + pad // 2, pad, np.zeros(x.shape[1:]))
-        return np.asarray(oaconvolve(around, fir, mode="valid", axes=0), np.float64)
+        return np.asarray(scipy.signal.oaconvolve(around, fir, mode="valid", axes=0), np.float64)
 
     return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * pad), kept=2)
 

@@ -4,7 +4,6 @@ import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from threading import Condition
-from types import TracebackType
 from typing import IO, Any, Self
 
 import numpy as np
@@ -69,9 +68,7 @@ class TempFrames(_Numbers):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def append(self, block: NDArray[Any]) -> None:

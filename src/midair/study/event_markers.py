@@ -1,22 +1,16 @@
 """Event markers for other recorders: a string stream of the Lab Streaming Layer, and bytes on a serial line."""
 
-from __future__ import annotations
-
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from threading import Thread
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from midair.errors import DeviceError, MissingExtraError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import TracebackType
-
-    from midair.study.design import MarkerOutputs
+from midair.study.design import MarkerOutputs
 
 MarkerKind = Literal["trial", "stimulus", "answer", "late"]
 """Start of a trial; start of a stimulus; an answer; the time limit of a question."""
@@ -55,9 +49,7 @@ class EventMarkers:
             self._hold = hold.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._outlet = None
         self._hold.close()
 

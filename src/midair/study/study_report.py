@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.figures import STYLE, Picture, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
-from midair.study.findings import Finding, Report, StudyData
+from midair.study.findings import Choices, Finding, Report, StudyData
+from midair.study.statistics import Chance
 from midair.study.tables import legend_of
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame
-
-    from midair.study.findings import Choices
-    from midair.study.statistics import Chance
 
 
 def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:

@@ -3,26 +3,20 @@
 Psych-DS is the standard for tables of behavioural data (https://psych-ds.github.io).
 """
 
-from __future__ import annotations
-
 import csv
 import json
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from pandas import DataFrame, Series, concat
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_file, atomic_folder, no_formula, read_toml
+from midair.study.design import Design
+from midair.study.findings import Finding
 from midair.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
-
-    from pandas import DataFrame, Series
-
-    from midair.study.design import Design
-    from midair.study.findings import Finding
 
 _COLUMNS = read_toml(Path(__file__).with_name("columns.toml"), "explanations of columns")
 MEANING: Mapping[str, str] = _COLUMNS["answers"]
@@ -143,8 +137,6 @@ def read_bids(folder: Path) -> DataFrame:
 
     Missing columns are filled with "n/a". Raises MissingFileError if there are no tables.
     """
-    from pandas import DataFrame, concat
-
     files = sorted(folder.glob("sub-*/**/beh/*_beh.tsv"))
     if not files:
         raise MissingFileError(f"{folder.name}: expected sub-*/beh/*_beh.tsv, got none; is this a BIDS dataset?")
@@ -160,8 +152,6 @@ def _read_fields(path: Path) -> DataFrame:
 
     Read line by line: pandas fills short lines, shifts lines that end in a comma, and reads "n/a" as missing.
     """
-    from pandas import DataFrame
-
     if not path.is_file():
         raise MissingFileError(f"{path.name}: expected a table, the file does not exist; check the path")
     delimiter = "\t" if path.suffix == ".tsv" else ","

@@ -1,26 +1,18 @@
 """Check of the files of a study: the plan, its drives, and the chain hashes of each log."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from midair.errors import InputError, MidairError
 from midair.files import read_text
-from midair.study.design import answers_table, excluded_participants, thresholds_of
+from midair.study.design import Plan, answers_table, excluded_participants, thresholds_of
 from midair.study.drives import digest_of_file
 from midair.study.findings import StudyData, data_of_answers
-from midair.study.folder import withdrawn
+from midair.study.folder import StudyFolder, withdrawn
 from midair.study.session import chain_hashes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from midair.study.design import Plan
-    from midair.study.folder import StudyFolder
 
 _NOTED = re.compile(r"(sub-\d+\.jsonl): seal\s+([0-9a-f]{32})")
 

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import cast
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array
 from midair.dsp import Band, band_edges, band_window, filter_response
@@ -93,13 +94,12 @@ class SlowBias:
 
     def lift(self, surrounded: Array, rate: float) -> Array:
         """The mapping of all frames except the first and last `reach`, shape (frame - 2 reach, ...), in Pa."""
-        from scipy.ndimage import convolve1d, maximum_filter1d
-
         longest, smooth = self.lengths(rate)
-        pulls = np.asarray(maximum_filter1d(np.maximum(-surrounded, 0.0), longest, axis=0, mode="nearest"), np.float64)
+        below = np.maximum(-surrounded, 0.0)
+        pulls = np.asarray(scipy.ndimage.maximum_filter1d(below, longest, axis=0, mode="nearest"), np.float64)
         # Without the two zeros at its ends, which would only add a delay.
         hann = np.hanning(smooth + 2)[1:-1]
-        bias = np.asarray(convolve1d(pulls, hann / hann.sum(), axis=0, mode="nearest"), np.float64)
+        bias = np.asarray(scipy.ndimage.convolve1d(pulls, hann / hann.sum(), axis=0, mode="nearest"), np.float64)
         reach = self.reach(rate)
         inside = slice(reach, len(surrounded) - reach)
         return np.maximum(surrounded[inside] + bias[inside], 0.0)

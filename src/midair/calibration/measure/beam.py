@@ -9,6 +9,7 @@ the differences between channels do not.
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import (
@@ -244,11 +245,9 @@ def find_lag(signal: Array, expected: Array) -> int:
     `signal` (frame,) is the output of the channel under the beam; `expected` (frame,), the commanded pressure at the
     same rate, is not longer.
     """
-    from scipy.signal import correlate
-
     if len(expected) > len(signal):
         raise ShapeError(f"recording: expected {len(expected)} frames of beam or more, got {len(signal)}")
-    alike = correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
+    alike = scipy.signal.correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
     # The magnitude also works for a sensor whose output falls with pressure.
     return int(np.argmax(np.abs(alike)))
 

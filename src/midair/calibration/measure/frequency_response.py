@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
@@ -149,9 +150,7 @@ def solve_sums(parts: Sequence[BandSums]) -> FrequencyResponse:
 
 def widened(uncertainty: Array, freedom: Array | float) -> Array:
     """Increase a standard uncertainty so that twice it covers 95 % (GUM, G.3: Student's t with `freedom` degrees)."""
-    from scipy.special import ndtri, stdtrit
-
-    return uncertainty * stdtrit(np.maximum(freedom, 1.0), 0.975) / ndtri(0.975)
+    return uncertainty * scipy.special.stdtrit(np.maximum(freedom, 1.0), 0.975) / scipy.special.ndtri(0.975)
 
 
 def check_resolution(resolution: float, width: float | None) -> tuple[float, float]:
@@ -162,9 +161,9 @@ def check_resolution(resolution: float, width: float | None) -> tuple[float, flo
 
 def _spectrum(signal: Array, rate: float) -> Complex:
     """FFT of the signal without its mean, scaled so that its mean square is the one-sided power density."""
-    from scipy.fft import rfft
-
-    return np.asarray(rfft(signal - signal.mean(axis=0), axis=0) * np.sqrt(2 / (rate * len(signal))), np.complex128)
+    return np.asarray(
+        scipy.fft.rfft(signal - signal.mean(axis=0), axis=0) * np.sqrt(2 / (rate * len(signal))), np.complex128
+    )
 
 
 def _without(smooth: Array, spectra: Complex) -> Complex:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.calibration.measure.frequency_response import widened
@@ -164,8 +165,6 @@ def _anchored_measurement(shape: Calibration, tone: Calibration) -> Measurement 
 
 def _refined(flat: Array, rate: float, frequency: float) -> float:
     """Frequency within 1 % (or a bin) of the nominal one at which a sine has most power, over all channels."""
-    from scipy.optimize import minimize_scalar
-
     time = np.arange(len(flat)) / rate
     # With a window the spectrum has a single peak at the tone, without side lobes that could trap the search.
     centred = (flat - flat.mean(axis=0)) * np.hanning(len(flat))[:, None]
@@ -178,7 +177,7 @@ def _refined(flat: Array, rate: float, frequency: float) -> float:
     reach = max(0.01 * frequency, 2 * step)
     tried = np.arange(frequency - reach, frequency + reach + step / 2, step)
     best = float(tried[np.argmax([power(f) for f in tried])])
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda f: -power(f), bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
     )
     return float(found.x)

@@ -15,7 +15,7 @@ A tracker is placed by the rotation and the offset between places that it and th
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from midair.array_types import Array
 from midair.calibration.measure.array_field import ArrayField, SensorPlace, placed
@@ -161,11 +161,9 @@ def cell_places(model: ArrayField, place: SensorPlace) -> Array:
 
 def moved_array(array: TransducerArray, pose: Array) -> TransducerArray:
     """The array with its units displaced and rotated by `pose`, shape (unit, 7)."""
-    from scipy.spatial.transform import Rotation
-
     position, normal = array.position.copy(), array.normal.copy()
     for name, each in zip(np.unique(array.unit), pose, strict=True):
-        own, turn = array.unit == name, Rotation.from_rotvec(each[3:6])
+        own, turn = array.unit == name, scipy.spatial.transform.Rotation.from_rotvec(each[3:6])
         middle = position[own].mean(axis=0)
         position[own] = turn.apply(position[own] - middle) + middle + each[:3]
         normal[own] = turn.apply(normal[own])
@@ -223,5 +221,5 @@ def fit_tracker(held: Array, places: Array) -> TrackerPlacement:
             f"tracker: expected the held places to fit the marked ones, they scatter by {1e3 * scatter:.0f} mm; hold "
             "the palm where the focus is felt, and check the order of the places"
         )
-    wider = stdtrit(freedom, 0.975) / 1.96
+    wider = scipy.special.stdtrit(freedom, 0.975) / 1.96
     return TrackerPlacement(rotation=rotation, offset=offset, uncertainty=scatter * np.sqrt(2 / count) * wider)

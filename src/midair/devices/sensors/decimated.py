@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -50,8 +51,6 @@ class Polyphase:
         in `midair.dsp.resample`: flat to 0.1 % up to 94 % of half the new rate (470 of 500 Hz), 0.5 at half the new
         rate, -80 dB from 106 % of it on. The delay is 64 frames of the new rate.
         """
-        from scipy.signal import firwin
-
         ratio = Fraction(positive(new_rate, "rate", "Hz") / positive(rate, "rate", "Hz")).limit_denominator(RATIO_MAX)
         count, length = ratio.numerator, ratio.denominator
         if ratio >= 1 or ratio == 0 or abs(count * rate - length * new_rate) > 1e-6 * new_rate * length:
@@ -62,7 +61,7 @@ class Polyphase:
         runs = -(-2 * CENTRE // count)
         half = CENTRE * length
         # Times `count`: at the interpolated rate only one frame in `count` is not zero.
-        fir = np.asarray(firwin(2 * half + 1, 1 / length, window=("kaiser", 8.0)), np.float64) * count
+        fir = np.asarray(scipy.signal.firwin(2 * half + 1, 1 / length, window=("kaiser", 8.0)), np.float64) * count
         return cls(pieces=_cut(fir, count, length, runs + 2), delay=CENTRE / new_rate)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, FileError, MismatchError
@@ -249,13 +250,11 @@ def _padded(data: bytes) -> bytes:
 
 def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write a v5 file of less than 4 GiB: samples, shape (frame, row, column), rate in Hz, unit, and the header."""
-    from scipy.io import savemat
-
     if recording.samples.nbytes >= 2**32:
         raise FileError(f"{path}: a MAT v5 array holds less than 4 GiB, got {recording.samples.nbytes}; save to .h5")
     rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
     with atomic_file(path) as partial:
-        savemat(str(partial), rest, appendmat=False, do_compression=True)
+        scipy.io.savemat(str(partial), rest, appendmat=False, do_compression=True)
         small = partial.read_bytes()
         with partial.open("wb") as file:
             file.write(small[:128])
@@ -266,9 +265,6 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
 
 def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a MATLAB file of midair, or the only array of frames of another program."""
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
     with path.open("rb") as file:
         start = file.read(128)
     if is_mat5(start):
@@ -278,8 +274,8 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
     if 0 not in start[:4]:  # present in every version 4 file; SciPy's compiled reader crashes on other damaged files
         raise BrokenFileError(f"{path}: expected a MATLAB file, got one that begins with {start[:12]!r}")
     try:
-        arrays: dict[str, Any] = loadmat(str(path), appendmat=False)
-    except MatReadError as wrong:
+        arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False)
+    except scipy.io.matlab.MatReadError as wrong:
         raise BrokenFileError(f"{path}: expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
     return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", path, given)
 

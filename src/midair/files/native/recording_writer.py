@@ -8,7 +8,6 @@ import time
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from io import BytesIO
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -135,9 +134,7 @@ class RecordingWriter:
         self._live = LiveFile(self.path, image.getvalue())
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, wrong: BaseException | None, __: object) -> None:
         self.close()
         if wrong is not None and self._frames == 0:
             self.path.unlink(missing_ok=True)

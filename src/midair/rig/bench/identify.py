@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -133,9 +134,7 @@ def tone_answers(samples: Array, rate: float, frequency: Array) -> tuple[Array, 
 
 
 def _assignment(cost: Array) -> tuple[dict[int, int], float]:
-    from scipy.optimize import linear_sum_assignment
-
-    cells, columns = linear_sum_assignment(cost)
+    cells, columns = scipy.optimize.linear_sum_assignment(cost)
     return {int(k): int(c) for k, c in zip(cells, columns, strict=True)}, float(cost[cells, columns].sum())
 
 

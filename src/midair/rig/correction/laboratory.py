@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array, Complex
 from midair.evaluate import ALL, LaboratoryLoss, fidelity
@@ -210,8 +211,6 @@ class _Stage:
 
     def _moved_units(self, lab: Laboratory, rng: np.random.Generator) -> tuple[Array, Array]:
         """Positions and normals of the transducers if each unit is shifted and rotated about its middle."""
-        from scipy.spatial.transform import Rotation
-
         array = self.drive.array
         position, normal = array.position.copy(), array.normal.copy()
         units = np.unique(array.unit)
@@ -223,7 +222,7 @@ class _Stage:
         for unit, draw in zip(units, draws, strict=True):
             its = array.unit == unit
             middle = position[its].mean(axis=0)
-            turn = Rotation.from_euler("xyz", draw[3:]).as_matrix()
+            turn = scipy.spatial.transform.Rotation.from_euler("xyz", draw[3:]).as_matrix()
             position[its] = (position[its] - middle) @ turn.T + middle + draw[:3]
             normal[its] = normal[its] @ turn.T
         return position, normal
@@ -240,12 +239,10 @@ def _mirrored_twice(array: TransducerArray, pose: PalmPath, solved: Array) -> Tr
 
 
 def _pose(lab: Laboratory, solved: Array, rng: np.random.Generator) -> PalmPath:
-    from scipy.spatial.transform import Rotation
-
     sides = np.array([lab.palm_aside_mm, lab.palm_aside_mm, lab.palm_height_mm])
     angles = np.radians([lab.palm_tilt_deg, lab.palm_tilt_deg, lab.palm_turn_deg])
     offset = 1e-3 * sides * rng.standard_normal(3)
-    turned = Rotation.from_euler("xyz", angles * rng.standard_normal(3)).as_matrix()
+    turned = scipy.spatial.transform.Rotation.from_euler("xyz", angles * rng.standard_normal(3)).as_matrix()
     return PalmPath(
         time=np.zeros(1),
         centre=(solved + offset)[None],

@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -65,8 +66,6 @@ def places_of_units(
     """Find the place from which each unit sounds, by the number that the placement gives it; None if uncertain."""
     # One unit sounds at a time, with the phases that focus from each place in turn onto the sensor; each place has a
     # tone of its own. Only the phases of the true place give a focus there.
-    from scipy.optimize import linear_sum_assignment
-
     model = array.array.nominal
     units, count = np.unique(model.unit, return_counts=True)
     tones = np.asarray(TONE + STEP * np.arange(len(units)), np.float64)
@@ -90,7 +89,7 @@ def places_of_units(
         answers.append(np.linalg.norm(answer, axis=1))
         noises.append(float(np.linalg.norm(noise)))
     strength, floor = np.array(answers), np.maximum(noises, 1e-12)[:, None]
-    place = linear_sum_assignment(-np.log(np.maximum(strength, floor)))[1]
+    place = scipy.optimize.linear_sum_assignment(-np.log(np.maximum(strength, floor)))[1]
     others = np.where(np.arange(len(units)) == place[:, None], 0, strength).max(axis=1)
     certain = strength[np.arange(len(units)), place] > np.maximum(CLEAR * others, HEARD * floor[:, 0])
     return tuple(int(at) if sure else None for at, sure in zip(place, certain, strict=True))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from midair.devices import StageDevice
 from midair.errors import MidairError
@@ -40,7 +40,7 @@ class Drift:
 
         A recording looks again every second, so that a limit of two standard errors would soon be exceeded by chance.
         """
-        errors = float(stdtrit(self.points - 2, 1 - 0.5e-4))
+        errors = float(scipy.special.stdtrit(self.points - 2, 1 - 0.5e-4))
         return abs(self.ppm) > max(errors * self.uncertainty / 2, 0.01)
 
 

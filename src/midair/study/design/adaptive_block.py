@@ -1,21 +1,16 @@
 """Adaptive blocks: the stimulus of the next trial and the threshold, computed from the answers so far."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.study.design.plan import Plan, Staircase, Trial, correct_answer, stimulus_levels
 from midair.study.design.session_state import SessionState, answer_exclusion, answers_table, excluded_participants
 from midair.study.design.study_design import Block, Design
 from midair.study.statistics import ThresholdModel
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from pandas import DataFrame
 
 
 def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
@@ -48,8 +43,6 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
     block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse, p_misfit, note. Where a
     threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives the reason.
     """
-    from pandas import DataFrame
-
     blocks = [block for block in plan.design.blocks if block.adaptive and block.scored]
     if not blocks or not sessions:
         return None

@@ -1,23 +1,15 @@
 """State of a session, computed from the events of its log, and tables of the answers that the rules do not exclude."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
+
+from pandas import DataFrame
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.question import right_answer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from pandas import DataFrame
-
-    from midair.study.design.plan import Plan, Trial
-    from midair.study.design.session_state import GivenAnswer, SessionState
-
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: continue with the unfinished trial, repeat the session, or repeat the block."""
@@ -275,8 +267,6 @@ def excluded_participants(plan: Plan, sessions: Sequence[SessionState]) -> DataF
 
     Columns participant, rule, value (measured), limit (allowed by the plan); no rows if all participants are analysed.
     """
-    from pandas import DataFrame
-
     rows = [
         (f"sub-{session.trials[0].participant:02d}", *row)
         for session in sessions
@@ -332,8 +322,6 @@ def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     answer), reaction_s, reaction_by, failed_plays, time (s from the beginning of the session), simulated, one column
     per question of the form, and one per factor, "n/a" where a factor has no level.
     """
-    from pandas import DataFrame
-
     rows: list[dict[str, Any]] = []
     for session in sessions:
         out = next((f"participant: {rule}" for rule, _, _ in _violated_rules(plan, session)), "")
@@ -390,8 +378,6 @@ def seconds_between(begin: str, end: str) -> float:
 
 def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
     """Table of all sent markers with the columns of a BIDS table of events, and participant, session and trial."""
-    from pandas import DataFrame
-
     rows: list[dict[str, Any]] = []
     for session in sessions:
         trials = {trial.code: trial for trial in session.trials}

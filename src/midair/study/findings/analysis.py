@@ -1,14 +1,12 @@
 """Analysis of a study: all findings in the order of the report, with the result of every question of the plan."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.progress import report_progress
@@ -26,12 +24,6 @@ from midair.study.findings.choice_findings import (
 from midair.study.findings.rating_findings import adaptive, anova, cumulative, pairs, psychometric, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from midair.study.findings.study_data import StudyData
-
 
 _UNTESTED = "There is no test, since the planned analyses do not include this question."
 
@@ -69,8 +61,6 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
     if kind == "magnitude":
         return [_magnitude_finding(title, rows)]
     if kind in ("rating", "slider"):
-        from pandas import DataFrame
-
         rating = np.array(rows["answer"].tolist(), float)
         people, person = levels(rows.loc[:, "participant"])
         stimuli, stimulus = levels(rows.loc[:, "stimulus"])
@@ -100,8 +90,6 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:
-    from pandas import DataFrame
-
     counts = Counter(zip(rows["stimulus"].tolist(), rows["answer"].tolist(), strict=True))
     table = DataFrame(
         [{"stimulus": name, "answer": answer, "given": many} for (name, answer), many in sorted(counts.items())]
@@ -194,8 +182,6 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     for job in report_progress(jobs, len(jobs)):
         findings += job()
     if data.questions is not None:
-        from pandas import DataFrame
-
         rows = data.questions.to_dict("records")
         notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
         silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]

@@ -1,11 +1,12 @@
 """Parts of a report, the text of their numbers, and those on choices among objects."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.study.findings.study_data import StudyData
@@ -33,12 +34,6 @@ from midair.study.statistics import (
     share_limits,
     sign_flip,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,8 +67,6 @@ def p_words(p: float) -> str:
 
 def note_last(table: DataFrame) -> DataFrame:
     """The table with the column "note" last."""
-    from pandas import DataFrame
-
     names = [str(name) for name in table.columns if name != "note"]
     return DataFrame(table, columns=[*names, "note"])
 

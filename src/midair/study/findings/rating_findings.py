@@ -1,11 +1,9 @@
 """Report on ratings, and on thresholds: psychometric functions over all people, and adaptive blocks of each."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame, Series
 
 from midair.errors import InputError
 from midair.study.findings.choice_findings import Finding, limits_words, note_last, p_words
@@ -22,10 +20,6 @@ from midair.study.statistics import (
     pairwise,
     rm_anova,
 )
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 
 SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
 
@@ -60,8 +54,6 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
 
 def anova(data: StudyData) -> list[Finding]:
     """Analysis of variance of the ratings, with its sphericity statistics."""
-    from pandas import DataFrame, Series
-
     ratings, left_out = complete_ratings(data)
     table = rm_anova(ratings, value="rating", participant="participant", within=data.within, between=data.between)
     known = table["p_GG"].dropna()
@@ -168,16 +160,13 @@ def rating_means(data: StudyData) -> DataFrame | None:
         cells = cell_means(complete_ratings(data)[0], value="rating", participant="participant", within=data.within)
     except InputError:
         return None
-    from pandas import DataFrame
-    from scipy.stats import t as t_distribution
-
     people = len(cells.participants)
     y = cells.mean.reshape(people, -1)
     centred = y - y.mean(axis=1, keepdims=True) + y.mean()
     half = np.zeros(y.shape[1])
     if people > 1:
         size = y.shape[1] / (y.shape[1] - 1)
-        half = t_distribution.ppf(0.975, people - 1) * np.sqrt(size * centred.var(axis=0, ddof=1) / people)
+        half = scipy.stats.t.ppf(0.975, people - 1) * np.sqrt(size * centred.var(axis=0, ddof=1) / people)
     where = np.indices(cells.mean.shape[1:]).reshape(len(data.within), -1)
     columns = {name: [str(cells.levels[f][i]) for i in where[f]] for f, name in enumerate(data.within)}
     mean = y.mean(axis=0)
@@ -186,8 +175,6 @@ def rating_means(data: StudyData) -> DataFrame | None:
 
 def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     """One Weibull function for the answers of all participants, with jackknife limits over participants."""
-    from pandas import DataFrame
-
     if data.strengths is None:
         return []
     rows = data.strengths

@@ -1,23 +1,16 @@
 """Input of an analysis: choices, ratings and other answers, independent of their origin."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from pandas import DataFrame
 
 from midair.errors import InputError
+from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
 from midair.study.statistics import column, frame_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
-
-    from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
-
 
 _SINGLE = ("yes-no", "same-different", "magnitude")
 """Kinds of questions that always get their own part of the report."""
@@ -175,8 +168,6 @@ def _choices(
     presented: str = "right",
     answered: str = "answer",
 ) -> DataFrame | None:
-    from pandas import DataFrame
-
     # Trials without a correct answer are catch trials or attention checks.
     rows = rows.loc[(rows["right"] != "n/a").to_numpy(bool)] if presented == "right" and len(rows) else rows
     if rows.empty:
@@ -212,8 +203,6 @@ def _is_number(word: str) -> bool:
 
 def _form_rows(scored: DataFrame, design: Design | None) -> DataFrame:
     """One row per participant and question of the form, without private and text questions."""
-    from pandas import DataFrame
-
     people = scored.drop_duplicates("participant")
     rows = [
         {"participant": who, "question": name, "kind": design.question(name).kind, "answer": answer}
@@ -228,8 +217,6 @@ def _form_rows(scored: DataFrame, design: Design | None) -> DataFrame:
 
 def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame]) -> DataFrame:
     """Every question of the plan with its number of answers and the parts of the report that analyse them."""
-    from pandas import DataFrame
-
     asked = {
         name
         for block in design.blocks
@@ -271,8 +258,6 @@ def _other_choices(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
 
 
 def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
-    from pandas import DataFrame
-
     name = analysis.strength
     known = rows.loc[(rows[name] != "n/a") & (rows["correct"] >= 0)]
     if known.empty:
@@ -287,8 +272,6 @@ def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
 
 
 def _ratings(rows: DataFrame, *, value: str, factors: Sequence[str], participant: str = "participant") -> DataFrame:
-    from pandas import DataFrame
-
     given = column(rows, value)
     try:
         rating = given.astype(float)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import Event, Lock
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -71,9 +70,7 @@ class Headphones:
             ) from wrong
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             self.off()
         finally:

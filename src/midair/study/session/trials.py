@@ -11,7 +11,6 @@ from itertools import chain
 from pathlib import Path
 from threading import Event, RLock
 from time import monotonic
-from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
@@ -244,9 +243,7 @@ class Session:
         self._advance()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._ending:
             try:
                 if self.step.kind not in ("done", "stopped"):

@@ -1,23 +1,19 @@
 """Repeated-measures analysis of variance, with corrections for sphericity, limits of effect sizes, a check on ranks."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels, numbers
 from midair.study.statistics.confusion import sign_flip
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
 
 
 def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
@@ -48,32 +44,29 @@ def _mauchly(log_w: float, d: int, df: int) -> float:
 
     R's mauchly.test uses the number of cells for d in one term: above d = 2 the third decimal differs.
     """
-    from scipy.stats import chi2
-
     rho = 1 - (2 * d**2 + d + 2) / (6 * d * df)
     weight = (d + 2) * (d - 1) * (d - 2) * (2 * d**3 + 6 * d**2 + 3 * d + 2) / (288 * (df * d * rho) ** 2)
     z, f = -df * rho * log_w, d * (d + 1) / 2 - 1
-    first, second = chi2.sf(z, f), chi2.sf(z, f + 4)
+    first, second = scipy.stats.chi2.sf(z, f), scipy.stats.chi2.sf(z, f + 4)
     return float(np.clip(first + weight * (second - first), 0, 1))
 
 
 def noncentral_t_limits(t: float, df: float, *, level: float = 0.95) -> tuple[float, float]:
     """Confidence limits of the noncentrality of an observed t (Cumming and Finch, 2001)."""
-    from scipy.optimize import brentq
-    from scipy.special import chdtri, nctdtr, ndtri
-
     tail = (1 - level) / 2
     # The limits lie between t S - z and t S + z, for quantiles of S = sqrt(chi2 / df) and z at half of the tail.
-    reach = t * np.sqrt(chdtri(df, np.array([1 - tail / 2, tail / 2])) / df)
+    reach = t * np.sqrt(scipy.special.chdtri(df, np.array([1 - tail / 2, tail / 2])) / df)
     if abs(t) > 1000:  # the numerator's error is negligible, and nctdtr is NaN for t of 1e6
-        reach = t * np.sqrt(chdtri(df, np.array([1 - tail, tail])) / df)
+        reach = t * np.sqrt(scipy.special.chdtri(df, np.array([1 - tail, tail])) / df)
         return float(reach.min()), float(reach.max())
-    begin, end = float(reach.min() + ndtri(tail / 2)), float(reach.max() - ndtri(tail / 2))
+    begin, end = float(reach.min() + scipy.special.ndtri(tail / 2)), float(reach.max() - scipy.special.ndtri(tail / 2))
 
     def excess(ncp: float, share: float) -> float:
-        return float(nctdtr(df, ncp, t)) - share
+        return float(scipy.special.nctdtr(df, ncp, t)) - share
 
-    low, high = (float(brentq(excess, begin, end, args=(share,), xtol=1e-10)) for share in (1 - tail, tail))
+    low, high = (
+        float(scipy.optimize.brentq(excess, begin, end, args=(share,), xtol=1e-10)) for share in (1 - tail, tail)
+    )
     return low, high
 
 
@@ -82,11 +75,9 @@ def eta_squared_limits(f: float, df1: float, df2: float, *, level: float = 0.9) 
 
     A noncentrality L corresponds to the partial eta squared L / (L + df2). Limits at level 0.9 exclude 0 if p < 0.05.
     """
-    from scipy.optimize import brentq
-    from scipy.special import chdtri, fdtr, ncfdtr
 
     def excess(ncp: float, tail: float) -> float:
-        return float(ncfdtr(df1, df2, ncp, f)) - tail
+        return float(scipy.special.ncfdtr(df1, df2, ncp, f)) - tail
 
     if not np.isfinite(f):
         return np.nan, np.nan
@@ -94,11 +85,11 @@ def eta_squared_limits(f: float, df1: float, df2: float, *, level: float = 0.9) 
     for tail in ((1 + level) / 2, (1 - level) / 2):
         most, ncp = 4 * df1 * f + 10, 0.0
         if f > 1e6:  # as for t
-            ncp = df1 * f * float(chdtri(df2, tail)) / df2
-        elif fdtr(df1, df2, f) > tail:
-            while ncfdtr(df1, df2, most, f) > tail:
+            ncp = df1 * f * float(scipy.special.chdtri(df2, tail)) / df2
+        elif scipy.special.fdtr(df1, df2, f) > tail:
+            while scipy.special.ncfdtr(df1, df2, most, f) > tail:
                 most *= 2
-            ncp = float(brentq(excess, 0, most, args=(tail,), xtol=1e-10))
+            ncp = float(scipy.optimize.brentq(excess, 0, most, args=(tail,), xtol=1e-10))
         limits.append(ncp / (ncp + df2))
     return limits[0], limits[1]
 
@@ -157,8 +148,6 @@ def rm_anova(
     np2_low, np2_high, ges_low, ges_high, note. An effect with one contrast is spherical: its epsilons and W are 1. A
     value that is undefined is NaN, and `note` gives the reason.
     """
-    from pandas import DataFrame
-
     if not within:
         raise InputError("within: expected one factor or more, got none")
     if both := set(within) & set(between):
@@ -184,11 +173,9 @@ def contrasts(shape: Sequence[int], effect: Sequence[int]) -> Array:
 
     `shape` gives the levels of each factor; the design is averaged over the factors that are not in `effect`.
     """
-    from scipy.linalg import helmert
-
     product: Array = np.ones((1, 1))
     for factor, count in enumerate(shape):
-        part = helmert(count) if factor in effect else np.full((1, count), count**-0.5)
+        part = scipy.linalg.helmert(count) if factor in effect else np.full((1, count), count**-0.5)
         product = np.asarray(np.kron(product, part), np.float64)
     return product
 
@@ -234,8 +221,6 @@ def _row(z: Array, rest: Array, groups: Groups, outer: Array, noise: float, scal
     `z`: within-subject contrasts (participant, contrast); `rest`: their deviations from the group means; `outer`:
     between-subject contrasts; `noise`: sum of all error sums of squares.
     """
-    from scipy.stats import f as f_distribution
-
     d, degrees = z.shape[1], len(z) - len(groups.sizes)
     df1, df2 = d * len(outer), d * degrees
     shown = outer @ groups.means(z)
@@ -255,7 +240,7 @@ def _row(z: Array, rest: Array, groups: Groups, outer: Array, noise: float, scal
     ratio = (effect / df1) / (error / df2)
     round_, note = sphericity(rest.T @ rest / degrees, degrees)
     p = {
-        name: float(f_distribution.sf(ratio, df1 * min(1, epsilon), df2 * min(1, epsilon)))
+        name: float(scipy.stats.f.sf(ratio, df1 * min(1, epsilon), df2 * min(1, epsilon)))
         for name, epsilon in (("p", 1.0), ("p_GG", round_["eps_GG"]), ("p_HF", round_["eps_HF"]))
     }
     # Partial eta squared as a ratio effect / error, of which generalised eta squared has another denominator.
@@ -282,13 +267,11 @@ def ordinal_check(
     a distributional assumption, by random flips from `rng` for more than 13 participants. If the two analyses disagree,
     the result depends on treating ratings as interval data.
     """
-    from scipy.stats import rankdata
-
     data = frame_of(table)
     people, person = levels(column(data, participant))
     ranks = numbers(data, value)
     for index in range(len(people)):
-        ranks[person == index] = rankdata(ranks[person == index])
+        ranks[person == index] = scipy.stats.rankdata(ranks[person == index])
     ranked = data.assign(**{value: ranks})
     result = rm_anova(ranked, value=value, participant=participant, within=within)
     cells = cell_means(ranked, value=value, participant=participant, within=within)

@@ -1,28 +1,21 @@
 """Checked access to the columns of a table, and means of the cells of a within-subject design."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pandas import DataFrame, Series, factorize
 
 from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError, ShapeError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame, Series
 
 Levels = tuple[list[Any], NDArray[np.int64]]
 
 
 def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
     """DataFrame with the index 0, 1, 2, ...; raises ShapeError unless all columns have one axis and the same length."""
-    from pandas import DataFrame, Series
-
     shapes = {str(name): np.shape(table[name]) for name in table}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
         came = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
@@ -56,8 +49,6 @@ def numbers(frame: DataFrame, name: str) -> Array:
 
 def levels(values: Series | NDArray[Any]) -> Levels:
     """Unique values in order of first appearance, and the index of each row's value."""
-    from pandas import factorize
-
     # With a sentinel, a missing value would get the index -1, which is the last level.
     number, order = factorize(values, use_na_sentinel=False)
     return order.tolist(), number.astype(np.int64)

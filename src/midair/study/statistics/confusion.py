@@ -1,23 +1,17 @@
 """Permutation tests and jackknife intervals over participants; confusion matrices: precision, recall, F, kappa."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pandas import DataFrame
-
 
 Scale = Literal["plain", "share", "positive", "correlation"]
 """Unbounded values; between 0 and 1; above 0; between -1 and 1."""
@@ -115,8 +109,6 @@ def limits_over_people(
     `independent` answers have a binomial variance where few are wrong. The interval has the shape of the statistic; its
     limits are NaN if the statistic is at its bound or equal without any participant.
     """
-    from scipy.stats import t as t_distribution
-
     if scale not in get_args(Scale):
         raise InputError(f"scale: expected one of {', '.join(get_args(Scale))}, got {scale!r}")
     people = len(by_person)
@@ -135,7 +127,7 @@ def limits_over_people(
     else:
         middle, moved = _to_open_scale(value, scale), _to_open_scale(without, scale)
     error = np.sqrt((people - 1) / people * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
-    half = error * float(t_distribution.ppf((1 + level) / 2, people - 1))
+    half = error * float(scipy.stats.t.ppf((1 + level) / 2, people - 1))
     if answers is not None and independent and scale in ("share", "correlation"):
         half = np.maximum(half, _binomial_half(value, np.asarray(answers(by_person), float), people, scale, level))
     # At a bound, or if all leave-one-out values are equal, the standard error is unknown.
@@ -151,13 +143,11 @@ def _binomial_half(value: Array, total: Array, people: int, scale: Scale, level:
 
     The logit of a share p of n answers has the variance 1 / (n p (1 - p)); Fisher's z of 2 p - 1 is half that logit.
     """
-    from scipy.stats import norm
-
     share = value if scale == "share" else (1 + value) / 2
     few = total * np.minimum(share, 1 - share) < people
     drawn = (share * total + 1) / (total + 2)
     error = 1 / np.sqrt((total + 2) * drawn * (1 - drawn)) / (1 if scale == "share" else 2)
-    return np.where(few, float(norm.ppf((1 + level) / 2)) * error, 0.0)
+    return np.where(few, float(scipy.stats.norm.ppf((1 + level) / 2)) * error, 0.0)
 
 
 def _shrink(value: Array, total: Array, added: float, scale: Scale) -> Array:
@@ -280,8 +270,6 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The precision
     of an object that was never answered is NaN, and `note` says so.
     """
-    from pandas import DataFrame
-
     counts = confusion.counts
     hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)[: len(counts)]
     low, high = wilson(hits, given, level=level)
@@ -305,12 +293,10 @@ def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]
 
     Raises InputError if a total is below 1 or hits lie outside 0 to total.
     """
-    from scipy.stats import norm
-
     k, n = np.asarray(hits, float), np.asarray(total, float)
     if (n < 1).any() or (k < 0).any() or (k > n).any():
         raise InputError(f"proportion: expected 0 <= hits <= total and total >= 1, got {hits} of {total}")
-    z = float(norm.ppf((1 + level) / 2))
+    z = float(scipy.stats.norm.ppf((1 + level) / 2))
     middle = (k + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(k * (n - k) / n + z**2 / 4)
     # With 0 or all hits, rounding can move a limit slightly outside 0 to 1.

@@ -1,23 +1,18 @@
 """Mixed models with crossed random effects: cumulative-link for ratings, logistic for correct and wrong answers."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.columns import column, factors, frame_of, levels, numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
-
 
 Indices = NDArray[np.int64]
 
@@ -66,8 +61,6 @@ def cumulative_mixed(
     Returns the columns effect, df, chi2, df2, F, p, spread, note. `spread`: standard deviation of the participant x
     effect levels, in logits. Values that do not apply are NaN.
     """
-    from pandas import DataFrame
-
     data = frame_of(table)
     category = np.unique(numbers(data, value), return_inverse=True)[1].astype(np.int64)
     if not 1 <= category.max() < 30:
@@ -124,14 +117,11 @@ def cumulative_mixed(
 
 def likelihood_ratio_test(ratio: float, df: int, people: int | None) -> dict[str, Any]:
     """Columns df to spread (empty) of `logistic_mixed` for a likelihood ratio: chi2 if `people` is None."""
-    from scipy.stats import chi2
-    from scipy.stats import f as f_distribution
-
     if people is None:
-        found = {"df2": np.nan, "F": np.nan, "p": float(chi2.sf(ratio, df))}
+        found = {"df2": np.nan, "F": np.nan, "p": float(scipy.stats.chi2.sf(ratio, df))}
     else:
         f, df2 = (people - 1) * float(np.expm1(ratio / (people * df))), df * (people - 1)
-        found = {"df2": df2, "F": f, "p": float(f_distribution.sf(f, df, df2))}
+        found = {"df2": df2, "F": f, "p": float(scipy.stats.f.sf(f, df, df2))}
     return {"df": df, "chi2": ratio, **found, "spread": np.nan}
 
 
@@ -159,8 +149,6 @@ def fit_cumulative(
     `category` (row,) from 0; `count` (row,): number of equal answers; `fixed` (row, term) without an intercept; `begin`
     as `CumulativeFit.parameters`. Laplace approximation at the mode of the random effects, with an exact gradient.
     """
-    from scipy.optimize import minimize
-
     model = _Likelihood(category, count, fixed, random)
     share = np.cumsum(np.bincount(category, count))[:-1] / count.sum()
     threshold = np.log(share / (1 - share))
@@ -171,7 +159,7 @@ def fit_cumulative(
         begin = np.concatenate([threshold[:1], np.log(np.diff(threshold)), np.zeros(terms), np.full(factors, 0.25)])
     limits = [(-25.0, 25.0)] + [(-12.0, 4.0)] * (cuts - 1) + [(-25.0, 25.0)] * terms
     limits += [(1e-10, 400.0)] * factors
-    found = minimize(
+    found = scipy.optimize.minimize(
         model.loss, begin, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": 1000, "ftol": 1e-12}
     )
     x = np.asarray(found.x, np.float64)
@@ -314,18 +302,16 @@ class _Likelihood:
 
     def _derivatives(self, upper: Array, lower: Array) -> tuple[Array, Array, Array, Array]:
         """Logistic distribution at both ends of the category; slope and curvature of the log probability."""
-        from scipy.special import expit
-
-        a, b = expit(upper), expit(lower)
+        a, b = scipy.special.expit(upper), scipy.special.expit(lower)
         return a, b, self._count * (a + b - 1), self._count * (a * (1 - a) + b * (1 - b))
 
     def _log_joint(self, upper: Array, lower: Array, u: Array) -> float:
         """Log density of answers and u without its constant: F(a) - F(b) = F(a) F(-b) (1 - exp(b - a))."""
-        from scipy.special import log_expit
-
         with np.errstate(divide="ignore"):
             gap = np.log(-np.expm1(lower - upper))
-        return float(self._count @ (log_expit(upper) + log_expit(-lower) + gap) - (u**2).sum() / 2)
+        return float(
+            self._count @ (scipy.special.log_expit(upper) + scipy.special.log_expit(-lower) + gap) - (u**2).sum() / 2
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -395,8 +381,6 @@ def logistic_mixed(
     deviation of the effect between participants, in logits, NaN where it is not estimated. The note warns of cells with
     only correct (or only wrong) answers, whose logit is infinite.
     """
-    from pandas import DataFrame
-
     data = right_answers(table, correct=correct, participant=participant, within=within)
     full = data.fit()
     note = _note(data, full)

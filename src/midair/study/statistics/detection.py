@@ -7,21 +7,18 @@ The functions with limits over participants take counts of trials as an integer 
 answered), unless stated otherwise, and raise InputError for fewer than five participants.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.confusion import Interval, cohen_kappa, f_measure, limits_over_people, wilson
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,19 +56,16 @@ def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
     The integral of phi(x - d') Phi(x)^(m - 1) over x, with the shape of `d_prime`, the distance of the correct
     alternative from the m - 1 others in standard deviations: 1/m at 0, and 0.634 at 1 with three alternatives.
     """
-    from scipy.special import ndtr
-
     if alternatives < 2:
         raise InputError(f"alternatives: expected 2 or more, got {alternatives}")
     node, weight = _nodes()
-    inside = ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
+    inside = scipy.special.ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
     # The quadrature weight is exp(-x^2 / 2), that is phi without its constant factor.
     return np.asarray(inside @ weight / np.sqrt(2 * np.pi))
 
 
 def d_prime_of_share(share: float, *, alternatives: int) -> float:
     """Inverse of `proportion_correct`; infinite if no d' between -12 and 12 gives the share."""
-    from scipy.optimize import brentq
 
     def excess(d: float) -> float:
         return float(proportion_correct(d, alternatives=alternatives)) - share
@@ -79,7 +73,7 @@ def d_prime_of_share(share: float, *, alternatives: int) -> float:
     edge = 12.0
     if excess(-edge) >= 0:
         return -np.inf
-    return np.inf if excess(edge) <= 0 else float(brentq(excess, -edge, edge))
+    return np.inf if excess(edge) <= 0 else float(scipy.optimize.brentq(excess, -edge, edge))
 
 
 def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float = 0.95) -> Sensitivity:
@@ -104,13 +98,11 @@ def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> S
     approximation of Gourevitch and Galanter (1967) for independent trials. They are NaN with fewer than 20 signals or
     blanks, where the coverage of a nominal 0.95 rises to 0.98.
     """
-    from scipy.stats import norm
-
     # Called only to check the counts.
     wilson([hits, false_alarms], [signals, blanks])
     rate = (np.array([hits, false_alarms]) + 0.5) / (np.array([signals, blanks]) + 1)
-    z = norm.ppf(rate)
-    variance = rate * (1 - rate) / (np.array([signals, blanks]) * norm.pdf(z) ** 2)
+    z = scipy.stats.norm.ppf(rate)
+    variance = rate * (1 - rate) / (np.array([signals, blanks]) * scipy.stats.norm.pdf(z) ** 2)
     half = 1.96 * float(np.sqrt(variance.sum())) if min(signals, blanks) >= 20 else np.nan
     d = float(z[0] - z[1])
     return Sensitivity(d_prime=d, low=d - half, high=d + half, criterion=float(-z.mean()), corrected=True)
@@ -123,18 +115,15 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
     sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals. `criterion` is the distance k;
     d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN: use `limits_over_people`.
     """
-    from scipy.optimize import brentq
-    from scipy.stats import norm
-
     # Called only to check the counts.
     wilson([hits, false_alarms], [different, same])
     hit, alarm = (hits + 0.5) / (different + 1), (false_alarms + 0.5) / (same + 1)
-    k = float(-np.sqrt(2) * norm.ppf(alarm / 2))
+    k = float(-np.sqrt(2) * scipy.stats.norm.ppf(alarm / 2))
 
     def excess(d: float) -> float:
-        return float(norm.cdf((d - k) / np.sqrt(2)) + norm.cdf((-d - k) / np.sqrt(2)) - hit)
+        return float(scipy.stats.norm.cdf((d - k) / np.sqrt(2)) + scipy.stats.norm.cdf((-d - k) / np.sqrt(2)) - hit)
 
-    d = 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, 40.0))
+    d = 0.0 if excess(0.0) >= 0 else float(scipy.optimize.brentq(excess, 0.0, 40.0))
     return Sensitivity(d_prime=d, low=np.nan, high=np.nan, criterion=k, corrected=True)
 
 
@@ -144,8 +133,6 @@ def choice_model(counts: NDArray[Any]) -> ChoiceModel:
     Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit reproduces the row sums, the column
     sums and n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
     """
-    from scipy.stats import chi2
-
     data = np.asarray(counts, float)
     if data.ndim != 2 or data.shape[0] != data.shape[1] or len(data) < 2 or data.sum() <= 0:
         raise ShapeError(f"counts: expected a square table with answers, got shape {data.shape}")
@@ -157,7 +144,7 @@ def choice_model(counts: NDArray[Any]) -> ChoiceModel:
     bias = np.exp(np.log(np.sqrt(fit / fit.T) * np.sqrt(diagonal)[None, :] / np.sqrt(diagonal)[:, None]).mean(axis=0))
     misfit = float(2 * (filled * np.log(filled / fit)).sum())
     free = (len(data) - 1) * (len(data) - 2) / 2
-    p = float(chi2.sf(max(misfit, 0), free)) if free else 1.0
+    p = float(scipy.stats.chi2.sf(max(misfit, 0), free)) if free else 1.0
     return ChoiceModel(bias=bias / bias.sum(), similarity=similarity, misfit=misfit, p=p)
 
 

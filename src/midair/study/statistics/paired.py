@@ -1,24 +1,18 @@
 """Paired values: t-test, equivalence, Bayes factor, Holm's correction, and comparisons of the levels of factors."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import scipy
+from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.study.statistics.anova import between_groups, noncentral_t_limits
+from midair.study.statistics.anova import Groups, between_groups, noncentral_t_limits
 from midair.study.statistics.columns import cell_means, frame_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pandas import DataFrame
-
-    from midair.study.statistics.anova import Groups
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,12 +51,10 @@ def paired_t(first: Sequence[float] | Array, second: Sequence[float] | Array, *,
     Raises ShapeError if there are fewer than two pairs or the lengths differ and InputError if all differences are
     equal: the standard error is 0.
     """
-    from scipy.stats import t as t_distribution
-
     mean, error, n = _difference(first, second)
     t = mean / error
-    half = error * float(t_distribution.ppf((1 + level) / 2, n - 1))
-    p = float(2 * t_distribution.sf(abs(t), n - 1))
+    half = error * float(scipy.stats.t.ppf((1 + level) / 2, n - 1))
+    p = float(2 * scipy.stats.t.sf(abs(t), n - 1))
     return PairedT(t=t, df=n - 1, p=p, difference=mean, low=mean - half, high=mean + half, d_z=t / n**0.5, n=n)
 
 
@@ -71,14 +63,12 @@ def equivalence(first: Sequence[float] | Array, second: Sequence[float] | Array,
 
     Raises ShapeError or InputError as `paired_t`; also if the margin is not above 0.
     """
-    from scipy.stats import t as t_distribution
-
     if not margin > 0:
         raise InputError(f"margin: expected a difference above 0, got {margin:g}")
     mean, error, n = _difference(first, second)
     # The test at the nearer margin has the larger p-value, which is the p-value of TOST.
-    p = t_distribution.sf((margin - abs(mean)) / error, n - 1)
-    half = error * float(t_distribution.ppf(0.95, n - 1))
+    p = scipy.stats.t.sf((margin - abs(mean)) / error, n - 1)
+    half = error * float(scipy.stats.t.ppf(0.95, n - 1))
     return Equivalence(p=float(p), margin=float(margin), low=mean - half, high=mean + half)
 
 
@@ -90,8 +80,6 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
     (1 + n g)^(-1/2) (1 + t^2 / ((1 + n g) df))^(-n/2) with g inverse-gamma(1/2, width^2/2), divided by
     (1 + t^2 / df)^(-n/2).
     """
-    from scipy.integrate import quad
-
     if n < 2 or not np.isfinite(t):
         raise InputError(f"Bayes factor: expected a finite t of two or more pairs, got t = {t:g}, n = {n}")
     df = n - 1
@@ -103,7 +91,7 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
         return float(np.exp(prior + x - 0.5 * np.log1p(n * g) - n / 2 * np.log1p(t**2 / ((1 + n * g) * df)) - null))
 
     # Integrated over log g, where the integrand is smooth; over g it is a spike near 0 with a long tail.
-    value, _ = quad(weight, -25, 40, limit=400, points=[-5.0, 0.0, 5.0])
+    value, _ = scipy.integrate.quad(weight, -25, 40, limit=400, points=[-5.0, 0.0, 5.0])
     return float(value)
 
 
@@ -164,8 +152,6 @@ def pairwise(
     standard deviation of the differences (d_z; within) or of the people of a group (Cohen's d; between); its limits are
     from the noncentral t. Where all differences are equal the tests are NaN, and `note` gives the reason.
     """
-    from pandas import DataFrame
-
     cells = cell_means(table, value=value, participant=participant, within=within)
     groups = between_groups(frame_of(table), cells, participant, list(between))
     if (people := len(cells.participants)) <= len(groups.sizes):
@@ -198,8 +184,6 @@ def _comparison(y: Array, groups: Groups, first: dict[int, int], second: dict[in
     `first`, `second`: level of each factor that is not averaged, by its index among between- and within-subject
     factors.
     """
-    from scipy.stats import t as t_distribution
-
     outer = len(groups.levels)
     inside = [_mean_within(y, {i - outer: k for i, k in cell.items() if i >= outer}) for cell in (first, second)]
     weights = [_group_weights(groups, {i: k for i, k in cell.items() if i < outer}) for cell in (first, second)]
@@ -216,20 +200,18 @@ def _comparison(y: Array, groups: Groups, first: dict[int, int], second: dict[in
         void = dict.fromkeys(("low", "high", "t", "p", "d", "d_low", "d_high"), np.nan)
         return row | void | {"note": "the same difference in every participant: no error to compare it with"}
     t = difference / (spread * size)
-    half = float(t_distribution.ppf(0.975, df)) * spread * size
+    half = float(scipy.stats.t.ppf(0.975, df)) * spread * size
     low, high = noncentral_t_limits(t, df)
-    p = float(2 * t_distribution.sf(abs(t), df))
+    p = float(2 * scipy.stats.t.sf(abs(t), df))
     row |= {"low": difference - half, "high": difference + half, "t": t, "p": p}
     return row | {"d": t * size, "d_low": low * size, "d_high": high * size, "note": ""}
 
 
 def _correct(rows: list[dict[str, Any]], levels: int) -> None:
     """Add the corrected p-values: Tukey's for a factor with this number of levels, or Holm's if 0."""
-    from scipy.stats import studentized_range
-
     known = [row for row in rows if np.isfinite(row["p"])]
     corrected = (
-        [studentized_range.sf(2**0.5 * abs(row["t"]), levels, row["df"]) for row in known]
+        [scipy.stats.studentized_range.sf(2**0.5 * abs(row["t"]), levels, row["df"]) for row in known]
         if levels
         else holm([row["p"] for row in known])
     )

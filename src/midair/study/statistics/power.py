@@ -3,13 +3,12 @@
 And the statistics that follow from the numbers printed in section 5.3 of the paper.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
+from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.progress import report_progress
@@ -17,12 +16,6 @@ from midair.study.statistics.anova import noncentral_t_limits
 from midair.study.statistics.confusion import Chance, Confusion, chance_macro_f, f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice, proportion_correct
 from midair.study.statistics.paired import bayes_factor, equivalence, holm
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pandas import DataFrame
-
 
 Experiment = Callable[[int, np.random.Generator], float]
 """Function of the number of participants and a random generator that returns the p-value of the planned test."""
@@ -46,15 +39,14 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
 
     `d_z` is the true mean difference over the standard deviation of the differences, `alpha` the significance level.
     """
-    from scipy.stats import nct
-    from scipy.stats import t as t_distribution
-
     if participants < 2:
         raise InputError(f"participants: expected two or more, got {participants}")
-    edge = float(t_distribution.ppf(1 - alpha / 2, participants - 1))
+    edge = float(scipy.stats.t.ppf(1 - alpha / 2, participants - 1))
     shift = abs(d_z) * participants**0.5
     # A two-sided test also rejects on the opposite side, which matters for small effects.
-    return float(nct.sf(edge, participants - 1, shift) + nct.cdf(-edge, participants - 1, shift))
+    return float(
+        scipy.stats.nct.sf(edge, participants - 1, shift) + scipy.stats.nct.cdf(-edge, participants - 1, shift)
+    )
 
 
 def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 0.05, most: int = 10_000) -> int:
@@ -85,8 +77,6 @@ def power_curve(
     experiment: Experiment, candidates: Sequence[int], *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
 ) -> DataFrame:
     """Power for several numbers of participants: columns participants, power, low, high."""
-    from pandas import DataFrame
-
     # The simulation time grows with the number of participants.
     each = report_progress(candidates, sum(candidates), weight=lambda n: n)
     found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in each]
@@ -200,9 +190,6 @@ def published_statistics() -> DataFrame:
 
     Columns quantity, value, low, high (95 % limits, NaN where undefined).
     """
-    from pandas import DataFrame
-    from scipy.stats import t as t_distribution
-
     paper = Published()
     n, d_z = paper.objects, paper.t / paper.objects**0.5
     low, high = (limit / n**0.5 for limit in noncentral_t_limits(paper.t, n - 1))
@@ -211,9 +198,9 @@ def published_statistics() -> DataFrame:
     fewest = int(np.floor(paper.real_correct * trials)) + 1
     share = wilson(fewest, trials)
     sense = d_prime_choice(fewest, trials, alternatives=n)
-    margin = d_z + float(t_distribution.ppf(0.95, n - 1)) / n**0.5
+    margin = d_z + float(scipy.stats.t.ppf(0.95, n - 1)) / n**0.5
     rows = [
-        ("p of t(2) = 1.60, two-sided", 2 * float(t_distribution.sf(paper.t, n - 1)), np.nan, np.nan),
+        ("p of t(2) = 1.60, two-sided", 2 * float(scipy.stats.t.sf(paper.t, n - 1)), np.nan, np.nan),
         ("d_z over objects", d_z, low, high),
         ("power of the test at d_z = 0.5", power_paired_t(n, d_z=0.5), np.nan, np.nan),
         ("power of the test at d_z = 1", power_paired_t(n, d_z=1.0), np.nan, np.nan),

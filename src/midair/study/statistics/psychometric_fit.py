@@ -1,20 +1,16 @@
 """Psychometric functions, the probability of an answer by stimulus level, and their maximum likelihood fit."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 
 CurveShape = Literal["logistic", "normal", "weibull"]
 
@@ -48,8 +44,6 @@ class Psychometric:
 
 def sigmoid(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Array:
     """F of `Psychometric`, 0 to 1; all arguments broadcast."""
-    from scipy.special import expit, ndtr
-
     x = np.asarray(level, float)
     if shape == "weibull":
         with np.errstate(divide="ignore"):
@@ -57,7 +51,7 @@ def sigmoid(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Array:
         # F is exactly 1 in float64 well below 50; far above 50 the exponential overflows.
         return np.asarray(-np.expm1(-np.exp(np.minimum(rise, 50))))
     z = slope * (x - threshold)
-    return np.asarray(expit(z) if shape == "logistic" else ndtr(z))
+    return np.asarray(scipy.special.expit(z) if shape == "logistic" else scipy.special.ndtr(z))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,8 +166,6 @@ def threshold_limits(
     `right` and `total` have shape (level,). Returns the low and high limit in the unit of the levels; 0 (or -inf) and
     inf if the grid ends before the ratio reaches the critical value: the answers then give no limit on that side.
     """
-    from scipy.stats import chi2
-
     seed = int(rng.integers(2**63))
     profile = net.profile(right[None], total)[0]
     ratio = 2 * (profile.max() - profile)
@@ -191,7 +183,7 @@ def threshold_limits(
             plain = -np.inf if net.curves.shape != "weibull" else 0.0
             found.append(plain if side < 0 else np.inf)
             continue
-        critical = float(chi2.ppf(level, 1))
+        critical = float(scipy.stats.chi2.ppf(level, 1))
         while abs(outside - inside) > 1:
             # No bisection: the critical ratio changes slowly with the place, so its last value predicts the limit.
             between = range(inside + side, outside, side)
@@ -312,22 +304,22 @@ def fit_threshold(
 
 def _maximise(curves: CurveFamily, right: Array, total: Array, start: Array) -> tuple[Array, float]:
     """Parameters at the maximum of the likelihood near a start, and the negative log likelihood."""
-    from scipy.optimize import minimize
 
     def loss(z: Array) -> float:
         yes, no = curves.logarithms(z)
         return -float(right @ yes + (total - right) @ no)
 
     low, high = np.array(curves.box).T
-    found = minimize(loss, np.clip(start, low, high), method="L-BFGS-B", bounds=curves.box)
+    found = scipy.optimize.minimize(loss, np.clip(start, low, high), method="L-BFGS-B", bounds=curves.box)
     return np.asarray(found.x, np.float64), float(found.fun)
 
 
 def _saturated_fit(right: Array, total: Array) -> Array:
     """Log likelihood of the saturated model, with a separate rate for each level."""
-    from scipy.special import xlog1py, xlogy
-
-    return np.asarray((xlogy(right, right / total) + xlog1py(total - right, -right / total)).sum(axis=-1), np.float64)
+    return np.asarray(
+        (scipy.special.xlogy(right, right / total) + scipy.special.xlog1py(total - right, -right / total)).sum(axis=-1),
+        np.float64,
+    )
 
 
 def _merge_levels(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:

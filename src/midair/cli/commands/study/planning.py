@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
+from pandas import DataFrame
 
 from midair.cli.console import banner, confirmed, out, print_note, progress_bars
 from midair.cli.options import Force, Study
@@ -286,8 +287,6 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     out().print(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
     if output is None:
         return
-    from pandas import DataFrame
-
     output.mkdir(parents=True, exist_ok=True)
     pairs = range(3, 61)
     power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
