@@ -9,7 +9,6 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,21 +91,10 @@ class RecentFrames:
         self._blocks.clear()
         self.frames = 0
 
-    def last(self, frames: int) -> "LastMinute":
+    def last(self, frames: int) -> NDArray[Any]:
         """Return a copy of the last frames."""
         blocks = list(self._blocks)
-        return LastMinute(np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LastMinute:
-    """Kept frames with the interface that `LiveTake` reads."""
-
-    frames: NDArray[Any]
-
-    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """As `TouchRing.since`; returns all frames at once."""
-        return self.frames[seen:], len(self.frames), 0
+        return np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept)
 
 
 class LiveView:
@@ -288,12 +276,13 @@ class _LiveSupervisor:
 
         def write() -> None:
             with self._pipe.answering(order):
-                take = LiveTake(Path(order["path"]), known, opened, moment, order["notes"])
+                path, notes = Path(order["path"]), order["notes"]
+                take = LiveTake(path, known, opened, lambda seen: (moment[seen:], len(moment), 0), notes)
                 take.end()
                 take.run()
                 take.close()
-                found = {"frames": len(moment.frames), "duration_s": len(moment.frames) / rate}
-                self._pipe.answer(order, {"name": Path(order["path"]).name, **found})
+                found = {"frames": len(moment), "duration_s": len(moment) / rate}
+                self._pipe.answer(order, {"name": path.name, **found})
 
         threading.Thread(target=write, name="keep").start()
 

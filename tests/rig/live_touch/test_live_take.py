@@ -50,7 +50,7 @@ def fill(ring, first, count, flags=FRAME_EMITTED):
 
 def taking(path, ring, order=ORDER):
     take = LiveTake(
-        path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring, {"object": "towel"}, every=0.005
+        path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring.since, {"object": "towel"}, every=0.005
     )
     thread = threading.Thread(target=take.run)
     thread.start()

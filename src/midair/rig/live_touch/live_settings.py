@@ -153,7 +153,9 @@ class LiveSettings(Declared):
                 f"{'none' if self.offset is None else 'one'} for {self.mapping}; measure it on an earlier recording"
             )
         if self.latency is not None:
-            self._check_latency()
+            if self.listen is not None or self.offset is not None:
+                raise InputError("latency: expected neither --listen nor --offset, got one; leave it out")
+            self.schedule(RATE)
         if self.sensor.startswith("audio:"):
             raise InputError(
                 "live: expected a sensor without long buffers, got a sound card, whose buffers delay by 64 ms; "
@@ -167,26 +169,16 @@ class LiveSettings(Declared):
                 )
             host_and_port(self.listen, "--listen")
 
-    def _check_latency(self) -> None:
-        """InputError unless the latency can be shared out, and other settings leave it to do so."""
-        if self.listen is not None or self.offset is not None:
-            raise InputError(
-                "latency: expected a sensor of this computer and no --offset, got --listen or --offset; leave one out"
-            )
-        if self.schedule(RATE).delay < 0.02:
-            least = 1e3 * (self.latency or 0) + 20 - 1e3 * self.schedule(RATE).delay
-            raise InputError(
-                f"latency: expected at least {least:.0f} ms for a band from {self.band[0]:g} Hz, got "
-                f"{1e3 * (self.latency or 0):g} ms; give a longer one"
-            )
-
     def schedule(self, rate: float) -> "LiveSchedule":
-        """Share out the latency for a sensor of a rate in Hz."""
+        """Share out the latency for a sensor of a rate in Hz; InputError if it is too short for the band."""
         if self.latency is None:
             return LiveSchedule(delay=self.delay, hold=self.hold, ahead=self.hold, mapping=self.mapping, formed=1)
         formed, hold = max(1, int(FINE / rate)), 0.02
         bias = MappingStream("slow-bias", formed * rate, band=self.band).delay / (formed * rate)
         rest = self.latency - hold - bias - RISE - self.height / self.acoustics.medium.speed
+        if rest < 0.005:
+            least = f"{1e3 * (self.latency - rest) + 5:.0f} ms for a band from {self.band[0]:g} Hz"
+            raise InputError(f"latency: expected at least {least}, got {1e3 * self.latency:g} ms; give a longer one")
         # A unit queues 7 frames.
         ahead = min(hold, 6 / (formed * rate))
         return LiveSchedule(delay=rest, hold=hold, ahead=ahead, mapping="slow-bias", formed=formed)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +22,11 @@ from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, R
 from midair.rig.play_lease import LeaseToken, PlayLease
 
 
-class TouchFrames(Protocol):
-    """Source of the frames of a take."""
-
-    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """As `TouchRing.since`."""
-        ...
-
-
 class LiveTake:
     """Writes the ring to a file in a thread of the parent program, so that no disk can delay the loop.
 
-    `opened` is the state of the opened devices, `ring` the ring of the loop, or stored frames of it,
-    which is read every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
+    `opened` is the state of the opened devices, `since` that of the loop's `TouchRing`, or as it for stored frames,
+    called every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
     """
 
     def __init__(
@@ -42,14 +34,14 @@ class LiveTake:
         path: Path,
         order: LiveSettings,
         opened: LoopStarted,
-        ring: TouchFrames,
+        since: Callable[[int], tuple[NDArray[Any], int, int]],
         notes: Mapping[str, str],
         *,
         every: float = 0.05,
     ) -> None:
         self.problem: MidairError | None = None
         self.missed = 0
-        self._ring, self._count, self._every = ring, opened.sensor.count, every
+        self._since, self._count, self._every = since, opened.sensor.count, every
         self._grid, self._seen, self._formed = opened.sensor, 0, opened.schedule.formed
         self._over = threading.Event()
         self._writer = RecordingWriter(
@@ -104,7 +96,7 @@ class LiveTake:
             raise self.problem
 
     def _write(self) -> None:
-        found, seen, missed = self._ring.since(self._seen)
+        found, seen, missed = self._since(self._seen)
         # Only whole frames of the sensor; the rest is read next time, or was overwritten in part.
         first = int(-found["number"][0]) % self._formed if len(found) else 0
         rest = (len(found) - first) % self._formed
@@ -307,7 +299,7 @@ class LiveSession:
                 self._receive(0.1)
             self._raise()
             if self._keep is not None:
-                self._take = LiveTake(self._keep, self.order, self.opened, self.ring, self._notes)
+                self._take = LiveTake(self._keep, self.order, self.opened, self.ring.since, self._notes)
                 self._start("take", self._take.run)
         except BaseException:
             self._end()

@@ -116,7 +116,6 @@ class Touch:
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)
         self.delay = (delay if self._inverse else 0.0) + self._mapping.delay / (formed * rate)
-        self._slow = self._mapping.delay > 0
 
     def feel(self, frame: Array) -> None:
         """Process the sensor's next frame, shape (channel,), in its unit."""
@@ -126,13 +125,8 @@ class Touch:
             inverse.step(frame, pressure)
         np.dot(self.pressure, self._apart, out=self._pushes)
         self._pushes *= self.settings.gain
-        if self._slow:
-            # Also for frames that are not formed: the stream must not skip one.
-            ready = self._mapping.push(self._pushes)
-            self._pushes[:] = ready if len(ready) == len(self._pushes) else 0.0
-        elif self.settings.offset is not None:
-            self._pushes += self.settings.offset
-        np.maximum(self._pushes, 0.0, out=self._pushes)
+        ready = self._mapping.push(self._pushes)
+        self._pushes[:] = ready if len(ready) else 0.0
 
     def form(self, at: int = 0, *, hurried: bool = False) -> bool:
         """Compute the phases of a frame of the last sample, in half the time if `hurried`; False for a silent one."""
