@@ -283,8 +283,8 @@ class ReplaySensor(SensorDevice):
         """Do nothing: there is no device to close."""
 
 
-class _WrappedSensor(SensorDevice):
-    """Passes everything on to another sensor."""
+class WrappedSensor(SensorDevice):
+    """Passes everything on to another sensor, except its calibration and its wiring."""
 
     def __init__(self, sensor: SensorDevice) -> None:
         self._sensor = sensor
@@ -312,7 +312,7 @@ class _WrappedSensor(SensorDevice):
         return self._sensor.describe()
 
 
-class PacedSensor(_WrappedSensor):
+class PacedSensor(WrappedSensor):
     """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
 
     def __init__(self, sensor: SensorDevice) -> None:
@@ -334,7 +334,7 @@ class PacedSensor(_WrappedSensor):
         return replace(block, device_time=first, host_time=self._begin + first)
 
 
-class RemappedSensor(_WrappedSensor):
+class RemappedSensor(WrappedSensor):
     """A sensor with reordered channels, to simulate or to correct swapped wires.
 
     `wiring` assigns the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.
