@@ -201,7 +201,7 @@ MISTAKES = (
     ("solve take.h5 x.drive.h5 --smooth -1", 1, "expected 0 or more, got -1"),
     ("solve take.h5 x.drive.h5 --robust 2mm", 2, "expected a quantity such as 2C,"),
     ("solve take.h5 x.drive.h5 --humidity 50", 2, "expected a quantity such as 50%,"),
-    ("solve take.h5 x.drive.h5 --humidity 150%", 1, "expected 0 to 1 (0 % to 100 %),"),
+    ("solve take.h5 x.drive.h5 --humidity 150%", 1, "humidity: expected 0 to 1, got 1.5; 1 is 100 %"),
     ("solve take.h5 x.drive.h5 --temperature 22K", 1, "expected 0 to 50 degrees Celsius,"),
     ("solve take.h5 x.drive.h5 --backend cuda", 1, "expected one of numpy, torch,"),
     ("solve take.h5 x.drive.h5 --jobs 0", 1, "expected 1 or more, got 0"),

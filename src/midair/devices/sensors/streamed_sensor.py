@@ -13,6 +13,7 @@ from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
 from midair.model import Calibration, Recording, SensorWiring
+from midair.validation import within
 
 
 class Reader:
@@ -156,8 +157,7 @@ class StreamedSensor(SensorDevice):
         """Return the next `frames` frames, or fewer up to a gap or to the loss of the source."""
         if self._reader is None or self.wiring is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
-        if frames < 1:
-            raise InputError(f"{self.name}: expected to read 1 frame or more, got {frames}")
+        within(frames, f"{self.name}: frames to read", 1)
         parts = self._parts(self._reader, frames)
         first, lost = parts[0], parts[0].first - self._next
         self._next = parts[-1].first + len(parts[-1])
