@@ -32,7 +32,12 @@ from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_t
 from midair.rig import PlaySettings, remote
 from midair.rig.remote import MESSAGES
 
-PATTERN = "duration_s = {seconds}\nrate_hz = {rate}\n[[spot]]\npressure_pa = 20\n"
+PATTERN = """duration_s = {seconds}
+rate_hz = {rate}
+parameters = {{ force = {{ default = {force}, min = 0.01, max = 80.0 }} }}
+[[spot]]
+pressure_pa = "$force"
+"""
 KEY = "secret"
 HOLD, TURN = 6_000, 2**32
 """Time by which silent frames are sent ahead of their instants, and where the clock of the units begins anew, in us."""
@@ -79,9 +84,9 @@ def wire(tap: UdpProxy, since: int, *, loud: bool, patience: float = 1.0) -> tup
 class Here:
     """A server in a thread of this program, on virtual units that keep their frames, or on others."""
 
-    def __init__(self, folder, units, **settings):
+    def __init__(self, folder, units, *, force=20, **settings):
         self.units, self.lines, ready = units, [], threading.Event()
-        (folder / "tap.toml").write_text(PATTERN.format(seconds=0.1, rate=1000), encoding="utf-8")
+        (folder / "tap.toml").write_text(PATTERN.format(seconds=0.1, rate=1000, force=force), encoding="utf-8")
 
         def note(tcp, udp):
             self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
@@ -201,7 +206,7 @@ def main() -> None:
     print(f"real-time priority of the tap: {watch_in_time()}")
     with tempfile.TemporaryDirectory() as name:
         for rate in options.rates:
-            Path(name, "tap.toml").write_text(PATTERN.format(seconds=0.05, rate=rate), encoding="utf-8")
+            Path(name, "tap.toml").write_text(PATTERN.format(seconds=0.05, rate=rate, force=20), encoding="utf-8")
             tap = UdpProxy(4)
             served = Served(tap, Path(name))
             try:

@@ -32,7 +32,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="ut
 @pytest.fixture
 def served(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
-    monkeypatch.setattr(remote, "immediate_array", lambda *_: virtual_immediate(units=units))
+    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
     with closing(Here(tmp_path, units)) as one:
         yield one
 
@@ -74,6 +74,22 @@ def test_osc_does_the_same(served):
         wait_until(lambda: any("the key" in line for line in served.lines))
         osc.send("stop")  # a stop needs no key
         wait_until(lambda: not served.sounds())
+
+
+def test_the_next_pass_takes_a_parameter_without_a_step(served):
+    with served.playing() as client:
+        loud, begin = served.units.frames[-1][1], len(served.units.frames)
+        for value in (5.0, 80.0):
+            found = ask(client, "parameter", file="tap.toml", name="force", value=value)
+            assert found["parameters"] == {"force": value}
+            wait_until(lambda value=value: abs(served.units.frames[-1][1] - loud * np.sqrt(value / 20)) < 2)
+        # 5 ms from full level to silence, at 1000 frames a second, and steps of 1 of 255.
+        levels = np.array([intensity for _, intensity, _ in list(served.units.frames)[begin:]])
+        assert np.abs(np.diff(levels)).max() <= levels.max() / 5 + 1
+        for name, value, said in (("force", 81.0, "force: expected 0.01 to 80, got 81"), ("f", 1.0, "one of force")):
+            assert said in ask(client, "parameter", file="tap.toml", name=name, value=value)["error"]
+        assert ask(client, "list")["loaded"][0]["parameters"] == {"force": 80.0}
+        assert served.sounds()
 
 
 def test_a_second_client_cannot_play_but_can_stop(served):
@@ -166,10 +182,10 @@ def test_frames_follow_the_palm_that_clients_report(served):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("attenuate", [False, True])
-def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate):
+@pytest.mark.parametrize(("attenuate", "force"), [(False, 20), (True, 20), (False, 0.01)])
+def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate, force):
     choices = replace(default_exposure(), attenuate=attenuate)
-    served = Here(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices)
+    served = Here(tmp_path, None, device=f"autd3:{tap.address}", exposure=choices, force=force)
     with closing(served), served.client() as client:
         loaded = ask(client, "load", file="tap.toml")
         times = trigger_times(tap, client, 200 if attenuate else 1)
@@ -177,6 +193,12 @@ def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_tim
             assert np.median(times) < 0.02
             (order,) = [each for each in read_log()[0] if each["event"] == "play"]
             assert max(intensity for _, _, intensity, _ in frames_on(tap)) <= round(255 * order["level"])
+        elif force < 1:
+            ask(client, "play", file="tap.toml", repeats=0)
+            found = ask(client, "parameter", file="tap.toml", name="force", value=20.0)
+            assert "weaken it with --attenuate" in found["error"]
+            assert state(client)["playing"] == "tap.toml"
+            assert 0 < max(intensity for _, _, intensity, _ in frames_on(tap)) < 5
         else:
             assert "weaken it with --attenuate" in loaded["error"]
             assert np.isnan(times[0])

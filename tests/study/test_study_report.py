@@ -16,6 +16,7 @@ from midair.study.study_report import (
     rating_figure,
     study_pictures,
 )
+from midair.study.tables import legend_of
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -42,7 +43,7 @@ def reported():
 def test_every_column_is_explained_in_the_page(reported):
     report, page = reported
     for finding in report.findings:
-        for name, meaning in finding.legend:
+        for name, meaning in legend_of(finding):
             if name != "note":
                 assert f"<b>{name}</b>: {meaning}".replace("'", "&#39;") in page, (finding.title, name)
 

@@ -16,6 +16,7 @@ from midair.figures import STYLE, Picture, new_figure, plain_axes, png_bytes, re
 from midair.files import for_json
 from midair.study.findings import Choices, Finding, Report, StudyData
 from midair.study.statistics import Chance
+from midair.study.tables import legend_of
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def report_json(report: Report) -> str:
             {
                 "title": one.title,
                 "words": one.words,
-                "legend": dict(one.legend),
+                "legend": dict(legend_of(one)),
                 "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
             }
             for one in report.findings
@@ -113,7 +114,7 @@ def _table_context(finding: Finding) -> dict[str, Any]:
         [_cell_text(name, value) for name, value in zip(names, row, strict=True)]
         for row in shown.itertuples(index=False, name=None)
     ]
-    legend = [(name, meaning) for name, meaning in finding.legend if name in names]
+    legend = [(name, meaning) for name, meaning in legend_of(finding) if name in names]
     return {"title": finding.title, "words": finding.words, "names": names, "rows": rows, "legend": legend}
 
 

@@ -1,0 +1,247 @@
+"""Plays the drives that clients load, in a thread, frame by frame."""
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from math import ceil
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from midair.array_types import Array
+from midair.devices import (
+    TICK,
+    ImmediateArray,
+    Put,
+    RawPose,
+    Tracker,
+    check_exposure,
+    divider,
+    intensity_bytes,
+    phase_bytes,
+)
+from midair.errors import InputError, SilentFramesError
+from midair.files import load_solution
+from midair.model import Acoustics, Drive, Medium, Provenance
+from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
+from midair.rig.names import TRACKERS, array_calibration_for
+from midair.rig.play_lease import LeaseToken, PlayLease
+from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, wait_until
+
+LEASE, REPEATED, FADE, WORD = 0.5, 60.0, 0.005, 0.008
+"""Times in s: without a sign of life until the client in control loses the array; for which the check repeats a drive;
+of a change of the level from 0 to 1; between silent frames."""
+
+
+class PalmReports:
+    """The palm as clients report it, as the source of a tracker."""
+
+    host_clock = True
+
+    def __init__(self) -> None:
+        self._poses = queue.SimpleQueue[RawPose | str]()
+        self.open = self.close = lambda: None
+        self.add = self._poses.put
+
+    def pull(self, wait: float) -> list[RawPose | str]:
+        """The next pose, if one arrives within a time in s."""
+        with suppress(queue.Empty):
+            return [self._poses.get(timeout=wait or 1e-6)]
+        return []
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """A file that may play, and its order in the log."""
+
+    path: Path
+    duration: float | None
+    follow: bool
+    values: dict[str, float]
+    """Values of parameters that differ from their defaults."""
+    about: dict[str, Any]
+    """What clients get to read about it."""
+    drive: Drive
+    places_db: Array
+    """Level at each place of the exposure profile, shape (frame, place), in dB."""
+    frames: Callable[[slice, Array], tuple[Any, Any]]
+    """Phases and intensities of frames that sound at times in s of this computer's clock."""
+    put: Put
+    log: Callable[[str, str], None]
+    report: dict[str, Any]
+    """Number and duration of its plays."""
+    follower: Follower | None
+
+
+class Trigger(NamedTuple):
+    """An order to play."""
+
+    loaded: Loaded
+    repeats: int
+    token: LeaseToken
+    rises: bool = False
+    """Whether its level rises from 0."""
+
+
+class Player:
+    """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
+
+    def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: Any) -> None:
+        self._array, self._settings, self._begin = array, settings, begin
+        silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
+        self._quiet = partial(self._put, quiet, silence, 0)
+        self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
+        self.loaded: dict[str, Loaded] = {}
+        self.level, self._late, self._failsafe = 1.0, 0, 0
+        self.palm, self.silent = PalmReports(), threading.Event()
+        self.tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
+        self.triggers = queue.SimpleQueue[Trigger | None]()
+        self._now: tuple[Loaded, int, float, int] | None = None
+
+    def load(self, path: Path, duration: float | None, follow: bool, values: dict[str, float]) -> dict[str, Any]:
+        """Read or draw a file, check its exposure and log the order; slow, for a thread of its own.
+
+        While the file plays, its next pass is the new one.
+        """
+        if hasattr(os, "sched_setscheduler"):
+            with suppress(OSError):  # the check must not hold up the thread that plays
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        array, how, units = self._array, self._settings, self._array.placement.units
+        drawn = path.suffix in PATTERN_ENDINGS
+        if values and not drawn:
+            raise InputError(f"parameter: expected a pattern, got the drive {path.name}")
+        drive = self._drawn(path, duration, values) if drawn else load_solution(path).drive
+        if not 100 <= drive.rate <= 8000 or drive.level.ndim > 1:
+            expected = "100 to 8000 frames a second with one level for all transducers"
+            raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
+        follower = None
+        if follow:
+            grid = grid_of(drive)
+            admission = clear_followed(drive, array, replace(how, steer_only=True), grid)
+            follower = Follower(self.tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
+        else:
+            admission = check_exposure(drive, array, how.exposure, repeats=ceil(REPEATED * drive.rate / drive.frames))
+            drive = admission.check_for(array)
+        phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
+
+        def frames(part: slice, times: Array) -> tuple[Any, Any]:
+            if follower is None:
+                return phases[part], intensities[part]
+            steered = admission.steered(*follower.steered(part, times))
+            return phase_bytes(steered, units), intensity_bytes(steered, 1)
+
+        report: dict[str, Any] = {"plays": 0, "duration": 0.0}
+        about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
+        about |= {"follow": follow, "parameters": values, "exposure": admission.verdict()}
+        put, log = self._begin(admission, path, report)
+        made: dict[str, Any] = {"path": path, "duration": duration, "follow": follow, "values": values, "about": about}
+        made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
+        self.loaded[path.name] = Loaded(drive=drive, frames=frames, follower=follower, **made)
+        return about
+
+    def _drawn(self, path: Path, duration: float | None, values: dict[str, float]) -> Drive:
+        pattern, acoustics = load_pattern(path, values), Acoustics(medium=self._settings.exposure.room or Medium.at())
+        known, foci = array_calibration_for(self._settings.device), pattern.foci(duration)
+        array = self._array.array if known is None else known.known.applied(self._array.array)
+        life = drawn_settings(foci, acoustics).noted(Provenance(source=path.name))
+        return replace(draw(foci, array, acoustics=acoustics).drive, provenance=life)
+
+    def loaded_file(self, file: str) -> Loaded:
+        """A loaded file; InputError if it is not loaded."""
+        if file not in self.loaded:
+            raise InputError(f"file: expected one that is loaded, {sorted(self.loaded)}, got {file[:60]!r}; load it")
+        return self.loaded[file]
+
+    def trigger(self, file: str, repeats: int) -> Loaded:
+        """Play a loaded file now."""
+        loaded = self.loaded_file(file)
+        if self.permit.refusal(self._token) is not None:
+            self._token = self.permit.arm(lasts=LEASE)
+        self.silent.clear()
+        self.triggers.put(Trigger(loaded, repeats, self._token))
+        return loaded
+
+    def state(self) -> dict[str, Any]:
+        """What plays now, its level, and the levels at the places of the exposure profile in dB."""
+        state = {"level": self.level, "late": self._late, "failsafe": self._failsafe}
+        if (now := self._now) is None:
+            return state | {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
+        loaded, number, gain, intensity = now
+        levels = loaded.places_db[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
+        places = zip(self._settings.exposure.profile.places, levels, strict=True)
+        loud = {place.name: round(float(each), 1) for place, each in places if each > 0}
+        state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate}
+        return state | {"drive": intensity / 255, "places_db": loud}
+
+    def run(self) -> None:
+        """Send silent frames, and play each trigger."""
+        trigger: Trigger | None = None
+        while True:
+            if trigger is None and self.triggers.empty():
+                self._now = None
+                self.silent.set()
+            try:
+                trigger = trigger or self.triggers.get(timeout=WORD)
+            except queue.Empty:
+                self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
+                continue
+            if trigger is None:
+                return
+            trigger = self._play(*trigger)
+
+    def _put(self, put: Callable[..., None], *frame: Any) -> None:
+        try:
+            put(*frame)
+        except SilentFramesError:  # the program was held up for 50 ms; the next frame sounds again
+            self._failsafe += 1
+            self._array.resume()
+
+    def _play(self, loaded: Loaded, repeats: int, token: LeaseToken, rises: bool) -> Trigger | None:
+        """Play to the end, or until the next trigger or the end of the lease.
+
+        If the file was loaded again, return a trigger of the remaining passes, after the level has fallen to 0.
+        """
+        units, rate, frames = self._array.units, loaded.drive.rate, loaded.drive.frames
+        period, ahead, step = divider(rate) * TICK, round(1e9 * min(self._array.hold, 5 / rate)), 1 / (rate * FADE)
+        soon, early, block = min(ahead, 500_000), 1_000_000, max(1, round(FollowRules().block * rate))
+        if loaded.follower is not None:
+            loaded.follower.fall_silent()
+            early *= 4
+        self.silent.clear()
+        loaded.report["plays"] += 1
+        first = -(-(units.now() + ahead + early) // period) * period
+        number, begin, end, phases, intensities = 0, 0, 0, np.zeros(0), np.zeros(0)
+        before, gain = loaded.report["duration"], 0.0 if rises else self.level
+        while not repeats or number < repeats * frames:
+            if self.permit.refusal(token) is not None:
+                return self._array.silence()
+            if not self.triggers.empty():
+                return None
+            if (missed := -(-(units.now() + soon - first - number * period) // period)) > 0:
+                # The units keep the frame before.
+                self._late, number = self._late + missed, number + missed
+                continue
+            newest, at = self.loaded[loaded.path.name], number % frames
+            if newest is not loaded and at == 0 and gain <= 0:
+                return Trigger(newest, repeats and repeats - number // frames, token, rises=True)
+            if number >= end:
+                begin, end = number, number + min(block, frames - at)
+                clock = first + time.monotonic_ns() - units.now()
+                times = 1e-9 * (clock + np.arange(begin, end, dtype=np.float64) * period)
+                phases, intensities = loaded.frames(slice(at, at + end - begin), times)
+            wait_until(units, first + number * period - ahead)
+            level = 0.0 if newest is not loaded and frames - at <= FADE * rate + 1 else self.level
+            gain += min(max(level - gain, -step), step)
+            intensity = int(intensities[number - begin] * gain)
+            self._put(loaded.put, phases[number - begin], intensity, first + number * period)
+            self._now = loaded, number, gain, intensity
+            number += 1
+            loaded.report["duration"] = before + number / rate
+        wait_until(units, first + number * period - ahead)
+        return self._quiet(first + number * period)

@@ -1,0 +1,269 @@
+"""The server of remote control: who may ask, who has control, and when the array is silent."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from hmac import compare_digest
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.server import Request, Response, ServerConnection, broadcast
+from websockets.asyncio.server import serve as serve_websockets
+from websockets.exceptions import ConnectionClosed
+
+from midair.devices import RawPose
+from midair.errors import DeviceError, DeviceStateError, FileError, InputError, MidairError, MissingFileError
+from midair.model import RATE
+from midair.patterns import PATTERN_ENDINGS
+from midair.rig.playing import PlaySettings, immediate_array
+from midair.rig.remote.messages import Level, Load, Message, Palm, Parameter, Play, osc_packet, read_json, read_osc
+from midair.rig.remote.player import LEASE, Player
+from midair.rig.signals import signals_end_the_program
+
+LEAVES = 5.0
+"""Time in s without a sign of life until any client has left."""
+STATES, MOST, LINES = 60, 1000, 20
+"""States that each client gets a second; messages of one client a second; refusals that are printed."""
+ENDINGS = (".drive.h5", *PATTERN_ENDINGS)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Client:
+    """A client that has the key."""
+
+    number: int
+    send: Callable[[str, dict[str, Any]], None]
+    """Sends an answer or a state."""
+    seen: float = field(default_factory=time.monotonic)
+    second: int = 0
+    count: int = 0
+    """Number of messages in that second."""
+    gone: bool = False
+
+
+class _Server(asyncio.DatagramProtocol):
+    """Answers clients that have the key, and lets one of them control the player; `report` gets a line a refusal."""
+
+    def __init__(self, player: Player, folder: Path, key: str, report: Callable[[str], object]) -> None:
+        self._player, self._folder, self._key, self._report = player, folder.resolve(), key.encode(), report
+        self._clients: dict[Any, Client] = {}
+        self._control: Client | None = None
+        self._osc: asyncio.DatagramTransport | None = None
+        self._entered = self._refused = 0
+        self._values: dict[str, dict[str, float]] = {}
+        """Values of parameters by file, until they are set."""
+        self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
+
+    async def run(self, host: str, ports: tuple[int, int], ready: Callable[[int, int], object], playing: Any) -> None:
+        """Serve until it is cancelled, or the future `playing` ends."""
+        loop = asyncio.get_running_loop()
+        # Its own lines about bad connections are left out.
+        how: dict[str, Any] = {"logger": logging.Logger("quiet", logging.CRITICAL + 1), "process_request": self._check}
+        how |= {"max_size": 65536, "compression": None, "close_timeout": 1, "ping_interval": 5, "ping_timeout": LEAVES}
+        try:
+            self._osc, _ = await loop.create_datagram_endpoint(lambda: self, (host, ports[1]))
+            async with serve_websockets(self._talk, host, ports[0], **how) as tcp:
+                ready(next(iter(tcp.sockets)).getsockname()[1], self._osc.get_extra_info("sockname")[1])
+                self._tasks.add(asyncio.create_task(self._send_states()))
+                await asyncio.wrap_future(playing)
+        except OSError as wrong:
+            if isinstance(wrong, MidairError):  # a lost link
+                raise
+            raise DeviceError(f"serve: expected free ports at {host}, got {wrong.strerror}; choose others") from wrong
+        finally:
+            self._player.permit.stop()
+            if self._osc is not None:
+                self._osc.close()
+
+    async def _send_states(self) -> None:
+        due = time.monotonic()
+        while True:
+            now = time.monotonic()
+            for place in [each for each in self._clients if isinstance(each, tuple)]:
+                if now - self._clients[place].seen > LEAVES:
+                    self._leave(place)
+            state = self._player.state() | {"control": getattr(self._control, "number", None)}
+            for client in self._clients.values():
+                client.send("state", state | {"clients": len(self._clients), "you": client.number})
+            due = max(due + 1 / STATES, now)
+            await asyncio.sleep(due - now)
+
+    def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+        if compare_digest(request.path.encode(errors="replace"), b"/?key=" + self._key):
+            return None
+        self._refuse("a connection without the key")
+        return connection.respond(401, "midair serve: expected the address with its ?key=\n")
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        """Serve one WebSocket client until it leaves or floods."""
+        client = self._enter(connection, lambda name, found: broadcast([connection], json.dumps({name: found})))
+        alive = asyncio.create_task(self._watch(client, connection))
+        try:
+            async for text in connection:
+                self._answer(client, partial(read_json, text))
+        except (ConnectionClosed, InputError):
+            pass
+        finally:
+            alive.cancel()
+            self._leave(connection)
+
+    async def _watch(self, client: Client, connection: ServerConnection) -> None:
+        """Renew the lease of a client while it answers pings, as WebSocket clients do by themselves."""
+        with suppress(ConnectionClosed):
+            while True:
+                await (await connection.ping())
+                self._lives(client)
+                await asyncio.sleep(LEASE / 5)
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """Answer an OSC packet."""
+        try:
+            for key, name, fields in read_osc(data):
+                if compare_digest(key.encode(), self._key):
+                    client = self._clients.get(addr) or self._enter(addr, partial(self._send_osc, addr))
+                    self._answer(client, lambda name=name, fields=fields: (name, fields))
+                elif name == "stop":
+                    self._player.permit.stop()
+                else:
+                    raise InputError("expected the key as the first value, got another")
+        except InputError as wrong:
+            self._refuse(f"OSC: {wrong}")
+
+    def _send_osc(self, addr: tuple[str, int], name: str, found: dict[str, Any]) -> None:
+        numbers = [float(found.get(each) or 0) for each in ("seconds", "level", "drive", "control", "late")]
+        values = [found["playing"] or "", *numbers] if name == "state" else [json.dumps(found)]
+        if self._osc is not None:
+            self._osc.sendto(osc_packet(f"/midair/{name}", *values), addr)
+
+    def _enter(self, place: Any, send: Callable[[str, dict[str, Any]], None]) -> Client:
+        self._entered += 1
+        self._clients[place] = client = Client(number=self._entered, send=send)
+        return client
+
+    def _leave(self, place: Any) -> None:
+        client = self._clients.pop(place)
+        client.gone = True
+        self._lose_control(client)
+
+    def _lose_control(self, client: Client) -> None:
+        if client is self._control:
+            self._control = None
+            self._player.permit.stop()
+
+    def _lives(self, client: Client) -> None:
+        client.seen = time.monotonic()
+        if client is self._control and self._player.permit.armed:
+            self._player.permit.renew(lasts=LEASE)
+
+    def _refuse(self, why: str) -> None:
+        self._refused += 1
+        if self._refused <= LINES:
+            self._report(f"refused: {why}" + "; no more of these lines" * (self._refused == LINES))
+
+    def _answer(self, client: Client, read: Callable[[], tuple[str, Message]]) -> None:
+        """Begin to do what a message asks, in the order of their arrival; InputError if there are too many."""
+        client.count = client.count + 1 if (now := int(time.monotonic())) == client.second else 1
+        client.second = now
+        if client.count > MOST:
+            self._lose_control(client)
+            self._refuse(wrong := f"client {client.number}: expected at most {MOST} messages a second, got more")
+            raise InputError(wrong)
+        task = asyncio.create_task(self._do(client, read))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _do(self, client: Client, read: Callable[[], tuple[str, Message]]) -> None:
+        name, found, player, held = "", dict[str, Any](), self._player, self._control
+        if client.gone or client.count > MOST:
+            return
+        try:
+            name, message = read()
+            self._lives(client)
+            if held is not client and name not in ("stop", "list"):
+                if held is not None and time.monotonic() - held.seen < LEASE:
+                    raise DeviceStateError(f"{name}: expected control, client {held.number} has it; a stop is allowed")
+                player.permit.stop()
+                self._control = client
+            match message:
+                case Load():
+                    path = (self._folder / message.file).resolve()
+                    if path.parent != self._folder or not path.name.endswith(ENDINGS) or not path.is_file():
+                        raise InputError(f"file: expected one of the list, got {message.file[:60]!r}")
+                    async with self._loading:
+                        found = await asyncio.to_thread(player.load, path, message.duration, message.follow, {})
+                case Parameter():
+                    player.loaded_file(message.file)
+                    self._values.setdefault(message.file, {})[message.name] = message.value
+                    async with self._loading:
+                        old, values = player.loaded[message.file], self._values.pop(message.file, {})
+                        found = old.about
+                        if values:  # the others were set together with an earlier one
+                            values = old.values | values
+                            found = await asyncio.to_thread(player.load, old.path, old.duration, old.follow, values)
+                case Play():
+                    loaded, passes = player.trigger(message.file, message.repeats), message.repeats or "endless"
+                    await asyncio.to_thread(loaded.log, "trigger", f"client {client.number}, {passes} passes")
+                case Level():
+                    player.level = message.level
+                case Palm():
+                    player.palm.add(RawPose(stamp=time.monotonic(), values=message.pose, confidence=message.confidence))
+                    return
+                case _ if name == "stop":
+                    player.permit.stop()
+                    found = {"silent": await asyncio.to_thread(player.silent.wait, 1.0)}
+                case _ if name == "list":
+                    files = sorted(each.name for each in self._folder.iterdir() if each.name.endswith(ENDINGS))
+                    found = {"files": files[:1000], "loaded": [one.about for one in player.loaded.values()]}
+                case _ if name == "release":
+                    self._lose_control(client)
+                case _:
+                    pass
+        except (MidairError, ValueError, OSError) as wrong:
+            if isinstance(wrong, FileError) and name == "play":  # nothing plays without a log
+                player.permit.stop()
+            self._refuse(f"client {client.number}: {wrong}")
+            found = {"error": str(wrong)}
+        client.send("answer", {"to": name} | found)
+
+
+def serve(
+    folder: Path,
+    *,
+    key: str,
+    settings: PlaySettings | None = None,
+    host: str = "127.0.0.1",
+    ports: tuple[int, int] = (8700, 8701),
+    report: Callable[[str], object] = print,
+    ready: Callable[[int, int], object] = lambda _port, _osc_port: None,
+) -> None:
+    """Let clients with the `key` play the files of a folder on an array until Ctrl-C, `midair stop` or an error.
+
+    `ports` are those for WebSocket and OSC; 0 chooses a free one, and `ready` gets both. DeviceError if a port is in
+    use or the array is lost, StoppedError after `midair stop`.
+    """
+    chosen = settings or PlaySettings()
+    if not folder.is_dir():
+        raise MissingFileError(f"{folder}: expected a folder of drives and patterns, got none")
+    array = immediate_array(chosen, RATE)
+    array.cooling, array.participant = chosen.cooling, chosen.participant
+    with (
+        signals_end_the_program(),
+        array,
+        array.drives_to_come() as (quiet, begin),
+        (player := Player(array, chosen, quiet, begin)).tracker,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        playing = pool.submit(player.run)
+        try:
+            with suppress(KeyboardInterrupt, asyncio.CancelledError):
+                asyncio.run(_Server(player, folder, key, report).run(host, ports, ready, playing))
+        finally:
+            player.permit.stop()
+            player.triggers.put(None)
+            playing.result()
