@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import operator
 import os
 import signal
 import threading
@@ -41,7 +42,7 @@ class WorkerProcess:
         daemon: bool = True,
     ) -> None:
         self._target, self._on_event, self._on_end = target, on_event, on_end
-        self._call = call or (lambda act, *values: act(*values))
+        self._call = call or operator.call
         self._name, self._absent, self._gone, self._daemon = name, absent, gone, daemon
         self._lock = threading.RLock()
         self._process: Any = None
