@@ -90,13 +90,15 @@ class Picture:
 
 
 def render_page(template: str, **values: Any) -> str:
-    """Render a template that extends page.html.j2 of this folder; all values that it uses must be given.
+    """Render a template, whose values are escaped in HTML; all values that it uses must be given.
 
-    `template` is a path below the package, such as ``rig/correction/report.html.j2``.
+    `template` is a path below the package, such as ``rig/correction/report.html.j2``; pages extend page.html.j2 of this
+    folder.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
+    html = template.endswith(".html.j2")
     environment = Environment(
-        loader=PackageLoader("midair", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("midair", "."), autoescape=html, undefined=StrictUndefined, trim_blocks=True
     )
     return environment.get_template(template).render(values)

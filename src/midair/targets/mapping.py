@@ -28,7 +28,7 @@ from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
-from midair.validation import positive
+from midair.validation import one_of, positive
 
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike
@@ -156,8 +156,7 @@ def mapping_of(name: str, band: tuple[float, float] | None = None) -> Callable[[
 
     Raises InputError if the name is unknown.
     """
-    if name not in MAPPINGS:
-        raise InputError(f"mapping: expected one of {', '.join(MAPPINGS)}, got {name!r}")
+    one_of(name, MAPPINGS, "mapping")
     chosen = MAPPINGS[name]
     return SlowBias.below(band) if band is not None and isinstance(chosen, SlowBias) else chosen
 

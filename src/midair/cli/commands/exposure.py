@@ -9,12 +9,12 @@ from midair.cli.exposure_options import AirOptions, print_check_time
 from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure
-from midair.errors import InputError
 from midair.figures import exposure_figure, png_bytes
 from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import ArrayKind, array_named, array_of_kind
+from midair.validation import within
 
 
 def exposure_command(
@@ -63,8 +63,7 @@ def exposure_command(
     --------
     $ midair exposure take.drive.h5
     """
-    if repeats < 1:
-        raise InputError(f"--repeats: expected 1 or more, got {repeats}")
+    within(repeats, "--repeats", 1)
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
     chosen, room = profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
     drawn = figure is not None or not json

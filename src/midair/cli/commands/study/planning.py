@@ -43,6 +43,7 @@ from midair.study import (
     threshold_cautions,
     withdraw,
 )
+from midair.validation import within
 
 
 def new_command(
@@ -89,8 +90,8 @@ def new_command(
     $ midair study new touch --participants 3
     $ midair study new dry --drives none
     """
-    if participants is not None and participants < 1:
-        raise InputError(f"--participants: expected 1 or more, got {participants}")
+    if participants is not None:
+        within(participants, "--participants", 1)
     if trials is not None and source is None:
         raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
     table = "" if trials is None else read_text(trials, "the table of trials")
