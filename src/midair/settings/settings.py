@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, InputError
-from midair.files import atomic_file, from_plain, read_toml, to_plain
+from midair.files import from_plain, read_toml, to_plain, write_file
 from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Free, Glide, Guard, QuietEars, name_of, settings_type
@@ -166,8 +166,7 @@ class Settings:
         """Write the settings as TOML; FileError if the file cannot be written."""
         import tomli_w
 
-        with atomic_file(path) as file:
-            file.write_text(tomli_w.dumps(self.plain()), encoding="utf-8")
+        write_file(path, tomli_w.dumps(self.plain()))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Settings":

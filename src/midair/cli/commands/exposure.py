@@ -10,7 +10,7 @@ from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.figures import exposure_figure, png_bytes
-from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
+from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, write_file
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import ArrayKind, array_named, array_of_kind
@@ -74,8 +74,7 @@ def exposure_command(
     print_check_time(drive, chosen, room=room)
     found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
-        with atomic_file(target) as partial:
-            partial.write_bytes(png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
+        write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
         print_json(
             _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}
