@@ -32,6 +32,7 @@ from midair.physics import PoseBox, middle_of, pose_of
 from midair.rig import (
     FollowRules,
     PlaySettings,
+    SolvedAhead,
     VirtualRig,
     array_named,
     clear_followed,
@@ -48,6 +49,7 @@ from midair.rig import (
     under_lease,
 )
 from midair.studio.stop_port import StopPort
+from midair.studio.work import led_pressure
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
 
@@ -167,7 +169,7 @@ def run_player(
     StopPort(listening, token, origins, player.stop).start()
     end_with_studio(permit.stop, player.silence, patience=2.0)
     pipe.send("ready")
-    with player.held:
+    with player.held, player.solver:
         pipe.serve(player.act)
 
 
@@ -180,6 +182,7 @@ class _Player:
     waits: Any = None
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
+    solver: ExitStack = field(default_factory=ExitStack)
     admitted: dict[int, tuple[Any, Path, Medium | None]] = field(
         default_factory=dict[int, tuple[Any, Path, Medium | None]]
     )
@@ -203,6 +206,7 @@ class _Player:
                     self.trials.clear()
                     return self.noise.take(order["noise"], order["device"])
                 case "unfollow":
+                    self.solver.close()
                     return self._unfollow()
                 case "quiet":
                     with self.noise.over(order["masked"]):
@@ -252,6 +256,9 @@ class _Player:
         """Check the exposure of a drive file on this array, and keep the clearance."""
         path = Path(order["path"])
         room: Any = order.get("room")
+        self.solver.close()
+        if order.get("solve"):
+            return self._admit_unsolved(order, path, room)
         trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
@@ -306,6 +313,36 @@ class _Player:
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
 
+    def _admit_unsolved(self, order: Mapping[str, Any], path: Path, room: Medium | None) -> dict[str, Any]:
+        """Begin to solve a take for this array; every part is checked ahead of its sound."""
+        transducers, settings, pressure = led_pressure(order["solve"])
+        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
+        choices = ExposureChoices(
+            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
+        )
+        how = PlaySettings(device=self.device, exposure=choices, repeats=order["repeats"])
+        if self.device == "virtual":
+            like = {"height": settings.target.grid.height, "cells": pressure.sensor, "band": settings.calibration.band}
+            array: Any = open_rig(settings=how.but(**like, acoustics=settings.acoustics, seed=self.seed)).array
+        else:
+            self._open()
+            array = self.array
+        solving = SolvedAhead(pressure, transducers, array, settings, how, path)
+        admission = self.solver.enter_context(solving).first_part()
+        self.number += 1
+        # The drive does not exist yet.
+        self.admitted = {self.number: (solving, Path(order["solve"].take), room)}
+        return {
+            "number": self.number,
+            "outcome": admission.outcome,
+            "verdict": f"first part: {admission.verdict()}; each part is checked before it sounds",
+            "by": admission.by,
+            "duration_s": order["repeats"] * pressure.frames / pressure.rate,
+            "refused": "",
+            "solved_c": round(settings.acoustics.medium.degrees, 2),
+            **exposed(admission.exposure),
+        }
+
     def _unfollow(self) -> bool:
         """Close the tracker, if there is one."""
         palm, self.palm, self.followed = self.palm, None, None
@@ -341,7 +378,18 @@ class _Player:
         if found is None:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
         with self.noise.over(order["masked"]):
-            return self._let_sound(order, *found)
+            if not isinstance(found[0], SolvedAhead):
+                return self._let_sound(order, *found)
+            solving, path, room = found
+
+            def told(text: str) -> None:
+                self.pipe.send("solves", text=text)
+
+            with self.solver:
+                ready = solving.in_time(told, lambda: self.permit.check(order["leave"], self.device))
+                report = self._let_sound(order, ready, path, room)
+                solving.finish()
+                return report
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
