@@ -34,7 +34,6 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "play": ("Reproduce", "solve_play"),
     "stop": ("Reproduce", "stop"),
     "live": ("Reproduce", "live"),
-    "serve": ("Reproduce", "serve"),
     "loop": ("Reproduce", "loop"),
     "compare": ("Evaluate", "compare"),
     "budget": ("Evaluate", "budget"),
@@ -49,6 +48,10 @@ FOLDERS: Mapping[str, tuple[str, str]] = {
     ),
     "sweep": ("Research", "Solve many targets in parallel processes and report the error E."),
     "study": ("Research", "Plan, run and analyse a user study."),
+    "serve": (
+        "Reproduce",
+        "Let other programs play: Unity, Max, TouchDesigner, scripts, over WebSocket or OSC, or the AdapTics Designer.",
+    ),
     "log": ("Reproduce", "Export the log of all drives that were played, with the dose of sound."),
 }
 """Commands with subcommands: group and help."""
