@@ -38,7 +38,7 @@ from midair.physics import (
     airs_of_room,
     array_from_palm,
     cell_weights,
-    exposure_levels,
+    exposure_excess,
     focus_phase,
     middle_of,
     on_the_palm,
@@ -48,6 +48,9 @@ from midair.physics import (
     sound_level,
     steering_phase,
     transfer_matrix,
+)
+from midair.physics import (
+    exposure as exposure_of,
 )
 from midair.pipeline import reproduce, required_lead
 from midair.rig import PlaySettings, VirtualRig
@@ -271,8 +274,9 @@ def exposure(drives: int, poses: int, first: int = 0, *, fitted: bool = False) -
                 phase[at] += np.angle(fit(drive.phase[frames[[at]]], phase[[at]])[0])
         steered = replace(drive, phase=phase, level=np.ones(poses))
         began = time.process_time()
-        each = exposure_levels(steered, profile, airs, steps=256)[:, :3]
+        exposure_excess(steered, profile, airs, steps=256)
         spent[0] += time.process_time() - began
+        each = exposure_of(steered, profile, acoustics=airs, steps=256).level[:, :3]
         q = sounding(steered)
         for column, place in enumerate(places):
             true, at = loudest_pose(place, q, [sums[place.name, air] for air in range(len(airs))], airs)

@@ -12,6 +12,7 @@ from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
 from midair.cli.commands.solve_play import PlayOptions
+from midair.datasets import PUBLIC_SETS, TOUCHES
 from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
 from midair.settings import choices_table
@@ -21,6 +22,11 @@ import reference
 
 os.environ["COLUMNS"] = "100"
 reference.write(Path(__file__).parent / "reference")
+
+(touches := Path(__file__).parent / "touches").mkdir(exist_ok=True)
+for name, touch in TOUCHES.items():
+    if not (touches / f"{name}.wav").exists():
+        touch.view().write(touches)
 
 
 def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
@@ -54,7 +60,7 @@ suppress_warnings = ["config.cache"]  # the gallery's scraper is a function, whi
 
 html_theme = "furo"
 html_title = "midair"
-html_static_path: list[str] = []
+html_static_path = ["touches"]
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
 myst_substitutions = {
@@ -63,6 +69,8 @@ myst_substitutions = {
     "play_table": reference.declared_table(PlaySettings, PlayOptions),
     "live_table": reference.declared_table(LiveSettings),
     "header_table": as_markdown(HEADER),
+    "touches_table": reference.touches_table(TOUCHES),
+    "sets_table": reference.sets_table(PUBLIC_SETS),
     "netcdf_table": as_markdown(NETCDF),
     **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},
 }

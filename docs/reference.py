@@ -100,6 +100,35 @@ def declared_table(kind, typed=None):
     return "\n".join(rows)
 
 
+def touches_table(touches):
+    """Table of the touches of the gallery: film, words, picture and sound."""
+    rows = ["| film | touch | picture | sound |", "|---|---|---|---|"]
+    for name, one in touches.items():
+        sound = f'<audio controls preload="none" src="_static/{name}.wav" aria-label="sound of {name}"></audio>'
+        film, picture = (
+            f"![{what} of {name}](touches/{name}.{kind})" for what, kind in (("film", "gif"), ("picture", "png"))
+        )
+        rows.append(f"| {film} | **{name}** {one.says} Licence: {one.licence}. | {picture} | {sound} |")
+    return "\n".join(rows)
+
+
+def sets_table(sets):
+    """Table of public sets of recordings."""
+    rows = ["| name | set | content | licence | size | reader |", "|---|---|---|---|---|---|"]
+    for name, one in sets.items():
+        fetched = "fetched on request" if one.archive else "not fetched"
+        words = [
+            f"`{name}`",
+            f"[{one.title}]({one.place})",
+            one.holds,
+            f"{one.licence}; {fetched}",
+            one.size,
+            one.reader,
+        ]
+        rows.append(f"| {' | '.join(words)} |")
+    return "\n".join(rows)
+
+
 def commands():
     """Every command as typed by the user, and its help."""
     from midair.cli import app, run

@@ -247,6 +247,7 @@ PREPARED = {
     "docs/palm.md": with_a_drive,
     "docs/settings.md": with_settings,
     "docs/sweep.md": strokes,
+    "docs/touches.md": None,
 }
 """What a reader has before the page begins."""
 

@@ -90,6 +90,7 @@ NO_BAR = {
     "record": "has meters, with the seconds of how many; Ctrl-C keeps the take (tests/cli/commands/test_record.py)",
     "live": "has a line of its own until Ctrl-C",
     "serve": "runs until Ctrl-C",
+    "gallery": "lists, or writes one file; draws all in seconds",
     "identify": "asks for each tap, with its number of how many",
     "stop": "has the array's answer at once",
     "log export": "reads one file",

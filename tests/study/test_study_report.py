@@ -16,6 +16,7 @@ from midair.study.study_report import (
     rating_figure,
     study_pictures,
 )
+from midair.study.tables import legend_of
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -42,7 +43,7 @@ def reported():
 def test_every_column_is_explained_in_the_page(reported):
     report, page = reported
     for finding in report.findings:
-        for name, meaning in finding.legend:
+        for name, meaning in legend_of(finding):
             if name != "note":
                 assert f"<b>{name}</b>: {meaning}".replace("'", "&#39;") in page, (finding.title, name)
 
@@ -77,7 +78,7 @@ def choices(name):
 
 def test_confusions_show_every_count():
     figure = confusion_figure([choices("plain"), choices("grooved")], simulated=True)
-    assert [axes.get_title() for axes in figure.axes] == ["plain", "grooved"]
+    assert [axes.get_title("left") for axes in figure.axes] == ["plain", "grooved"]
     assert [text.get_text() for text in figure.axes[0].texts] == [str(n) for n in [1, 0, 1, 0, 2, 0, 1, 0, 1]]
     assert any(text.get_text() == "SIMULATED" for text in figure.texts)
 

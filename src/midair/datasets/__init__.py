@@ -1,5 +1,10 @@
-"""Example data: synthetic strokes and stimuli with seeds, and real recordings."""
+"""Example data: synthetic strokes and stimuli with seeds, real recordings, and a gallery of touches."""
 
+from .gallery import PUBLIC_SETS as PUBLIC_SETS
+from .gallery import TOUCHES as TOUCHES
+from .gallery import PublicSet as PublicSet
+from .gallery import Touch as Touch
+from .gallery import TouchView as TouchView
 from .stimuli import Probe as Probe
 from .stimuli import Stimulus as Stimulus
 from .stimuli import am_stimulus as am_stimulus

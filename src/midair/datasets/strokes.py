@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.dsp import fft_frequencies, resample
 from midair.errors import InputError, RateError
-from midair.files import open_take
+from midair.files import open_take, read_toml
 from midair.model import RATE, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings import resample as resample_recording
-from midair.validation import positive
+from midair.validation import one_of, positive, within
 
 Object = Literal["brush", "sponge", "towel"]
 
@@ -137,8 +137,7 @@ def stroke(
     fine = 8000.0
     if not 0 < rate <= fine:
         raise RateError(f"rate of a stroke: expected above 0 and up to {fine:g} Hz, got {rate:g} Hz")
-    if not 0 <= column < sensor.columns:
-        raise InputError(f"column of a stroke: expected 0 to {sensor.columns - 1}, got {column}")
+    within(column, "column of a stroke", 0, sensor.columns - 1)
     motion = Motion(speed=speed, contact=contact, column=column)
     texture = Texture.of(object)
     rng = np.random.default_rng([seed, get_args(Object).index(object)])
@@ -235,58 +234,10 @@ class Sample:
         return self.peak is not None or self.stroke is not None
 
 
-def _synthetic(name: Object, peak: float | None = None) -> Sample:
-    return Sample(
-        name=name,
-        what=f"a {name} that slides over the sensor at 50 mm/s, synthetic: SIMULATED, at a level that can be felt",
-        licence="MIT",
-        source="midair.datasets.stroke, seed 0",
-        stroke=name,
-        peak=peak,
-    )
+STORED = read_toml(Path(__file__).with_name("gallery.toml"), "a gallery")
+"""The tables ``sample``, ``touch`` and ``set`` of the gallery."""
 
-
-_FABRICSLIDE = (
-    "github.com/wngfra/FabricSlide at eceb7716027cd1bcb5e614927f4cc2d0904adb25; "
-    "Wang et al. 2022, doi 10.3389/fnbot.2022.808222"
-)
-
-SAMPLES: Mapping[str, Sample] = {
-    "denim": Sample(
-        name="denim",
-        what="a 16-taxel capacitive finger slid over denim at 50 mm/s by a robot's arm, 35.6 Hz, raw counts",
-        licence="MIT",
-        source=_FABRICSLIDE,
-        file="fabricslide/Denim_F180_V-50mmps_0.csv",
-    ),
-    "connect": Sample(
-        name="connect",
-        what="a designed effect of one channel, 1 s at 1953 Hz, below full scale: no recording, no field",
-        licence="Apache-2.0",
-        source="github.com/google/audio-to-tactile at d3f449fdfd8cfe4a845d0ae244fce2a0bca34a15; no paper",
-        file="audio_to_tactile/tactile_pattern_connect.wav",
-    ),
-    "ridges": Sample(
-        name="ridges",
-        what="a 16-taxel capacitive finger slid over a board with ridges of 2 mm by a robot's arm, ten times as fast",
-        licence="MIT",
-        source=_FABRICSLIDE,
-        file="fabricslide/Board2mm_F135_V-20mmps_0.csv",
-        peak=90.0,
-        faster=10.0,
-        notes={
-            "level": "chosen so that it can be felt, not measured: the largest change of any taxel is 90 Pa",
-            "speed": "recorded at 20 mm/s and 35.6 Hz, ten times as fast here, as if slid at 200 mm/s; at 5, 10, "
-            "20 and 30 mm/s the ridges come every 4.0 mm alike",
-            "felt": "yes, 14 dB above the detection threshold of a palm by a model of skin, as an array plays it 2 dB "
-            "above the median of people; not tested on people",
-        },
-    ),
-    # Bristles with smooth tips are felt least: 1 dB above the threshold at the model's own level.
-    "brush": _synthetic("brush", 60.0),
-    "sponge": _synthetic("sponge"),
-    "towel": _synthetic("towel"),
-}
+SAMPLES: Mapping[str, Sample] = {name: Sample(name=name, **about) for name, about in STORED["sample"].items()}
 """By name."""
 
 
@@ -337,8 +288,7 @@ _OPENED: Mapping[str, Mapping[str, Any]] = {"connect": {"unit": "count"}}
 
 
 def _sample_named(name: str) -> Sample:
-    if name not in SAMPLES:
-        raise InputError(f"sample: expected one of {', '.join(SAMPLES)}, got {name!r}")
+    one_of(name, SAMPLES, "sample")
     return SAMPLES[name]
 
 

@@ -33,6 +33,7 @@ from midair.model import (
     Unit,
 )
 from midair.streaming import Stored
+from midair.validation import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,8 +154,7 @@ class Cooling:
     """Asked while units are cool; the pause lasts until it returns True."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.limit < 86400:
-            raise InputError(f"--cooling-limit: expected above 0 s and less than a day, got {self.limit:g} s")
+        within(self.limit, "--cooling-limit", 0, 86400, unit="s", above=True)
 
 
 def log_nothing(_event: str, _reason: str) -> None:

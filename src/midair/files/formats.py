@@ -63,6 +63,8 @@ FORMATS: Registry[Format] = Registry(
         ".hjif": "midair.files.effects:HJIF",
         ".ahap": "midair.files.effects:AHAP",
         ".haptic": "midair.files.effects:HAPTIC",
+        ".txt": "midair.files.importers.csv_file:TXT",
+        ".xml": "midair.files.importers.hatt_file:HATT",
     },
 )
 """File formats by the ending of a name, in small letters."""
@@ -103,8 +105,8 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf, .tdms or
-        .mcap; .ahap, .hjif and .haptic effects are rendered to waves.
+        Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf,
+        .tdms or .mcap; .ahap, .hjif and .haptic effects are rendered to waves.
     rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 

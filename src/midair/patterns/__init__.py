@@ -9,9 +9,11 @@ from .drawing import check_reach as check_reach
 from .drawing import draw as draw
 from .drawing import draw_parts as draw_parts
 from .drawing import drawn_settings as drawn_settings
+from .drawing import palm_pressure as palm_pressure
 from .drawing import reachable_pressure as reachable_pressure
 from .drawing import wanted_amplitude as wanted_amplitude
 from .drawing import wanted_pressure as wanted_pressure
+from .pattern import PALETTE as PALETTE
 from .pattern import PATTERN_ENDINGS as PATTERN_ENDINGS
 from .pattern import AmplitudeModulation as AmplitudeModulation
 from .pattern import LateralModulation as LateralModulation

@@ -1,7 +1,7 @@
 """From foci to a drive: one focus in closed form, several by a solver, each within what the array can do."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from midair.model import (
     ControlGrid,
     Drive,
     Medium,
+    Palm,
     PressureFrames,
     Progress,
     Provenance,
@@ -237,6 +238,23 @@ def wanted_pressure(target: AmplitudeFrames, medium: Medium, cells: SensorGrid |
     return PressureFrames(
         pressure=pressed.reshape(-1, *sensor.shape), rate=target.rate, sensor=sensor, provenance=target.provenance
     )
+
+
+def palm_pressure(
+    foci: Foci, array: TransducerArray, palm: Palm, *, acoustics: Acoustics, rate: float = 2000.0
+) -> tuple[Array, float]:
+    """Pressure of ideal foci on a palm, shape (frame, row, column) in Pa, and its frame rate, at least `rate` in Hz.
+
+    The foci lie in steps of a quarter of a millimetre. Raises the errors of `check_reach`.
+    """
+    check_reach(foci, array, acoustics)
+    every = max(int(foci.rate // rate), 1)
+    places = np.round(foci.position[::every] / 0.25e-3) * 0.25e-3
+    coarse = replace(foci, position=places, pressure=foci.pressure[::every], rate=foci.rate / every)
+    settings = drawn_settings(coarse, acoustics).but(grid=palm.grid(foci.height))
+    amplitude = np.asarray(wanted_amplitude(coarse, array, settings, Provenance()).amplitude[:])
+    pressure = radiation_pressure(amplitude, acoustics.medium).reshape(-1, *palm.inside.shape)
+    return pressure * palm.inside, coarse.rate
 
 
 def _distinct(position: Array) -> tuple[Array, NDArray[np.intp]]:

@@ -13,6 +13,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -276,6 +277,9 @@ def _shape(table: Any) -> Shape:
 
 
 PATTERN_ENDINGS = (".toml", ".adaptics")
+
+PALETTE: Mapping[str, dict[str, Any]] = read_toml(Path(__file__).with_name("palette.toml"), "patterns")
+"""Patterns to start from, by name, as the dicts of their files."""
 
 
 def load_pattern(

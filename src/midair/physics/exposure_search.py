@@ -98,11 +98,18 @@ class Searches:
 
     each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
     modes: Product  # From the drive to the modes of all places: one large product is faster than many
+    ceiling: Array  # Ceilings of all places in Pa, shape (transducer, place)
+    left_out: Array  # Truncation errors of all places in Pa, shape (place,)
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
         """Searches for one array."""
-        return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
+        return cls(
+            each=each,
+            modes=Product.of(np.concatenate([one.modes for one in each]).T),
+            ceiling=np.stack([one.ceiling for one in each], axis=1),
+            left_out=np.array([one.left_out for one in each]),
+        )
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
         """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
@@ -115,6 +122,12 @@ class Searches:
         np.add(modes[0], modes[1], out=modes[2])
         own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
         return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
+
+    def at_levels(self, found: Array, level: Array) -> Array:
+        """Amplitudes of `loudest` (frame, place) at the levels of `drive_parts`, with `left_out`, in Pa."""
+        if level.shape[1] == 1:
+            return level * np.minimum(found + self.left_out, self.ceiling.sum(axis=0))
+        return np.minimum(found + level.max(axis=1, keepdims=True) * self.left_out, level @ self.ceiling)
 
 
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:

@@ -13,54 +13,21 @@ import numpy as np
 from pandas import DataFrame, Series, concat
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.files import atomic_file, atomic_folder, no_formula
+from midair.files import atomic_file, atomic_folder, no_formula, read_toml
 from midair.study.design import Design
+from midair.study.findings import Finding
 from midair.version import __version__
 
-MEANING: Mapping[str, str] = {
-    "participant_id": "Name of the participant in this dataset.",
-    "trial": "Number of the trial within all sessions of the participant, from 1.",
-    "block": "Block of the plan.",
-    "group": "Group of consecutive blocks.",
-    "repetition": "Number of this presentation of the stimulus in the block, from 1.",
-    "stimulus": "Name of the stimulus in the plan.",
-    "scored": "Whether the answer is analysed; false for familiarisation and exclusions.",
-    "question": "Name of the question.",
-    "kind": "Kind of the question.",
-    "answer": "Given answer.",
-    "right": "Correct answer; n/a if the question has none.",
-    "correct": "1 if correct, 0 if wrong; n/a if the question has no correct answer.",
-    "response_time": "Time from the question to the answer.",
-    "time": "Time of the answer from the beginning of the session.",
-    "session": "Number of the session, from 1.",
-    "role": "Role of the trial: test, catch, anchor or attention.",
-    "excluded": "Rule of the plan that excludes the answer or its participant; n/a if none does.",
-    "reaction_by": "How the response time was measured: key press, line (Enter after the answer), page, or model.",
-    "failed_plays": "Number of failed and repeated presentations.",
-    "simulated": "Whether the participant is simulated.",
-}
+_COLUMNS = read_toml(Path(__file__).with_name("columns.toml"), "explanations of columns")
+MEANING: Mapping[str, str] = _COLUMNS["answers"]
 """Descriptions of the columns of an answers table."""
 
-EVENT_MEANING: Mapping[str, Any] = {
-    "onset": {"Description": "Time of the marker from the beginning of the session.", "Units": "s"},
-    "duration": {"Description": "Not defined for markers."},
-    "trial_type": {
-        "Description": "Event that the marker states.",
-        "Levels": {
-            "trial": "A trial starts.",
-            "stimulus": "A stimulus starts.",
-            "answer": "A question is answered.",
-            "late": "The time limit of a question has passed.",
-        },
-    },
-    "value": {"Description": "Code of the marker: the byte on the serial line, the first number on the LSL stream."},
-    "trial": {"Description": MEANING["trial"]},
-    "clock": {
-        "Description": "Time of the marker on the clock of LSL; without an LSL stream, on the computer's clock.",
-        "Units": "s",
-    },
-}
-"""Sidecar of a table of markers."""
+
+def legend_of(finding: Finding) -> tuple[tuple[str, str], ...]:
+    """Names and explanations of the columns of a finding's table."""
+    names, known = [] if finding.table is None else map(str, finding.table.columns), _COLUMNS["report"]
+    return tuple((name, known[name]) for name in names if name in known)
+
 
 _GENERATED_BY = {"Name": "midair", "Version": __version__}
 
@@ -162,7 +129,7 @@ def _events(markers: DataFrame, name: Path) -> list[Path]:
         return []
     events = markers.drop(columns=["participant", "session"]).sort_values("onset", kind="stable")
     write_separated(events, name.with_suffix(".tsv"), "\t")
-    return [name.with_suffix(".tsv"), write_json(name.with_suffix(".json"), EVENT_MEANING)]
+    return [name.with_suffix(".tsv"), write_json(name.with_suffix(".json"), _COLUMNS["events"])]
 
 
 def read_bids(folder: Path) -> DataFrame:

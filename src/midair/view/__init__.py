@@ -2,6 +2,7 @@
 
 from .film import Film as Film
 from .film import PalmMaps as PalmMaps
+from .film import Tile as Tile
 from .film import ffmpeg as ffmpeg
 from .film import film_of_palm as film_of_palm
 from .film import write_gif as write_gif

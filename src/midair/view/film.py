@@ -155,7 +155,8 @@ class Film:
             draw.text((left + 22, 14 + self._side), _short(group[0].low), fill="white", font=self._font)
             left += _BAR + _EDGE
         width, height = self._size
-        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
+        if self.slower != 1:
+            draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
         if self._showing.simulated:
             draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
         return picture

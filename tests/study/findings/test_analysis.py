@@ -8,6 +8,7 @@ from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative
 from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
+from midair.study.tables import legend_of
 
 PEOPLE = ["1"] * 4
 
@@ -54,7 +55,7 @@ def test_limits_or_the_reason_why_there_are_none():
 def test_notes_are_last_and_columns_are_explained():
     table = note_last(pd.DataFrame({"note": [""], "F": [1.0], "surface": ["a"]}))
     assert table.columns.tolist() == ["F", "surface", "note"]
-    assert [name for name, _ in Finding(title="", words="", table=table).legend] == ["F", "note"]
+    assert [name for name, _ in legend_of(Finding(title="", words="", table=table))] == ["F", "note"]
 
 
 OBJECTS = ["brush", "sponge", "towel"]
@@ -135,7 +136,7 @@ def test_pairs_and_ordered_ratings_are_reported():
     pairs = found(report, "Ratings: pairwise")
     assert pairs.table["effect"].tolist()[:4] == ["surface", "object", "object", "object"]
     assert f"of {len(pairs.table)} pairs differ" in pairs.words
-    assert {"d_low", "p_pairs"} <= dict(pairs.legend).keys()
+    assert {"d_low", "p_pairs"} <= dict(legend_of(pairs)).keys()
     assert "object" in found(report, "Ratings: cumulative").words
     assert found(report, "Ratings: analysis").table["np2_low"].max() > 0
 
@@ -242,7 +243,7 @@ def test_every_column_of_a_table_is_explained(reports):
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
     assert len(tables) >= 5
     for one in tables:
-        assert {name for name, _ in one.legend} == set(one.table.columns), one.title
+        assert {name for name, _ in legend_of(one)} == set(one.table.columns), one.title
 
 
 def test_participants_count_threshold_answers_and_exclusions():

@@ -14,6 +14,7 @@ from midair.study.findings.analysis import question_findings
 from midair.study.findings.rating_findings import adaptive, psychometric
 from midair.study.findings.study_data import StudyData, data_of_answers
 from midair.study.session import InstantClock, Session, SilentPresenter, read_events
+from midair.study.tables import legend_of
 
 KINDS = get_args(QuestionKind)
 PLACES = ("scored", "scored without truth", "unscored", "check", "form", "private", "nowhere")
@@ -75,7 +76,7 @@ def test_every_kind_of_question_is_in_the_report_wherever_it_is_asked(kind, plac
         assert notes["asked"] == title
         assert re.search(r"\d", parts[title].words) or len(parts[title].table)
         assert "nan" not in parts[title].words
-        assert {name for name, _ in parts[title].legend} == set(
+        assert {name for name, _ in legend_of(parts[title])} == set(
             () if parts[title].table is None else parts[title].table
         )
     else:

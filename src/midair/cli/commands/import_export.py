@@ -32,6 +32,7 @@ from midair.files import (
     open_take,
     repair,
     save,
+    write_file,
     writer_of,
 )
 from midair.recordings import GapFill, Mending
@@ -53,7 +54,7 @@ def import_command(
 ) -> None:
     """Convert a file of another program to a recording.
 
-    Reads CSV, NPZ, NPY, MAT, XDF, TDMS, MCAP, and NetCDF and HDF5 files of midair.
+    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, MCAP, XML of HaTT, and NetCDF and HDF5 files of midair.
     Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap, .hjif and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
@@ -232,12 +233,11 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
         "phase_rad": np.round(np.asarray(drive.phase), 4),
         "level": np.round(np.asarray(drive.level), 4),
     }
-    with atomic_file(output) as partial:
-        if text:
-            partial.write_text(dumps(plain, default=np.ndarray.tolist))
-        else:
-            with partial.open("wb") as file:
-                np.savez_compressed(file, **plain)
+    if text:
+        write_file(output, dumps(plain, default=np.ndarray.tolist))
+    else:
+        with atomic_file(output) as partial, partial.open("wb") as file:
+            np.savez_compressed(file, **plain)
     rows = [
         ("written", str(output)),
         ("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),

@@ -3,13 +3,17 @@
 FabricSlide (Wang et al. 2022, doi 10.3389/fnbot.2022.808222): a robot arm slides a capacitive finger with 16 taxels
 over fabrics and gratings. Columns: timestamp in ms, two proximity readings, channel1 to channel16 in raw counts, at
 about 35.6 Hz. File names are material_F<force set-point>_V<velocity>mmps_<repeat>.
+
+Cluster Haptic Texture Dataset (Eguchi et al., arXiv 2407.16206): time in s and acceleration X, Y, Z in g, or force in
+N, at 6 kHz with uneven times. File names are <texture>_<direction>_<speed>_<force>_<repeat>. LMT Haptic Texture
+Database: one number a line; only its file names are known here, <material>_<motion>_<axis>_<train or test><number>.
 """
 
 import csv
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, get_args
 
@@ -18,7 +22,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError, NonFiniteError
-from midair.files.atomic import atomic_file
+from midair.files.atomic import atomic_file, write_file
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.text_files import is_number, read_text, without_formulas
@@ -186,11 +190,15 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
             unit="count",
             names=FABRICSLIDE[3:],
             sensor=SensorGrid(name="CPM-finger of FabricSlide"),
-            notes={**_notes(path), **layout},
+            notes={**_named(path)[0], **layout},
             settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
             report=(*even.report, "Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
         ).resolve(given, path)
-    return _foreign(table, given).resolve(given, path)
+    notes, report = _named(path)
+    if table.names in _CLUSTER and notes:
+        given = replace(given, rate=given.rate or 6000.0)
+    found = _foreign(table, given)
+    return replace(found, notes=notes, report=(*report, *found.report)).resolve(given, path)
 
 
 def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
@@ -244,28 +252,40 @@ def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)
+TXT = Format(name="text", read=read_csv, memory=4)
 
 
 FABRICSLIDE = ("timestamp", "proximity1", "proximity2", *(f"channel{i}" for i in range(1, 17)))
 """Column names that identify its files."""
 
-_NAME = re.compile(r"(?P<material>[^_]+)_F(?P<force>\d+)_V(?P<velocity>-?\d+)mmps_(?P<repeat>\d+)")
 _LAYOUT = (
     "Neither the layout nor the pitch of the 16 taxels is documented: 4 x 4 in the order of the "
     "channels, 11 mm apart as in the paper's sensor, was assumed."
 )
 
 
-def _notes(path: Path) -> dict[str, str]:
-    found = _NAME.fullmatch(path.stem)
-    if found is None:
-        return {}
-    return {
-        "material": found["material"],
-        "force": f"set-point {found['force']}, unit not stated",
-        "speed": f"{found['velocity']} mm/s",
-        "repeat": found["repeat"],
-    }
+_CLUSTER = (("time", "X", "Y", "Z"), ("time", "force"))
+"""Column names of acceleration and force of the Cluster Haptic Texture Dataset."""
+
+_NAMES = {
+    "FabricSlide": r"(?P<material>[^_]+)_F(?P<force>\d+)_V(?P<speed>-?\d+)mmps_(?P<repeat>\d+)",
+    "Cluster Haptic Texture Dataset": r"(?P<texture>\d+)_(?P<direction_deg>\d+)_(?P<speed>[2-6]0)_(?P<force_mn>\d+)_"
+    r"(?P<repeat>[01])",
+    "LMT Haptic Texture Database": r"(?P<material>\w+?)_(?P<motion>Movement|Tapping)_(?:(?P<axis>[XYZ])_)?"
+    r"(?P<part>train|test)(?P<repeat>\d+)",
+}
+"""Names of files of public sets, without their ending."""
+_AFTER = {"speed": " mm/s", "force": ", unit not stated"}
+
+
+def _named(path: Path) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Notes from the name of a file of a public set, and a sentence that says so."""
+    for title, name in _NAMES.items():
+        if found := re.fullmatch(name, path.stem):
+            notes = {key: each + _AFTER.get(key, "") for key, each in found.groupdict().items() if each}
+            said = ", ".join(f"{key} {each}" for key, each in notes.items())
+            return {"set": title, **notes}, (f"Named as a file of the {title}: {said}.",)
+    return {}, ()
 
 
 NAMES = ("time", "x", "y", "z", "nx", "ny", "nz", "dx", "dy", "dz", "confidence")
@@ -291,9 +311,8 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
 
 def save_palm_path(palm: PalmPath, path: str | os.PathLike[str]) -> None:
     """Write poses atomically, all numbers without loss. Raises FileError if the file cannot be written."""
-    with atomic_file(Path(path)) as partial:
-        lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
-        Path(partial).write_text("\n".join(lines) + "\n", encoding="ascii")
+    lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
+    write_file(path, "\n".join(lines) + "\n")
 
 
 def _unit(vectors: Array) -> Array:

@@ -32,7 +32,7 @@ from midair.figures import (
     spectra_figure,
     traces_figure,
 )
-from midair.files import atomic_file
+from midair.files import write_file
 from midair.headroom import level_of
 from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
@@ -69,8 +69,7 @@ def write_report(
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
     palms += [] if laboratory is None else [laboratory_picture(laboratory)]
     page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
-    with atomic_file(path) as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(path, page)
     return [*palms, *shown]
 
 

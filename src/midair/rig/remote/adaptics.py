@@ -30,7 +30,7 @@ from midair.physics import PoseBox
 from midair.rig.names import open_tracker
 from midair.rig.playing import PlaySettings, tracker_name
 from midair.rig.remote.messages import checked, models, object_of
-from midair.rig.remote.player import Player
+from midair.rig.remote.player import Player, leave_realtime
 from midair.rig.remote.server import Client, Server, play_and_serve
 from midair.validation import positive
 
@@ -83,7 +83,7 @@ class Stream:
         """Evaluated points that the Designer has not got yet."""
         self._plays: AdapticsPattern | None = None
         self._time, self._state, self._stopped = 0.0, (0.0, 0.0), True
-        self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(1)
+        self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(1, initializer=leave_realtime)
         self._next: Future[Drive | None] = Future()
         rng, self._most = np.random.default_rng(0), 1.0
         self._random = rng.random

@@ -40,6 +40,13 @@ LEASE, REPEATED, FADE, WORD = 0.5, 60.0, 0.005, 0.008
 of a change of the level from 0 to 1; between silent frames."""
 
 
+def leave_realtime() -> None:
+    """Give a thread the usual priority, so that its work does not hold up the thread that plays."""
+    if hasattr(os, "sched_setscheduler"):
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 class PalmReports:
     """The palm as clients report it, as the source of a tracker."""
 
@@ -108,9 +115,7 @@ class Player:
 
         While the file plays, its next pass is the new one.
         """
-        if hasattr(os, "sched_setscheduler"):
-            with suppress(OSError):  # the check must not hold up the thread that plays
-                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        leave_realtime()
         array, how, units = self.array, self.settings, self.array.placement.units
         drawn = path.suffix in PATTERN_ENDINGS
         if values and not drawn:

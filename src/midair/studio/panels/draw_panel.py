@@ -19,9 +19,9 @@ from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, SkinModel, band_levels
 from midair.files import DEFAULT_PROFILE, atomic_file, profile_named, read_toml
-from midair.model import Acoustics, Medium, Palm, Provenance, Solution, TransducerArray
-from midair.patterns import Foci, Pattern, check_reach, draw_file, draw_parts, drawn_settings, wanted_amplitude
-from midair.physics import SKINS, SkinMotion, radiation_pressure
+from midair.model import Acoustics, Medium, Palm, Solution, TransducerArray
+from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
+from midair.physics import SKINS, SkinMotion
 from midair.rig import array_calibration_for, array_of_kind
 from midair.studio.jobs import Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
@@ -32,8 +32,8 @@ from midair.studio.takes_list import DRAWN
 
 LOOP, SHOWN = 2.0, 1.0
 """Lengths in s of the drive of a loop, and of the first part of a pattern that the maps show."""
-SAMPLED, RATE, MOTION_RATE = 12, 2000, 1000.0
-"""Frames of which the exposure is computed, and frames per second of the maps of pressure and motion."""
+SAMPLED, MOTION_RATE = 12, 1000.0
+"""Frames of which the exposure is computed, and frames per second of the map of motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,13 +67,9 @@ def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:
         pattern.foci(min(pattern.duration_s or SHOWN, SHOWN)),
         Acoustics(medium=request.room or Medium.at()),
     )
-    used, every = check_reach(foci, array, acoustics), max(int(foci.rate // RATE), 1)
-    places = np.round(foci.position[::every] / 0.25e-3) * 0.25e-3
-    coarse = replace(foci, position=places, pressure=foci.pressure[::every], rate=foci.rate / every)
-    settings = drawn_settings(coarse, acoustics).but(grid=palm.grid(foci.height))
-    amplitude = np.asarray(wanted_amplitude(coarse, array, settings, Provenance()).amplitude[:])
-    pressure = radiation_pressure(amplitude, acoustics.medium).reshape(-1, *palm.inside.shape) * palm.inside
-    motion = _skin_motion().displacement(resample(pressure, coarse.rate, MOTION_RATE))
+    used = check_reach(foci, array, acoustics)
+    pressure, rate = palm_pressure(foci, array, palm, acoustics=acoustics)
+    motion = _skin_motion().displacement(resample(pressure, rate, MOTION_RATE))
     return {
         "rows": len(palm.inside),
         "pressure": _map(pressure, palm),
@@ -81,7 +77,7 @@ def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:
         "highest_pa": float(f"{foci.pressure.max():.4g}"),
         "reach": used,
         "exposure": _exposure(foci, array, acoustics, request.room) if foci.pressure.any() else None,
-        "felt": _felt(pressure, coarse.rate, palm),
+        "felt": _felt(pressure, rate, palm),
     }
 
 
@@ -175,7 +171,7 @@ class DrawPanel(Panel):
         store.offer("draw", "preview", self.preview, PatternForm, watchers=True)
         store.offer("draw", "save", self.save, SaveForm)
         store.offer("draw", "draft", self.draft, PatternForm)
-        self._show(palette=read_toml(WEB.with_name("palette.toml"), "patterns"), files=[])
+        self._show(palette=PALETTE, files=[])
 
     def files(self, *_: object) -> None:
         """List the TOML files of the folder."""

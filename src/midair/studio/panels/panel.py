@@ -88,6 +88,7 @@ PANELS: Registry[type[Panel]] = Registry(
         "draw": "midair.studio.panels.draw_panel:DrawPanel",
         "study": "midair.studio.panels.study_panel:StudyPanel",
         "live": "midair.studio.panels.live_panel:LivePanel",
+        "gallery": "midair.studio.panels.gallery_panel:GalleryPanel",
     },
 )
 """Tabs of the page from left to right; other packages add theirs by the entry point group ``midair.panels``."""

@@ -5,7 +5,7 @@ export const TABLE = [
   ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, forward; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
   ["I O \\", "loop start, loop end, loop on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
   ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["B", "the other drive of the take (A/B)"], ["+ - 0", "time zoom, all"],
-  ["Ctrl Z, Ctrl Shift Z", "undo, redo an edit of a take"], ["Alt 1 … 7", "panels"], ["?", "this table"],
+  ["Ctrl Z, Ctrl Shift Z", "undo, redo an edit of a take"], ["Alt 1 … 8", "panels"], ["?", "this table"],
 ];
 
 /** `acts`: {stop(), room(index), help(), record(), swap(), undo(which), transport()}. */

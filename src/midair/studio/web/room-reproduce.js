@@ -42,7 +42,7 @@ export default class Reproduce {
   }
   _build() {
     this.list = takesList();
-    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
+    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
     const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);

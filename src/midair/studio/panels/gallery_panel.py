@@ -1,0 +1,65 @@
+"""Panel Gallery: touches to start from, with picture, film and sound."""
+
+from base64 import b64encode
+from functools import cache
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from midair.datasets import PUBLIC_SETS, TOUCHES
+from midair.studio.jobs import Progressed
+from midair.studio.panels.panel import WEB, Panel, PanelContext
+from midair.studio.studio_state import Arguments, Page
+
+
+class TouchNamed(Arguments):
+    """Name of a touch."""
+
+    touch: str = Field(pattern=f"^({'|'.join(TOUCHES)})$")
+
+
+class GalleryPanel(Panel):
+    """The gallery; a chosen touch becomes a file of the folder."""
+
+    name, title, script = "gallery", "Gallery", WEB / "room-gallery.js"
+
+    def __init__(self, context: PanelContext) -> None:
+        super().__init__(context)
+        context.store.offer("gallery", "view", self.view, TouchNamed, watchers=True)
+        context.store.offer("gallery", "take", self.take, TouchNamed)
+        touches = [{"name": name, "says": one.says, "licence": one.licence} for name, one in TOUCHES.items()]
+        keys = ("title", "holds", "licence", "size", "place", "reader")
+        self._show(touches=touches, sets=[{key: getattr(one, key) for key in keys} for one in PUBLIC_SETS.values()])
+
+    async def view(self, _: Page, order: TouchNamed) -> dict[str, Any]:
+        """Return pictures as bytes in base64, their highest pressure, and a WAV file."""
+        return await self._context.reading.result(f"view of {order.touch}", view_of, order.touch)
+
+    def take(self, _: Page, order: TouchNamed) -> dict[str, str]:
+        """Write a touch into the folder; returns the file and the panel that opens it."""
+        touch = TOUCHES[order.touch]
+        path = self._takes.folder.free(touch.name, touch.ending)
+        touch.write(path)
+        self._context.show_takes()
+        return {"file": path.name, "room": "reproduce" if touch.pattern is None else "draw"}
+
+
+def view_of(name: str, _: Progressed) -> dict[str, Any]:
+    """Compute the view of a touch in a worker process, which keeps it."""
+    return _viewed(name)
+
+
+@cache
+def _viewed(name: str) -> dict[str, Any]:
+    view = TOUCHES[name].view()
+    top = float(view.pictures.max())
+    steps = np.rint(255 * view.pictures / top).astype(np.uint8)
+    return {
+        "shape": view.pictures.shape,
+        "steps": b64encode(steps.tobytes()).decode(),
+        "top_pa": float(f"{top:.3g}"),
+        "width_mm": round(1e3 * view.pitch * view.pictures.shape[2]),
+        "simulated": view.simulated,
+        "sound": b64encode(view.sound).decode(),
+    }

@@ -1,0 +1,43 @@
+"""The panel Gallery in a real browser: pictures, film, sound, use, accessibility."""
+
+import os
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from midair.datasets import TOUCHES
+from midair.files import load
+from midair.patterns import load_pattern
+
+pytestmark = pytest.mark.browser
+
+
+def test_touches_are_seen_heard_and_used(studio_at, look, tmp_path):
+    studio = studio_at()
+    page = look(studio)
+    page.go("#gallery")
+    page.until("studio.room.ready", timeout=120)
+    labels = page.page.locator(".card-touch canvas").evaluate_all("(all) => all.map((one) => one.ariaLabel)")
+    assert [label.partition(":")[0] for label in labels] == list(TOUCHES)
+    assert all("rms pressure on" in label for label in labels)
+    lit = "[...document.querySelector('#touch-rain canvas').getContext('2d').getImageData(0, 0, 176, 176).data]"
+    picture = page.page.evaluate(f"{lit}.join()")
+    page.page.get_by_role("button", name="film of rain").click()
+    page.until(f"{lit}.join() !== {picture!r}")
+    page.until(f"{lit}.join() === {picture!r}")  # the film has ended
+    page.page.get_by_role("button", name="sound of rain").click()
+    assert page.until("studio.room.heard") == pytest.approx(1, abs=0.02)
+    for scheme, width in (("dark", 1280), ("light", 390)):
+        page.page.emulate_media(color_scheme=scheme)
+        page.page.set_viewport_size({"width": width, "height": 800})
+        page.page.screenshot(path=f"{os.environ.get('MIDAIR_PICTURES', tmp_path)}/gallery-{scheme}-{width}.png")
+        assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert Axe().run(page.page).response["violations"] == []
+    page.page.get_by_role("button", name="use heartbeat").click()
+    page.until("studio.name === 'draw' && studio.room.pattern.name === 'heartbeat'")
+    assert load_pattern(studio.folder / "heartbeat-01.toml").foci().frames > 0
+    page.go("#gallery")
+    page.page.get_by_role("button", name="use ridges").press("Enter")
+    page.until("studio.room?.take?.name === 'ridges-01.h5'")
+    assert load(studio.folder / "ridges-01.h5").provenance.notes["licence"] == "MIT"
+    assert page.wrong == []
