@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import from_json
@@ -12,16 +12,14 @@ from midair.devices import osc_messages
 from midair.errors import InputError
 
 
-def models(
-    fields: Mapping[str, Mapping[str, Any]], *, extra: Literal["forbid", "ignore"]
-) -> dict[str, type[BaseModel]]:
+def models(extra: Literal["forbid", "ignore"], fields: Mapping[str, Any]) -> dict[str, type[BaseModel]]:
     """Models of messages by name, from the type and the default or limits of each field."""
     rules = ConfigDict(extra=extra, allow_inf_nan=False)
     return {name: create_model(name, __config__=rules, **each) for name, each in fields.items()}
 
 
 _FILE = (str, Field(min_length=1, max_length=200))
-_SHARE = Field(ge=0, le=1)
+_POSE, _SHARE = Field(min_length=9, max_length=9), Field(ge=0, le=1)
 MESSAGES = models(
     "forbid",
     {
@@ -32,7 +30,7 @@ MESSAGES = models(
         "level": {"level": (float, _SHARE)},
         "palm": {
             "pose": (list[float], Field(min_length=9, max_length=9)),
-            "confidence": (float, Field(1.0, ge=0, le=1)),
+            "confidence": (Annotated[float, _SHARE], 1.0),
         },
     },
 )
