@@ -98,9 +98,9 @@ def test_the_next_pass_takes_a_parameter_without_a_step(served):
             found = ask(client, "parameter", file="tap.toml", name="force", value=value)
             assert found["parameters"] == {"force": value}
             wait_until(lambda value=value: abs(served.units.frames[-1][1] - loud * np.sqrt(value / 20)) < 2)
-        # 5 ms from full level to silence, at 1000 frames a second, and steps of 1 of 255.
+        # 5 frames from full level to silence, two of which a busy computer may leave out, and steps of 1 of 255.
         levels = np.array([intensity for _, intensity, _ in list(served.units.frames)[begin:]])
-        assert np.abs(np.diff(levels)).max() <= levels.max() / 5 + 1
+        assert (levels.min(), np.abs(np.diff(levels)).max() <= 3 * levels.max() / 5 + 1) == (0, True)
         for name, value, said in (("force", 81.0, "force: expected 0.01 to 80, got 81"), ("f", 1.0, "one of force")):
             assert said in ask(client, "parameter", file="tap.toml", name=name, value=value)["error"]
         assert ask(client, "list")["loaded"][0]["parameters"] == {"force": 80.0}

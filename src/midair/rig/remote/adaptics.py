@@ -43,8 +43,6 @@ PATIENCE = 0.1
 NAME = "AdapTics Designer"
 _PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?|https://adaptivehaptics\.github\.io")
 """Pages whose scripts may connect: those of this computer, and the public Designer."""
-
-
 _ROW = Annotated[list[float], Field(min_length=4, max_length=4)]
 _PARAMETERS = {
     "time": (float, 0.0),
@@ -109,8 +107,7 @@ class Stream:
             if self._next.done():
                 drive, self._next = self._next.result(), self._pool.submit(self._block)
         if drive is None:
-            silent = np.zeros((count, self._units, self._array.count // self._units), np.uint8)
-            return silent, np.zeros(count, np.uint8)
+            return np.zeros((count, self._units, self._array.count // self._units), np.uint8), np.zeros(count, np.uint8)
         return phase_bytes(drive, self._units)[:count], intensity_bytes(drive, 1)[:count]
 
     def _block(self, begin: tuple[float, float] | None = None) -> Drive | None:

@@ -39,18 +39,15 @@ MESSAGES = models(
 
 def read_json(text: str | bytes) -> tuple[str, BaseModel]:
     """Name, under the key "do", and fields of a message in JSON; InputError if it is none."""
-    found = object_of(text)
-    return checked(found.pop("do", None), found, strict=True)
+    return checked((found := object_of(text)).pop("do", None), found, strict=True)
 
 
 def object_of(text: str | bytes) -> dict[str, Any]:
     """An object in JSON; InputError if it is none."""
-    found: Any = None
     with suppress(ValueError):
-        found = from_json(text)
-    if not isinstance(found, dict):
-        raise InputError("expected an object in JSON, got other text")
-    return found
+        if isinstance(found := from_json(text), dict):
+            return found
+    raise InputError("expected an object in JSON, got other text")
 
 
 def read_osc(packet: bytes) -> Iterator[tuple[str, str, BaseModel]]:

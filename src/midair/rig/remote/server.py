@@ -196,7 +196,7 @@ class Server(asyncio.DatagramProtocol):
         task.add_done_callback(self._tasks.discard)
 
     async def _do(self, client: Client, read: Callable[[], tuple[str, BaseModel]]) -> None:
-        name, found, held = "", dict[str, Any](), self._control
+        name, held = "", self._control
         if client.gone or client.count > MOST:
             return
         try:
@@ -207,16 +207,15 @@ class Server(asyncio.DatagramProtocol):
                     raise DeviceStateError(f"{name}: expected control, client {held.number} has it; a stop is allowed")
                 self._player.permit.stop()
                 self._control = client
-            if (done := await self.act(client, name, message)) is None:
-                return
-            found = done
+            found = await self.act(client, name, message)
         except (MidairError, ValueError, OSError) as wrong:
             # Nothing plays without a log.
             if (isinstance(wrong, FileError) and name == "play") or (self.strict and client is self._control):
                 self._player.permit.stop()
             self._refuse(f"client {client.number}: {wrong}")
             found = {"error": str(wrong)}
-        client.send("answer", {"to": name} | found)
+        if found is not None:
+            client.send("answer", {"to": name} | found)
 
     async def act(self, client: Client, name: str, message: Any) -> dict[str, Any] | None:
         """Do what a message asks and return the answer, None for no answer."""
@@ -250,10 +249,9 @@ class Server(asyncio.DatagramProtocol):
             case "palm":
                 player.palm.add(RawPose(stamp=time.monotonic(), values=message.pose, confidence=message.confidence))
                 return None
-            case "release":
-                self._lose_control(client)
-            case _:
-                pass
+            case _:  # control was taken above
+                if name == "release":
+                    self._lose_control(client)
         return {}
 
 
