@@ -168,7 +168,9 @@ class Held:
         return poses_at(self.last, times)
 
 
-def follow(thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: Sequence[float]) -> None:
+def follow(
+    thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: Sequence[float], *, fit: bool = True
+) -> None:
     """Print the table of recorded palms; the signal is repeated for as long as a recording lasts."""
     print(f"\n{thing}, best mode, {plan.duration:g} s repeated")
     settings = MODES["best"]
@@ -191,7 +193,7 @@ def follow(thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: 
         path, repeats = folder / f"{name}.csv", int(palm.time[-1] * rate / once.frames)
         save_palm_path(palm, path)
         ways = {"as it is": [once] * repeats}
-        whole = {"repeats": repeats, "report": lambda _: None, "rules": FollowRules(patience=0.2)}
+        whole = {"repeats": repeats, "report": lambda _: None, "rules": FollowRules(patience=0.2, fit=fit)}
         for ms in latencies:
             tracker = tracker_name(f"replay:{path}", 1e-3 * ms)
             for way, predictor in (("held", Held()), ("predicted", None)):
@@ -329,6 +331,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first of these drives (default 0)")
     parser.add_argument("--random-poses", type=int, default=1000, help="poses of each for exposure (default 1000)")
     parser.add_argument("--fitted", action="store_true", help="the frames for exposure are fitted, too")
+    parser.add_argument("--steer-only", action="store_true", help="follow without the fit")
     parser.add_argument("--things", nargs="+", default=["towel", "brush", "sponge", "denim", "hapmat-fabric"])
     parser.add_argument("--poses", nargs="+", choices=POSES, default=list(POSES))
     parser.add_argument("--again", action="store_true", help="solve again for each pose, which takes minutes")
@@ -344,7 +347,7 @@ def main() -> None:
         if "exposure" in options.part:
             exposure(options.drives, options.random_poses, options.first, fitted=options.fitted)
         if "follow" in options.part:
-            follow(things[0], plan, options.data, Path(folder), options.latencies)
+            follow(things[0], plan, options.data, Path(folder), options.latencies, fit=not options.steer_only)
 
 
 if __name__ == "__main__":

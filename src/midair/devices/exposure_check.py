@@ -35,7 +35,7 @@ device without sound."""
 _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
-UNSAMPLED = 1.0
+UNSAMPLED = 1.5
 """Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
 
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.

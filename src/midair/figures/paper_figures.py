@@ -195,11 +195,10 @@ def error_figure(solution: Solution, *, simulated: bool, published: tuple[float,
     axis = plain_axes(figure.subplots(), x="time (s)", y="E (%)")
     low, high = (100 * value for value in published)
     axis.axhspan(low, high, color=STYLE.band, label=f"paper, static patterns: {low:.0f}–{high:.0f} %")
-    plays = np.array([status != "silent" for status in solution.status])
-    error = np.where(plays, 100 * solution.error, np.nan)
+    error = np.where(solution.plays, 100 * solution.error, np.nan)
     axis.plot(solution.drive.time, error, color=STYLE.reproduced, linewidth=0.8, label="this drive")
     # Not scaled to the worst frame: faint frames can have errors of several hundred per cent.
-    top = np.nanpercentile(error, 99) if plays.any() else 0
+    top = np.nanpercentile(error, 99) if solution.plays.any() else 0
     axis.set_ylim(0, max(20.0, 1.2 * top))
     axis.margins(x=0)
     axis.legend(fontsize=8, frameon=False, loc="upper right")

@@ -21,6 +21,7 @@ from midair.physics.exposure_places import PUBLISHED_TIME, ExposureProfile, Heat
 from midair.physics.exposure_search import ALLOWANCE, Searches, ceiling, point_search, searches_of
 from midair.physics.propagation import radiation_pressure, transfer_matrix
 from midair.progress import report_progress
+from midair.streaming import blocks
 from midair.validation import frozen_array
 
 BLOCK = 256
@@ -290,13 +291,10 @@ def level_if_unlike(drive: Drive, profile: ExposureProfile, spread: float = UNLI
     `spread` is their rms relative error. Sound that cancels at an ear does so for equal transducers only. The maximum
     over a cube is twice the rms sound, as it is for some fifty independent values with a Rayleigh distribution.
     """
-    power = np.zeros((drive.frames, len(profile.places)))
     alone = np.stack([ceiling(place, drive.array, (drive.acoustics,)) for place in profile.places], axis=1) ** 2
-    for first in range(0, drive.frames, BLOCK):
-        frames = slice(first, first + BLOCK)
-        level = np.asarray(drive.level[frames]).reshape(len(power[frames]), -1)
-        power[frames] = level**2 @ alone if level.shape[1] > 1 else level**2 * alone.sum(axis=0)
-    return sound_level(2 * spread * np.sqrt(power.max(axis=0)))
+    alone = alone.sum(axis=0, keepdims=True) if drive.level.ndim == 1 else alone
+    power = [(part.reshape(len(part), -1) ** 2 @ alone).max(axis=0) for part in blocks(drive.level, BLOCK)]
+    return sound_level(2 * spread * np.sqrt(np.max(power, axis=0)))
 
 
 def sound_level(peak: Array) -> Array:

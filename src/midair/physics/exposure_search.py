@@ -72,17 +72,9 @@ class CubeSearch:
     """Computes the loudest sound in the cube of one place from a drive."""
 
     field: FieldByModes  # From the modes of the drive to the pressure at all points
+    modes: Complex  # From the drive to its modes, shape (mode, transducer)
     ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
-
-    @property
-    def modes(self) -> Complex:
-        """From the drive to its modes, shape (mode, transducer)."""
-        return self.field.modes
-
-    @property
-    def left_out(self) -> float:
-        """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
-        return self.field.left_out
+    left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
@@ -165,7 +157,7 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
-            return CubeSearch(field=field, ceiling=alone)
+            return CubeSearch(field=field, modes=field.modes, ceiling=alone, left_out=field.left_out)
         step, tried = 0.85 * step, 2 * tried
 
 

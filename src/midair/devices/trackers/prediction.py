@@ -133,9 +133,7 @@ class ReplaySource:
 
     def __init__(self, palm: PalmPath, *, latency: float = 0.0) -> None:
         self.clock: Callable[[], float] = time.monotonic
-        self._times, self._latency = palm.time, latency
-        self._rows = np.column_stack([palm.centre, palm.normal, palm.fingers])
-        self._confidence = palm.confidence
+        self._times, self._rows, self._latency = palm.time, palm.rows, latency
         self.begin(math.inf)
 
     def begin(self, at: float) -> None:
@@ -156,10 +154,8 @@ class ReplaySource:
         end = int(np.searchsorted(self._times, self.clock() - self._zero - self._latency, "right"))
         first, self._next = self._next, max(end, self._next)
         return [
-            RawPose(
-                stamp=float(self._zero + self._times[at]), values=self._rows[at], confidence=float(self._confidence[at])
-            )
-            for at in range(first, self._next)
+            RawPose(stamp=float(self._zero + row[0]), values=row[1:10], confidence=float(row[10]))
+            for row in self._rows[first : self._next]
         ]
 
     def close(self) -> None:

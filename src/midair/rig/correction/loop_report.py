@@ -158,7 +158,7 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     this = loop.passes[number]
     solution, target = this.reproduction.solution, this.reproduction.target
     # Silent frames have no error and would bias the mean.
-    plays = np.array([status != "silent" for status in solution.status])
+    plays = solution.plays
     # In the lead the target is almost zero, so the relative error there has no meaning.
     inside = frames_without_lead(target.provenance, target.frames, target.rate)
     plays[: inside.start] = plays[inside.stop :] = False
