@@ -104,7 +104,8 @@ def touches_table(touches):
     """Table of the touches of the gallery: film, words, picture and sound."""
     rows = ["| film | touch | picture | sound |", "|---|---|---|---|"]
     for name, one in touches.items():
-        sound = f'<audio controls preload="none" src="_static/{name}.wav" aria-label="sound of {name}"></audio>'
+        given = f'style="width: 9em" src="_static/{name}.wav" aria-label="sound of {name}"'
+        sound = f'<audio controls preload="none" {given}></audio>'
         film, picture = (
             f"![{what} of {name}](touches/{name}.{kind})" for what, kind in (("film", "gif"), ("picture", "png"))
         )
@@ -112,21 +113,15 @@ def touches_table(touches):
     return "\n".join(rows)
 
 
-def sets_table(sets):
-    """Table of public sets of recordings."""
-    rows = ["| name | set | content | licence | size | reader |", "|---|---|---|---|---|---|"]
+def sets_list(sets):
+    """List of public sets of recordings."""
+    lines = []
     for name, one in sets.items():
         fetched = "fetched on request" if one.archive else "not fetched"
-        words = [
-            f"`{name}`",
-            f"[{one.title}]({one.place})",
-            one.holds,
-            f"{one.licence}; {fetched}",
-            one.size,
-            one.reader,
-        ]
-        rows.append(f"| {' | '.join(words)} |")
-    return "\n".join(rows)
+        reader = f"`{one.reader}`" if one.reader.startswith("midair") else one.reader
+        lines.append(f"- [{one.title}]({one.place}) (`{name}`): {one.holds}. Size: {one.size}.")
+        lines.append(f"  Licence: {one.licence}; {fetched}. Reader: {reader}")
+    return "\n".join(lines)
 
 
 def commands():
