@@ -26,7 +26,7 @@ from midair.devices import ExposureChoices, stop_playing
 from midair.dsp import welch
 from midair.errors import MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import ControlGrid, Drive, TransducerArray
+from midair.model import ControlGrid, Drive, PressureFrames, TransducerArray
 from midair.physics import (
     PlaybackChain,
     SensorModel,
@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
     parser.add_argument("--hold", type=float, default=6.0, help="hold time of a run in ms (default 6)")
     parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
+    parser.add_argument("--latency", type=float, help="total latency of a run in ms (default: 13 ms, without it)")
     parser.add_argument("--sensor", default="virtual:towel", help="sensor of a run (default virtual:towel)")
     parser.add_argument(
         "--seconds", type=float, default=12.0, help="duration of the parts latency and network in s (default 12)"
@@ -79,6 +80,7 @@ def main() -> None:
     # The busy parts run without real-time priority, which would block other processes.
     plain()
     chosen = {"busy": options.busy, "sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
+    chosen["latency"] = None if options.latency is None else options.latency / 1000
     if "run" in options.part:
         for priority in options.priority:
             run(options.frames, priority=priority, **chosen)
@@ -94,7 +96,9 @@ def runs(count: int, frames: int, **chosen) -> None:
     print(f"\n{count - len(late)} of {count} runs ended early; late frames of the others in %: {shares}")
 
 
-def run(frames: int, *, busy: int, priority: int, sensor: str, hold: float, apart: bool) -> dict | None:
+def run(
+    frames: int, *, busy: int, priority: int, sensor: str, hold: float, apart: bool, latency: float | None
+) -> dict | None:
     """Print lost and late frames, the delay until sending, and the causes, of a long run to four emulated units.
 
     A frame is late because of the loop itself, or because the computer stopped while the frame was computed and sent;
@@ -116,6 +120,7 @@ def run(frames: int, *, busy: int, priority: int, sensor: str, hold: float, apar
                 sensor,
                 f"autd3:{units.address}" if units else "autd3:emulator",
                 hold=hold,
+                latency=latency,
                 duration=frames / 1000,
                 keep=Path(folder) / "run.h5",
                 exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a benchmark"),
@@ -310,31 +315,48 @@ def bands() -> None:
 
 
 def spectra() -> None:
-    """Print the re-recorded spectra of towel, sponge and brush, played live and with the best offline mode."""
+    """Print E and what cells feel of towel, sponge and brush, played live, with a latency, and in the best mode."""
+    from midair.evaluate import fidelity
     from midair.pipeline import calibrated_pressure, reproduce
     from midair.rig.live_touch import LiveSettings, Touch
     from midair.settings import MODES
 
     array, grid = TransducerArray.autd3(), ControlGrid()
-    print("\nspectra on a cell, dB re the original (20-40 / 40-100 / 100-470 Hz); nominal transducers")
+    air = LiveSettings().acoustics
+    G = transfer_matrix(grid, array, acoustics=air) / focus_amplitude(grid, array, acoustics=air)
+    print("\nE of the phases; signal to distortion; power in a cell over the recorded one; nominal transducers")
+    print("| | | E, % | signal to distortion, dB | 20-40 / 40-100 / 100-470 Hz, dB |\n|---|---|---|---|---|")
     for thing in THINGS:
         recording, calibration, wanted = _felt(thing, 1.2)
-        settings = LiveSettings()
-        touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
-        phase, level = np.zeros((recording.frames, array.count)), np.zeros(recording.frames)
-        for number, sample in enumerate(recording.samples.reshape(recording.frames, -1)):
-            touch.feel(sample)
-            if touch.form():
-                phase[number], level[number] = 2 * np.pi * touch.phases / 256, 1.0
-        cell = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")[5:6]
-        played = Drive(phase=phase, level=level, rate=1000.0, array=array, acoustics=settings.acoustics)
+        cells = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")
+        rows: list[tuple[str, Drive, float, float]] = []
+        for settings in (LiveSettings(), LiveSettings(latency=0.15), LiveSettings(latency=0.2)):
+            touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
+            phase, level, missed = [], [], []
+            for sample in recording.samples.reshape(recording.frames, -1):
+                touch.feel(sample)
+                for at in range(touch.schedule.formed):
+                    level.append(float(touch.form(at)))
+                    phase.append(2 * np.pi * touch.phases / 256)
+                    if level[-1]:
+                        field = np.abs(G @ np.exp(1j * phase[-1]))
+                        missed.append(np.linalg.norm(field - touch.wanted) / np.linalg.norm(touch.wanted))
+            rate = 1000.0 * touch.schedule.formed
+            drive = Drive(
+                phase=np.stack(phase), level=np.array(level), rate=rate, array=array, acoustics=settings.acoustics
+            )
+            name = "live" if settings.latency is None else f"{1e3 * settings.latency:.0f} ms"
+            rows.append((name, drive, touch.delay, float(np.mean(missed[20:]))))
         best = MODES["best"]()
-        made = reproduce(calibrated_pressure(recording, calibration, best), array, best)
-        live, offline = _pressed(played, grid, cell), _pressed(made.solution.drive, grid, cell)
-        own = wanted.reshape(len(wanted), -1)[:, 5]
-        for name, got in (("live", live), ("best offline", offline)):
-            gains = [10 * np.log10(_in_band(got[200:], band) / _in_band(own[200:], band)) for band in BANDS]
-            print(f"  {thing:8}{name:14}" + " / ".join(f"{each:+5.1f}" for each in gains))
+        made = reproduce(calibrated_pressure(recording, calibration, best), array, best).solution
+        rows.append(("best mode", made.drive, 0.0, float(made.error.mean())))
+        for name, drive, delay, error in rows:
+            got, late = _pressed(drive, grid, cells).reshape(-1, *recording.sensor.shape), round(1000 * delay)
+            got, own = got[200 + late :], wanted[200 : len(wanted) - late]
+            gains = [10 * np.log10(_in_band(got[:, 1, 1], band) / _in_band(own[:, 1, 1], band)) for band in BANDS]
+            ratio = fidelity(*(PressureFrames(pressure=each, rate=1000.0) for each in (own, got))).distortion_ratio
+            shown = " / ".join(f"{each:+.1f}" for each in gains)
+            print(f"| {thing} | {name} | {100 * error:.1f} | {ratio:.1f} | {shown} |", flush=True)
 
 
 def hurried() -> None:
@@ -343,7 +365,8 @@ def hurried() -> None:
     from midair.solvers import one_blas_thread
 
     array, settings = TransducerArray.autd3(), LiveSettings()
-    G = transfer_matrix(settings.grid, array) / focus_amplitude(settings.grid, array)
+    air = settings.acoustics
+    G = transfer_matrix(settings.grid, array, acoustics=air) / focus_amplitude(settings.grid, array, acoustics=air)
     print("\nE of the phases, % (no, every fourth, every second, every frame hurried), and median ms per frame")
     for thing in THINGS:
         recording, calibration, _ = _felt(thing, 1.5)
@@ -376,13 +399,13 @@ DEATHS = (
 
 
 def _pressed(drive: Drive, grid: ControlGrid, cell: np.ndarray) -> np.ndarray:
-    """Pressure on a cell, averaged over 1 ms, with held frames and nominal transducer dynamics."""
+    """Pressure on cells, shape (ms, cell), averaged over 1 ms, with held frames and nominal transducer dynamics."""
     follow = Transducers.varied(
         drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
     )
     G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
-    moments = simulate(drive, G, chain=PlaybackChain(transducers=follow), rate=8000.0, weights=cell)[:, 0]
-    return moments.reshape(-1, 8).mean(axis=1)
+    moments = simulate(drive, G, chain=PlaybackChain(transducers=follow), rate=8000.0, weights=cell)
+    return moments.reshape(-1, 8, len(cell)).mean(axis=1)
 
 
 def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:

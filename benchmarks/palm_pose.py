@@ -38,7 +38,7 @@ from midair.physics import (
     airs_of_room,
     array_from_palm,
     cell_weights,
-    exposure_levels,
+    exposure_excess,
     focus_phase,
     middle_of,
     on_the_palm,
@@ -48,6 +48,9 @@ from midair.physics import (
     sound_level,
     steering_phase,
     transfer_matrix,
+)
+from midair.physics import (
+    exposure as exposure_of,
 )
 from midair.pipeline import reproduce, required_lead
 from midair.rig import PlaySettings, VirtualRig
@@ -165,7 +168,9 @@ class Held:
         return poses_at(self.last, times)
 
 
-def follow(thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: Sequence[float]) -> None:
+def follow(
+    thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: Sequence[float], *, fit: bool = True
+) -> None:
     """Print the table of recorded palms; the signal is repeated for as long as a recording lasts."""
     print(f"\n{thing}, best mode, {plan.duration:g} s repeated")
     settings = MODES["best"]
@@ -188,7 +193,7 @@ def follow(thing: str, plan: FidelityPlan, data: Path, folder: Path, latencies: 
         path, repeats = folder / f"{name}.csv", int(palm.time[-1] * rate / once.frames)
         save_palm_path(palm, path)
         ways = {"as it is": [once] * repeats}
-        whole = {"repeats": repeats, "report": lambda _: None, "rules": FollowRules(patience=0.2)}
+        whole = {"repeats": repeats, "report": lambda _: None, "rules": FollowRules(patience=0.2, fit=fit)}
         for ms in latencies:
             tracker = tracker_name(f"replay:{path}", 1e-3 * ms)
             for way, predictor in (("held", Held()), ("predicted", None)):
@@ -271,8 +276,9 @@ def exposure(drives: int, poses: int, first: int = 0, *, fitted: bool = False) -
                 phase[at] += np.angle(fit(drive.phase[frames[[at]]], phase[[at]])[0])
         steered = replace(drive, phase=phase, level=np.ones(poses))
         began = time.process_time()
-        each = exposure_levels(steered, profile, airs, steps=256)[:, :3]
+        exposure_excess(steered, profile, airs, steps=256)
         spent[0] += time.process_time() - began
+        each = exposure_of(steered, profile, acoustics=airs, steps=256).level[:, :3]
         q = sounding(steered)
         for column, place in enumerate(places):
             true, at = loudest_pose(place, q, [sums[place.name, air] for air in range(len(airs))], airs)
@@ -325,6 +331,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first of these drives (default 0)")
     parser.add_argument("--random-poses", type=int, default=1000, help="poses of each for exposure (default 1000)")
     parser.add_argument("--fitted", action="store_true", help="the frames for exposure are fitted, too")
+    parser.add_argument("--steer-only", action="store_true", help="follow without the fit")
     parser.add_argument("--things", nargs="+", default=["towel", "brush", "sponge", "denim", "hapmat-fabric"])
     parser.add_argument("--poses", nargs="+", choices=POSES, default=list(POSES))
     parser.add_argument("--again", action="store_true", help="solve again for each pose, which takes minutes")
@@ -340,7 +347,7 @@ def main() -> None:
         if "exposure" in options.part:
             exposure(options.drives, options.random_poses, options.first, fitted=options.fitted)
         if "follow" in options.part:
-            follow(things[0], plan, options.data, Path(folder), options.latencies)
+            follow(things[0], plan, options.data, Path(folder), options.latencies, fit=not options.steer_only)
 
 
 if __name__ == "__main__":

@@ -247,7 +247,7 @@ def test_every_option_that_a_page_names_is_one(page, capsys):
     for line in re.findall(r"(?:`|^\$ |^)(midair [a-z][^`\n]*)", text, re.MULTILINE):
         words = line.split()[1:]
         name = [word for word in words[:2] if re.fullmatch(r"[a-z]+", word)]
-        names = name if name[:1] and name[0] in ("calibrate", "log", "study", "sweep") else name[:1]
+        names = name if name[:1] and name[0] in FOLDERS else name[:1]
         if not names or names[0] not in OFFERED:
             continue
         key = tuple(names)

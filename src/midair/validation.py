@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import MISSING, field, fields, replace
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Self, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -107,13 +107,43 @@ def number(value: object, name: str, unit: str = "", *, setting: str = "") -> fl
     return float(cast("float", value))
 
 
+def within(
+    value: object,
+    name: str,
+    low: float,
+    high: float = np.inf,
+    *,
+    unit: str = "",
+    above: bool = False,
+    advice: str = "",
+    setting: str = "",
+) -> float:
+    """Return `value` as a float if it is finite and from `low`, or `above` it, to `high`; InputError otherwise."""
+    given = number(value, name, unit, setting=setting)
+    if np.isfinite(given) and (low < given <= high or (given == low and not above)):
+        return given
+    factor, shown = (1e3, " ms") if unit == "s" and high < 1 else (1.0, f" {unit}".rstrip())
+    least, most = f"{factor * low:g}", f"{factor * high:g}{shown}"
+    if above:
+        asked = f"above {least}{shown}" if np.isinf(high) else f"above {least} and at most {most}"
+    else:
+        asked = f"{least}{shown} or more" if np.isinf(high) else f"{least} to {most}"
+    if unit == "m" and low <= given / 1e3 <= high:
+        advice = f"lengths are in metres, {given:g} mm is {given / 1e3:g}"
+    hint = f"; {advice}" if advice else ""
+    raise InputError(f"{name}: expected {asked}, got {factor * given:g}{shown}{hint}", setting=setting)
+
+
 def length(value: float, name: str, limits: tuple[float, float]) -> float:
     """Return `value` as a float if it is within the limits, in m; otherwise raise InputError."""
-    given, (low, high) = number(value, name, "m"), limits
-    if not low <= given <= high:
-        hint = f"; lengths are in metres, {given:g} mm is {given / 1e3:g}" if low <= given / 1e3 <= high else ""
-        raise InputError(f"{name}: expected {low:g} to {high:g} m, got {given:g} m{hint}")
-    return given
+    return within(value, name, *limits, unit="m")
+
+
+def one_of(value: object, known: Any, name: str, *, error: type[InputError] = InputError) -> None:
+    """Raise an error unless `value` is one of `known`: the values of a Literal, or names."""
+    names = get_args(known) or tuple(known)
+    if value not in names:
+        raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}")
 
 
 def setting(
@@ -155,21 +185,10 @@ def check_settings(settings: Any) -> None:
     """Raise InputError for the first setting that is outside its limits; None is within all limits."""
     for one in fields(settings):
         limits, value = one.metadata.get("limits"), getattr(settings, one.name)
-        if limits is None or value is None:
-            continue
-        (low, high), above, unit = limits, one.metadata["above"], one.metadata["unit"]
-        number(value, one.name, unit, setting=one.name)
-        if low < value <= high or (value == low and not above):
-            continue
-        if unit == "m":
-            length(value, one.name, limits)
-        factor, shown = (1e3, " ms") if unit == "s" and high < 1 else (1.0, f" {unit}".rstrip())
-        least, most = f"{factor * low:g}", f"{factor * high:g}{shown}"
-        if above:
-            asked = f"above {least}{shown}" if np.isinf(high) else f"above {least} and at most {most}"
-        else:
-            asked = f"{least}{shown} or more" if np.isinf(high) else f"{least} to {most}"
-        raise InputError(f"{one.name}: expected {asked}, got {factor * value:g}{shown}", setting=one.name)
+        # An infinite upper limit allows infinity.
+        if limits is not None and value is not None and value != limits[1]:
+            known = one.metadata
+            within(value, one.name, *limits, unit=known["unit"], above=known["above"], setting=one.name)
 
 
 def documented(kind: type[T]) -> type[T]:

@@ -43,6 +43,7 @@ NO_BAR = {
     "record": "has meters, with the seconds of how many; Ctrl-C keeps the take (tests/cli/commands/test_record.py)",
     "live": "has a line of its own until Ctrl-C",
     "serve": "runs until Ctrl-C",
+    "serve adaptics": "runs until Ctrl-C",
     "gallery": "lists, or writes one file; draws all in seconds",
     "identify": "asks for each tap, with its number of how many",
     "stop": "has the array's answer at once",
@@ -63,7 +64,7 @@ NO_BAR = {
 def offered():
     """Every command, with the folder that it is in."""
     below = {f"{name} {sub}" for name in FOLDERS for sub in app[name] if not sub.startswith("-")}
-    return {*COMMANDS, *below, "completion", "calibrate"}
+    return {*COMMANDS, *below, "completion", "calibrate", "serve"}
 
 
 def name_of(line):

@@ -9,6 +9,7 @@ from midair.datasets import stroke
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile, Place, exposure, focus_amplitude, focus_phase, sound_level, transfer_matrix
+from midair.physics.exposure_level import exposure_excess
 from midair.physics.exposure_modes import Product, Workspace, field_by_modes, stacks
 from midair.physics.exposure_search import ALLOWANCE, searched_points, searches_of
 from midair.solvers import solve
@@ -187,6 +188,16 @@ def test_turns_of_a_phase_change_nothing():
     turns = 2 * np.pi * rng.integers(-(10**7), 10**7, phase.shape)
     one, many = (exposure(drive(each), PROFILE).level for each in (phase, phase + turns))
     np.testing.assert_allclose(many, one, atol=1e-3)
+
+
+@pytest.mark.parametrize(("change", "above"), [(3e-3, 0.6), (0.3, 0.0)])
+def test_frames_between_measured_ones_are_bounded_or_measured(change, above):
+    rng = np.random.default_rng(5)
+    told = drive(rng.uniform(0, 6, ARRAY.count) + change * rng.standard_normal((10, ARRAY.count)).cumsum(axis=0))
+    exact = exposure(told, PROFILE, acoustics=AIR).level[:, :3].max(axis=1)
+    found = exposure_excess(told, PROFILE.under(exact.max() + 1), AIR, stride=4) + exact.max() + 1
+    np.testing.assert_allclose(found, exact + above / 2, atol=above / 2 + 1e-3)
+    assert above == 0 or found[1] > exact[1] + 0.01
 
 
 def test_places_that_only_advise_are_looked_at_in_27_points():

@@ -228,10 +228,10 @@ def test_a_ramp_goes_the_short_way_round():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"hold": "linear"}, "hold step or ideal"),
-        ({"precision": "half"}, "single or double"),
+        ({"hold": "linear"}, "hold: expected one of step, ideal"),
+        ({"precision": "half"}, "precision: expected one of single, double"),
         ({"phase_bits": 0}, "phase bits: expected 1 to 16"),
-        ({"phase_ramp": -1.0}, "ramps: expected 0 s or more"),
+        ({"phase_ramp": -1.0}, "ramp: expected 0 s or more"),
         ({"hold": "ideal", "transducers": STILL}, "expected step with ramps or transducers"),
         ({"hold": "ideal", "phase_ramp": 1e-3}, "expected step with ramps or transducers"),
     ],

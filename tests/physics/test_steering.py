@@ -56,7 +56,8 @@ def test_a_focus_on_the_aim_stays_a_focus_on_the_moved_palm() -> None:
             assert np.abs(off - off[0]).max() < 1e-6
 
 
-def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turned_palm() -> None:
+@pytest.mark.parametrize(("before", "kept"), [(1e-2, False), (4e-4, True)])
+def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turned_palm(before, kept) -> None:
     """Two soft spots; the pressure is computed by the exact transfer matrix at points between those of the fit."""
     array, palm = TransducerArray.autd3(), ControlGrid(rows=16, columns=16, pitch=11e-3 / 3)
     centre, turned = middle_of(palm), hand(seed=3)
@@ -67,7 +68,9 @@ def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turne
     there = transfer_matrix(on_the_palm(palm.position, centre, pose)[0], array, acoustics=AIR)
     steered = phase + steering_phase(array, AIR.medium, centre, pose)
     fit = PalmFit(array, AIR, palm)
+    fit.move(replace(pose, centre=pose.centre - [[before, 0, 0]]))
     fit.move(pose)
+    assert (fit.pose is not pose) == kept
     fitted = steered + np.angle(fit(phase, steered))
     wanted, *felt = (
         np.abs(np.exp(1j * each) @ at.T) ** 2 for each, at in ((phase, matrix), (steered, there), (fitted, there))

@@ -118,7 +118,7 @@ def test_quiet_ears_at_three_places_are_saved(tmp_path):
 
 
 def test_a_level_at_the_ears_is_a_level():
-    with pytest.raises(InputError, match="ears: expected a level of 80 to 160 dB, got 20; typical value: 110"):
+    with pytest.raises(InputError, match="ears: expected 80 to 160 dB, got 20 dB; typical value: 110"):
         Settings().but(ears=20.0)
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,45 +17,10 @@ from midair.study import StudyFolder, answers_table, prepare_media, read_design,
 
 pytestmark = pytest.mark.browser
 
-DESIGN = """
-name = "three"
-title = "Three objects"
-participants = 2
-seed = 4
-consent = "You will feel things. You may stop at any time."
-
-[[questions]]
-name = "closest"
-kind = "choice"
-text = "Which object was it?"
-options = ["brush", "sponge", "towel"]
-truth = "object"
-
-[[stimuli]]
-name = "a"
-kind = "object"
-source = "brush"
-levels = { object = "brush" }
-
-[[stimuli]]
-name = "b"
-kind = "object"
-source = "sponge"
-levels = { object = "sponge" }
-
-[[stimuli]]
-name = "c"
-kind = "object"
-source = "towel"
-levels = { object = "towel" }
-
-[[blocks]]
-name = "one"
-text = "Say each time which it was."
-stimuli = ["a", "b", "c"]
-questions = ["closest"]
-repetitions = 9
-"""
+PLANS = Path(__file__).with_name("plans")
+DESIGN = (PLANS / "three.toml").read_text(encoding="utf-8")
+PLAYED = (PLANS / "felt.toml").read_text(encoding="utf-8")
+MEDIA = (PLANS / "media.toml").read_text(encoding="utf-8")
 
 PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
@@ -154,51 +120,6 @@ def test_pilot_is_marked_and_stored_apart_and_can_be_stopped(study, look):
     events = read_events(study.path / "pilot" / "sub-01.jsonl")
     assert events[-1]["event"] == "stop"
     assert next(event for event in events if event["event"] == "open")["pilot"] is True
-
-
-PLAYED = """
-name = "felt"
-title = "Felt or not"
-participants = 1
-seed = 1
-consent = "You will feel faint vibrations. You may stop at any time."
-cue = "It comes now."
-form = ["age", "tired"]
-noise = { level_dbfs = -20 }
-
-[[questions]]
-name = "age"
-kind = "text"
-text = "How old are you?"
-
-[[questions]]
-name = "tired"
-kind = "slider"
-text = "How tired are you?"
-low = 0
-high = 10
-low_label = "not at all"
-high_label = "very"
-
-[[questions]]
-name = "felt"
-kind = "yes-no"
-text = "Did you feel something?"
-
-[[stimuli]]
-name = "nothing"
-kind = "silence"
-
-[[stimuli]]
-name = "weak"
-source = "weak.drive.h5"
-share = 0.5
-
-[[blocks]]
-name = "one"
-stimuli = ["nothing", "weak"]
-questions = ["felt"]
-"""
 
 
 def drive_of(folder):
@@ -309,48 +230,6 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
     assert set(table.loc[table["question"] == "slider", "answer"]) == {"51"}
     assert set(table.loc[table["question"] == "choice", "answer"]) == {"first"}
     assert page.wrong == []
-
-
-MEDIA = """
-name = "media"
-title = "Texts, pictures and sounds"
-participants = 1
-seed = 1
-
-[markers]
-lsl = "midair browser test"
-
-[[questions]]
-name = "rough"
-kind = "slider"
-text = "How rough is it?"
-low = 0
-high = 100
-low_label = "smooth"
-high_label = "rough"
-
-[[stimuli]]
-name = "word"
-kind = "text"
-source = "sandpaper"
-
-[[stimuli]]
-name = "photo"
-kind = "picture"
-source = "pictures/sand paper.png"
-duration_s = 2
-
-[[stimuli]]
-name = "noise"
-kind = "sound"
-source = "noise.wav"
-
-[[blocks]]
-name = "one"
-stimuli = ["word", "photo", "noise"]
-questions = ["rough"]
-order = "fixed"
-"""
 
 
 def test_texts_pictures_and_sounds_are_presented_and_rated_on_a_slider(studio_at, look, tmp_path):

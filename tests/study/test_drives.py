@@ -1,6 +1,7 @@
 import hashlib
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,32 +115,7 @@ def test_invalid_stimuli_are_refused(changes):
         replace(A, **changes)
 
 
-PLAN = """
-name = "media"
-participants = 1
-seed = 1
-[[questions]]
-name = "rough"
-kind = "slider"
-text = "How rough?"
-[[stimuli]]
-name = "word"
-kind = "text"
-source = "sandpaper"
-duration_s = 0.2
-[[stimuli]]
-name = "photo"
-kind = "picture"
-source = "a.png"
-[[stimuli]]
-name = "noise"
-kind = "sound"
-source = "b.wav"
-[[blocks]]
-name = "one"
-stimuli = ["word", "photo", "noise"]
-questions = ["rough"]
-"""
+PLAN = Path(__file__).with_name("plans").joinpath("media.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from midair.study.design.study_design import PlannedPower
 from midair.study.findings import analyse, data_of_answers
 from midair.study.findings.rating_findings import adaptive
 from midair.study.folder import StudyFolder, read_design, template_text
-from midair.study.registration import plan_parts
+from midair.study.registration import power_in_words
 from midair.study.statistics import f_measure, proportion_correct
 
 STUDIES = 80
@@ -36,12 +36,7 @@ def table_of(tmp_path_factory):
 
 
 def told(plan, power):
-    (part,) = (
-        one
-        for one in plan_parts(replace(plan, design=replace(plan.design, power=(power,))), runs=400)
-        if one.title == "Power"
-    )
-    return float(re.search(r"power ([\d.]+)", part.lines[0])[1])
+    return float(re.search(r"power ([\d.]+)", power_in_words(power, plan.design, 400))[1])
 
 
 def own(plan, test):

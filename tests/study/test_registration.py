@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from hashlib import sha256
 
 import pytest
@@ -7,12 +8,18 @@ from midair.cli import run as midair
 from midair.study.design.plan import draw_plan
 from midair.study.design.study_design import Analysis, Exclusions
 from midair.study.folder import read_design, template_text
-from midair.study.registration import analysis_in_words, exclusions_in_words, plan_page
+from midair.study.registration import plan_page
 from midair.study.statistics import power_paired_t
 
 
 def words(page):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page.partition("<main")[2]))
+
+
+def part(plan, title, **changes):
+    """Paragraphs of a part of the page, after changes of the design."""
+    page = plan_page(replace(plan, design=replace(plan.design, **changes)), runs=2)
+    return re.findall("<p>(.*?)</p>", page.partition(f"<h2>{title}</h2>")[2].partition("</section>")[0])
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +47,7 @@ def test_the_same_plan_gives_the_same_page_and_another_another(plan):
     assert other.digest != plan.digest
 
 
-def test_every_exclusion_rule_has_a_sentence():
+def test_every_exclusion_rule_has_a_sentence(plan):
     rules = Exclusions(
         fastest_s=0.2,
         slowest_s=9,
@@ -51,15 +58,16 @@ def test_every_exclusion_rule_has_a_sentence():
         failed_plays=True,
         unfinished=True,
     )
-    said = exclusions_in_words(rules)
+    said = part(plan, "Exclusions", exclusions=rules)
     assert len(said) == 8
     assert said[2] == "Participants with correct answers in fewer than 80 % of the attention checks."
-    assert exclusions_in_words(Exclusions()) == ("No participants; only answers after the time limit.",)
+    assert part(plan, "Exclusions", exclusions=Exclusions()) == ["No participants; only answers after the time limit."]
 
 
-def test_unplanned_analyses_are_not_listed():
-    assert analysis_in_words(Analysis()) == ("No analyses are planned.",)
-    assert [line.split(" over ")[1][:7] for line in analysis_in_words(Analysis(strength="percent"))] == ["percent"]
+def test_unplanned_analyses_are_not_listed(plan):
+    assert part(plan, "Planned analyses", analysis=Analysis()) == ["No analyses are planned."]
+    (said,) = part(plan, "Planned analyses", analysis=Analysis(strength="object"))
+    assert said.split(" over ")[1][:7] == "object,"
 
 
 @pytest.mark.long

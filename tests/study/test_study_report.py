@@ -78,7 +78,7 @@ def choices(name):
 
 def test_confusions_show_every_count():
     figure = confusion_figure([choices("plain"), choices("grooved")], simulated=True)
-    assert [axes.get_title() for axes in figure.axes] == ["plain", "grooved"]
+    assert [axes.get_title("left") for axes in figure.axes] == ["plain", "grooved"]
     assert [text.get_text() for text in figure.axes[0].texts] == [str(n) for n in [1, 0, 1, 0, 2, 0, 1, 0, 1]]
     assert any(text.get_text() == "SIMULATED" for text in figure.texts)
 

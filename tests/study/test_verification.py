@@ -184,38 +184,7 @@ def test_studies_without_chain_are_read_and_reported(tmp_path):
     )
 
 
-PLAN = """
-name = "visual"
-participants = 5
-seed = 3
-[[questions]]
-name = "rough"
-kind = "slider"
-text = "How rough was it?"
-low = 0
-high = 100
-low_label = "smooth"
-high_label = "rough"
-levels = { rated = "towel" }
-[[stimuli]]
-name = "towel"
-kind = "object"
-source = "towel"
-levels = { object = "towel" }
-[[stimuli]]
-name = "glass"
-kind = "object"
-source = "glass"
-levels = { object = "glass" }
-[[blocks]]
-name = "only"
-stimuli = ["towel", "glass"]
-questions = ["rough"]
-repetitions = 4
-[analysis]
-rated = ["rough"]
-within = ["object"]
-"""
+PLAN = Path(__file__).with_name("plans").joinpath("visual.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.long

@@ -121,7 +121,7 @@ def test_short_recordings_are_stored_in_order():
 
 
 def test_less_than_a_block_a_task_is_refused():
-    with pytest.raises(InputError, match="expected 1 block per task or more, got 0"):
+    with pytest.raises(InputError, match="blocks per task: expected 1 or more, got 0"):
         replace(SWEEP, blocks=0)
 
 

@@ -15,7 +15,7 @@ from midair.array_types import Array, Complex
 from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies, fir_from_response
 from midair.errors import BandError, InputError, ShapeError
 from midair.model import BAND, Calibration, Crosstalk
-from midair.validation import positive
+from midair.validation import positive, within
 
 
 def inverse_response(
@@ -89,8 +89,7 @@ def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
     no crosstalk), so that nearly identical rows do not amplify noise. Multiply the matrix with the pressures of all
     channels. Raises InputError if the damping is negative, or the matrix cannot be inverted.
     """
-    if not 0 <= damping < np.inf:
-        raise InputError(f"damping: expected 0 or more, got {damping:g}")
+    within(damping, "damping", 0)
     matrix, extra = crosstalk.matrix, damping**2 * np.eye(len(crosstalk.matrix))
     normal = matrix.T @ matrix + extra
     # The condition number of C^T C is the square of that of C.
@@ -172,8 +171,7 @@ def causal_fir(
         If delay, taps or below is out of range.
     """
     band, edges = _checked(calibration, rate, band, edges, delay, taps)
-    if not 0 <= below < np.inf:
-        raise InputError(f"below: expected 0 Hz or more, got {below:g} Hz")
+    within(below, "below", 0, unit="Hz")
     frequency = fft_frequencies(_BINS * taps, rate)
     response = calibration.response_at(frequency)
     # phi diverges at 0 Hz, so it is held constant below 0.5 Hz.
@@ -268,8 +266,7 @@ def _checked(
 ) -> tuple[Band, tuple[float, float]]:
     band = check_band(band, rate)
     check_band_covered(calibration, band)
-    if taps < 8:
-        raise InputError(f"taps: expected 8 or more, got {taps}")
+    within(taps, "taps", 8)
     if not 0 <= delay <= taps / rate / 2:
         raise InputError(
             f"delay: expected 0 to {1e3 * taps / rate / 2:g} ms, half the length of the filter, got {1e3 * delay:g} ms"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from types import NoneType
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -15,11 +15,11 @@ from midair.calibration.inverse import (
     inverse_response,
 )
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
-from midair.errors import BandError, InputError, MismatchError, UnitError
+from midair.errors import BandError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
 from midair.streaming import LazyFrames, blocks, channels, each_frame, moments
-from midair.validation import check_type
+from midair.validation import check_type, one_of
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6
@@ -88,8 +88,7 @@ def calibrate(
     check_type(calibration, "calibration", Calibration, NoneType)
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
-    if method not in get_args(Method):
-        raise InputError(f"method of calibrate: expected one of {', '.join(get_args(Method))}, got {method!r}")
+    one_of(method, Method, "method of calibrate")
     used = _fitting(recording, calibration, band)
     mix = crosstalk_inverse(used, crosstalk, damping)
     _check_content(recording, band)

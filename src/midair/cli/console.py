@@ -71,7 +71,7 @@ def remember_speed(kind: str, frames: int, seconds: float) -> None:
     """Store the speed of finished work; errors are ignored, since only the next estimate is lost."""
     import tomli_w
 
-    from midair.files import atomic_file
+    from midair.files import write_file
 
     if not frames or seconds < MEASURED:
         return
@@ -80,8 +80,7 @@ def remember_speed(kind: str, frames: int, seconds: float) -> None:
     with suppress(OSError, FileError):
         path = _file()
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(path) as partial:
-            partial.write_text(tomli_w.dumps(speeds), encoding="utf-8")
+        write_file(path, tomli_w.dumps(speeds))
 
 
 def workload_of(settings: "Settings", transducers: int) -> str:

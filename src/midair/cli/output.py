@@ -165,9 +165,8 @@ def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
 def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:
     """Error of a solution without its lead, whose target is almost zero."""
     inside = frames_without_lead(target.provenance, target.frames, target.rate)
-    plays = np.array([status != "silent" for status in solution.status])
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
-    return error_by_energy(solution.error[inside], (power * plays)[inside])
+    return error_by_energy(solution.error[inside], (power * solution.plays)[inside])
 
 
 def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:

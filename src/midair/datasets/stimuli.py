@@ -9,7 +9,7 @@ from midair.array_types import Array
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
 from midair.streaming import LazyFrames
-from midair.validation import positive
+from midair.validation import one_of, positive, within
 
 Stimulus = Literal["i", "ii", "iii"]
 
@@ -28,8 +28,7 @@ def am_stimulus(
     cells at 11 mm.
     """
     sensor = sensor or SensorGrid()
-    if kind not in get_args(Stimulus):
-        raise InputError(f"stimulus: expected one of {', '.join(get_args(Stimulus))}, got {kind!r}")
+    one_of(kind, Stimulus, "stimulus")
     # Frequencies in Hz with their shares of the peak.
     parts = {25.0: 0.6, 250.0: 0.4} if kind == "iii" else {100.0: 1.0}
     if rate <= 2 * max(parts):
@@ -159,11 +158,10 @@ def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 
     Bit k is 1 if channel k of at most 16 is loud. Patterns are unique, and none is 0; there are 2^channels - 1, all if
     `count` is None. Raises InputError if `count` exceeds that number, or `channels` is out of range.
     """
-    if not 1 <= channels <= 16:
-        raise InputError(f"channels: expected 1 to 16, got {channels}")
+    within(channels, "channels", 1, 16)
     every = 2**channels - 1
-    if count is not None and not 1 <= count <= every:
-        raise InputError(f"count of patterns: expected 1 to {every}, got {count}")
+    if count is not None:
+        within(count, "count of patterns", 1, every)
     return np.random.default_rng(seed).permutation(np.arange(1, every + 1))[:count]
 
 

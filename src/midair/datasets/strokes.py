@@ -31,7 +31,7 @@ from midair.errors import InputError, RateError
 from midair.files import open_take, read_toml
 from midair.model import RATE, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings import resample as resample_recording
-from midair.validation import positive
+from midair.validation import one_of, positive, within
 
 Object = Literal["brush", "sponge", "towel"]
 
@@ -137,8 +137,7 @@ def stroke(
     fine = 8000.0
     if not 0 < rate <= fine:
         raise RateError(f"rate of a stroke: expected above 0 and up to {fine:g} Hz, got {rate:g} Hz")
-    if not 0 <= column < sensor.columns:
-        raise InputError(f"column of a stroke: expected 0 to {sensor.columns - 1}, got {column}")
+    within(column, "column of a stroke", 0, sensor.columns - 1)
     motion = Motion(speed=speed, contact=contact, column=column)
     texture = Texture.of(object)
     rng = np.random.default_rng([seed, get_args(Object).index(object)])
@@ -289,8 +288,7 @@ _OPENED: Mapping[str, Mapping[str, Any]] = {"connect": {"unit": "count"}}
 
 
 def _sample_named(name: str) -> Sample:
-    if name not in SAMPLES:
-        raise InputError(f"sample: expected one of {', '.join(SAMPLES)}, got {name!r}")
+    one_of(name, SAMPLES, "sample")
     return SAMPLES[name]
 
 

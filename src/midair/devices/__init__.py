@@ -58,6 +58,7 @@ from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import Thermometer as Thermometer
+from .sensors import WrappedSensor as WrappedSensor
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .trackers import LeapFrames as LeapFrames
 from .trackers import MotionModel as MotionModel

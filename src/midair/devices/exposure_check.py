@@ -22,7 +22,7 @@ from midair.physics import (
     PoseBox,
     airs_of_room,
     exposure,
-    exposure_levels,
+    exposure_excess,
     greatest_exposure,
     heat_so_far,
 )
@@ -35,7 +35,7 @@ device without sound."""
 _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
-UNSAMPLED = 1.0
+UNSAMPLED = 1.5
 """Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
 
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
@@ -183,8 +183,8 @@ class ExposureClearance:
     def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
         """Clear frames that were steered to these poses; None for silent ones.
 
-        Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, and
-        weakened to the profile if it exceeds it.
+        Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, or
+        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it.
 
         Raises
         ------
@@ -204,9 +204,10 @@ class ExposureClearance:
         if self.outcome == "overridden" or not self.gated or not own.level.any():
             return own
         played = replace(own, level=actual_level(own.level))
-        found = exposure_levels(played, self.exposure.profile, self.exposure.airs, steps=self.steps)
-        enforced = [place.limit if place.enforced else np.inf for place in self.exposure.profile.places]
-        excess = np.maximum((found - enforced).max(axis=1), 0.0)
+        # One frame of each millisecond is measured, and those between if the bound for them exceeds the profile.
+        excess = exposure_excess(
+            played, self.exposure.profile, self.exposure.airs, steps=self.steps, stride=max(1, round(1e-3 * own.rate))
+        )
         loud = excess > 0
         if not loud.any():
             return own

@@ -5,6 +5,7 @@ silenced first. To add a device, write a subclass in its own file and implement 
 """
 
 import contextlib
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
-from midair.devices.safety import Ending, StopGuard, exposed, log_end, log_order, log_pause
+from midair.devices.safety import Ending, StopGuard, exposed, hours_error, log_end, log_order, log_pause, sound_left
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import (
     Calibration,
@@ -32,7 +33,9 @@ from midair.model import (
     TransducerArray,
     Unit,
 )
+from midair.physics import ExposureProfile
 from midair.streaming import Stored
+from midair.validation import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,8 +156,7 @@ class Cooling:
     """Asked while units are cool; the pause lasts until it returns True."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.limit < 86400:
-            raise InputError(f"--cooling-limit: expected above 0 s and less than a day, got {self.limit:g} s")
+        within(self.limit, "--cooling-limit", 0, 86400, unit="s", above=True)
 
 
 def log_nothing(_event: str, _reason: str) -> None:
@@ -189,12 +191,14 @@ class ArrayDevice(ABC):
     _plays: bool
     _allowed: Callable[[], None] | None
     _log: Callable[[str, str], None]
+    _orders: list[tuple[ExposureProfile, float, dict[str, Any]]]
+    _left: float
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Create the stop guard before a driver's `__init__` runs."""
         made = super().__new__(cls)
         made._order, made._entered, made._plays = StopGuard(), contextlib.ExitStack(), False
-        made._allowed, made._log = None, log_nothing
+        made._allowed, made._log, made._orders, made._left = None, log_nothing, [], np.inf
         return made
 
     @abstractmethod
@@ -275,7 +279,7 @@ class ArrayDevice(ABC):
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
         drive = admission.check_for(self)
 
-        said: dict[str, object] = {}
+        said: dict[str, Any] = {}
         logs = self._logged(admission, source, room, said) if self.gated or watched else contextlib.nullcontext()
         with logs:
             with self._playing():
@@ -285,7 +289,7 @@ class ArrayDevice(ABC):
 
     @contextmanager
     def _logged(
-        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, object]
+        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, Any]
     ) -> Generator[None]:
         """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
@@ -294,6 +298,11 @@ class ArrayDevice(ABC):
                 source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
             )
             self._log = partial(log_pause, number, source, self.name)
+            profile = admission.exposure.profile
+            if not self._orders:
+                free = self.simulated or admission.named
+                self._left = np.inf if free else sound_left(profile, self.participant)
+            self._orders.append((profile, time.monotonic(), said))
             try:
                 yield
                 # A stop during the last block is not noticed inside `emit`.
@@ -304,8 +313,17 @@ class ArrayDevice(ABC):
                 raise
             finally:
                 self._log = log_nothing
+                self._orders.pop()
             said |= {"checked": exposed(admission.later())} if admission.later else {}
             log_end(number, source, self.name, "played", report=said)
+
+    def _check_hours(self) -> None:
+        """Raise ExposureError if the sound of the open orders lasts for longer than their profile permits today."""
+        now = time.monotonic()
+        sounded = sum(float(said.get("duration", now - began)) for _, began, said in self._orders)
+        if sounded > self._left:
+            profile = self._orders[-1][0]
+            raise hours_error(profile, self.participant, 3600 * profile.hours - self._left + sounded, 0.0)
 
     @contextmanager
     def _playing(self) -> Generator[None]:

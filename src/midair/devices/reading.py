@@ -30,30 +30,26 @@ class GapFiller:
 
     def __init__(self, name: str, rate: float) -> None:
         self._name, self._rate = name, rate
-        self._next = 0
-        self._last: Array | None = None
-
-    @property
-    def frames(self) -> int:
+        self.frames = 0
         """Number of frames so far, including filled ones."""
-        return self._next
+        self._last: Array | None = None
 
     def add(self, block: FrameBlock) -> FilledBlock:
         """Return the block, preceded by copies for the frames lost before it.
 
         Raises DeviceError if a frame index repeats, or more than a minute of frames is missing.
         """
-        lost = block.first - self._next
+        lost = block.first - self.frames
         if lost < 0 or lost > LONGEST * self._rate:
             raise DeviceError(
-                f"{self._name}: expected frame {self._next} or one soon after, got frame {block.first}; "
+                f"{self._name}: expected frame {self.frames} or one soon after, got frame {block.first}; "
                 "the sensor restarted; check its power and cable and record again"
             )
-        samples, first = block.samples, self._next
+        samples, first = block.samples, self.frames
         if len(samples):
             held = samples[:1] if self._last is None else self._last
             self._last = np.array(samples[-1:])
-            self._next = block.first + len(samples)
+            self.frames = block.first + len(samples)
             if lost:
                 samples = np.concatenate([np.broadcast_to(held, (lost, *held.shape[1:])), samples])
         return FilledBlock(samples=samples, first=first, lost=lost if len(samples) else 0)

@@ -27,6 +27,7 @@ from .paper_figures import stimuli_figure as stimuli_figure
 from .paper_figures import trials_figure as trials_figure
 from .style import STYLE as STYLE
 from .style import Picture as Picture
+from .style import label_axes as label_axes
 from .style import new_figure as new_figure
 from .style import plain_axes as plain_axes
 from .style import png_bytes as png_bytes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.array_types import Array
-from midair.figures.style import STYLE, new_figure, plain_axes
+from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
 from midair.model import Calibration, Crosstalk, Linearity, Measurement
 
 if TYPE_CHECKING:
@@ -69,8 +69,8 @@ def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
     return size, [channel for channel, one in enumerate(size) if (one > 0).all()]
 
 
-def _frequency_axis(axis: Axes, calibration: Calibration, label: str) -> Axes:
-    plain_axes(axis, x="frequency (Hz)", y=label)
+def _frequency_axis(axis: Axes, calibration: Calibration, label: str, title: str) -> None:
+    plain_axes(axis, title=title, x="frequency (Hz)", y=label)
     low, high = calibration.frequency[[0, -1]]
     if 0 < low < high:
         axis.set_xscale("log")
@@ -78,11 +78,10 @@ def _frequency_axis(axis: Axes, calibration: Calibration, label: str) -> Axes:
         axis.set_xticks(ticks, [str(f) for f in ticks])
         axis.minorticks_off()
     axis.margins(x=0)
-    return axis
 
 
 def _response(axis: Axes, calibration: Calibration) -> None:
-    _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)")
+    _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)", "magnitude")
     size, heard = _heard(calibration)
     measured, colours = calibration.measurement, _colours(len(size))
     wide = None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
@@ -93,7 +92,6 @@ def _response(axis: Axes, calibration: Calibration) -> None:
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
             axis.fill_between(calibration.frequency, low, high, color=tuple(colours[channel]), alpha=0.15, linewidth=0)
     axis.set_yscale("log")
-    axis.set_title("magnitude", fontsize=8, loc="left")
     from matplotlib.lines import Line2D
 
     named = list(heard)[:: -(-len(heard) // 16) or 1]
@@ -103,7 +101,7 @@ def _response(axis: Axes, calibration: Calibration) -> None:
 
 def _deviation(axis: Axes, calibration: Calibration) -> None:
     """Draw the difference of the channels from their mean; uncertainty shared by all channels is left out."""
-    _frequency_axis(axis, calibration, "re mean of the channels (dB)")
+    _frequency_axis(axis, calibration, "re mean of the channels (dB)", "difference between channels")
     size, heard = _heard(calibration)
     if not heard:
         return
@@ -114,34 +112,25 @@ def _deviation(axis: Axes, calibration: Calibration) -> None:
             own = _curves(measured.magnitude_uncertainty)[channel] ** 2 - measured.reference_uncertainty**2
             wide = 20 / np.log(10) * 2 * np.sqrt(np.maximum(own, 0))
         _line(axis, calibration, 20 * np.log10(size[channel] / mean), colours[channel], wide, alpha=0.3)
-    axis.set_title("difference between channels", fontsize=8, loc="left")
 
 
 def _phase(axis: Axes, calibration: Calibration) -> None:
-    _frequency_axis(axis, calibration, "phase (rad)")
+    _frequency_axis(axis, calibration, "phase (rad)", "phase")
     _, heard = _heard(calibration)
     phase, colours = np.unwrap(_curves(np.angle(calibration.response)), axis=1), _colours(calibration.sensor.count)
     measured = calibration.measurement
     for channel in heard:
         wide = None if measured is None else 2 * _curves(measured.phase_uncertainty)[channel]
         _line(axis, calibration, phase[channel], colours[channel], wide)
-    axis.set_title("phase", fontsize=8, loc="left")
 
 
 def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | None) -> None:
-    _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)")
+    _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)", "uncertainty")
     if measured is None:
         return _absent(axis, "unknown: stated, not measured")
     each = 200 * _curves(measured.magnitude_uncertainty)
-    axis.fill_between(
-        calibration.frequency,
-        each.min(axis=0),
-        each.max(axis=0),
-        color=STYLE.before,
-        alpha=0.4,
-        lw=0,
-        label="all channels",
-    )
+    low, high = each.min(axis=0), each.max(axis=0)
+    axis.fill_between(calibration.frequency, low, high, color=STYLE.before, alpha=0.4, lw=0, label="all channels")
     axis.plot(calibration.frequency, np.median(each, axis=0), color=STYLE.original, lw=1, label="median")
     axis.axhline(
         200 * measured.reference_uncertainty, color=STYLE.reproduced, lw=1, ls="--", label="reference (shared by all)"
@@ -149,12 +138,12 @@ def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | N
     # A few bins of an insensitive channel must not compress the scale of all others.
     axis.set_ylim(0, max(1.1 * float(np.quantile(each, 0.99)), 220 * measured.reference_uncertainty, 1e-3))
     axis.legend(fontsize=8, frameon=False)
-    axis.set_title("uncertainty", fontsize=8, loc="left")
     return None
 
 
 def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | None) -> None:
-    _frequency_axis(axis, calibration, "1 - coherence (1)")
+    title = "part not explained by the reference; bins above the line are rejected"
+    _frequency_axis(axis, calibration, "1 - coherence (1)", title)
     if measured is None:
         return _absent(axis, "not measured")
     lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
@@ -163,12 +152,11 @@ def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | Non
     # 1 minus the default coherence limit of `MeasureSettings`.
     axis.axhline(0.1, color=STYLE.reproduced, lw=1, ls="--")
     axis.set_yscale("log")
-    axis.set_title("part not explained by the reference; bins above the line are rejected", fontsize=8, loc="left")
     return None
 
 
 def _noise(axis: Axes, calibration: Calibration) -> None:
-    _frequency_axis(axis, calibration, "noise-equivalent pressure (mPa/√Hz)")
+    _frequency_axis(axis, calibration, "noise-equivalent pressure (mPa/√Hz)", "noise floor")
     size, heard = _heard(calibration)
     measured, colours = calibration.measurement, _colours(len(size))
     white = np.broadcast_to(calibration.noise, (len(calibration.frequency), *calibration.noise.shape))
@@ -177,20 +165,15 @@ def _noise(axis: Axes, calibration: Calibration) -> None:
         _line(axis, calibration, 1e3 * density[channel] / size[channel], colours[channel])
     if density.max() > 0:
         axis.set_yscale("log")
-    axis.set_title("noise floor", fontsize=8, loc="left")
 
 
 def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None) -> None:
-    axis.tick_params(labelsize=8, color=STYLE.faint, labelcolor=STYLE.ink)
-    axis.set_xlabel("pressed cell (channel)", fontsize=9)
-    axis.set_ylabel("responding channel", fontsize=9)
+    label_axes(axis, x="pressed cell (channel)", y="responding channel")
     if crosstalk is None:
         return _absent(axis, "not measured: press each cell separately")
     level = 20 * np.log10(np.maximum(np.abs(crosstalk.matrix), 1e-5))
-    image = axis.imshow(level, cmap=STYLE.quantity, vmin=-60, vmax=0, origin="upper")
-    bar = figure.colorbar(image, ax=axis, shrink=0.9)
-    bar.set_label("crosstalk (dB)", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    axis.imshow(level, cmap=STYLE.quantity, vmin=-60, vmax=0, origin="upper")
+    colour_bar(figure, [axis], "crosstalk (dB)")
     away = ~np.eye(len(level), dtype=bool)
     if away.any():
         worst, unsure = np.abs(crosstalk.matrix[away]).max(), 2 * np.median(crosstalk.uncertainty[away])
@@ -211,21 +194,17 @@ def _linearity(axis: Axes, linearity: Linearity | None) -> None:
     axis.axhline(0, color=STYLE.faint, lw=1)
     worst = int(np.argmax(np.abs(linearity.curvature)))
     bend, unsure = linearity.curvature.ravel()[worst], 2 * linearity.curvature_uncertainty.ravel()[worst]
-    axis.set_title(
-        f"linearity: largest curvature {100 * bend:.2g} ± {100 * unsure:.2g} % (channel {worst})",
-        fontsize=8,
-        loc="left",
-    )
+    title = f"linearity: largest curvature {100 * bend:.2g} ± {100 * unsure:.2g} % (channel {worst})"
+    axis.set_title(title, fontsize=8, loc="left")
     return None
 
 
 def _delay(axis: Axes, measured: Measurement | None) -> None:
-    plain_axes(axis, x="channel", y="delay (ms)")
+    plain_axes(axis, title="delay in the upper half of the band", x="channel", y="delay (ms)")
     if measured is None or not measured.delay.any():
         return _absent(axis, "not measured")
     delay, wide = 1e3 * measured.delay.ravel(), 2e3 * measured.delay_uncertainty.ravel()
     axis.errorbar(np.arange(len(delay)), delay, yerr=wide, fmt="o", color=STYLE.original, markersize=4, capsize=2)
-    axis.set_title("delay in the upper half of the band", fontsize=8, loc="left")
     return None
 
 

@@ -11,14 +11,13 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import welch
 from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
-from midair.figures.style import STYLE, new_figure, plain_axes
+from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
 from midair.physics import Exposure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from matplotlib.image import AxesImage
 
 
 def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = None) -> Figure:
@@ -29,14 +28,13 @@ def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = 
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for channel, axis in enumerate(axes.ravel()):
         row, column = divmod(channel, columns)
-        plain_axes(axis)
+        plain_axes(axis, title=f"channel {channel}")
         # The wide line of the original is seen on both sides of the reproduction.
         wide = {"color": STYLE.original, "linewidth": 0.7 if reproduced is None else 2.0}
         axis.plot(original.time, original.pressure[:, row, column], label="original", **wide)
         if reproduced is not None:
             shown = reproduced.pressure[: original.frames, row, column]
             axis.plot(reproduced.time[: len(shown)], shown, color=STYLE.reproduced, linewidth=0.6, label="re-recorded")
-        axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left", pad=2)
         axis.margins(x=0)
     figure.supxlabel("time (s)", fontsize=9)
     figure.supylabel("pressure (Pa)", fontsize=9)
@@ -60,7 +58,7 @@ def spectra_figure(
     axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
     top, levels = -np.inf, list[tuple[Array, Array]]()
     for axis, channel in zip(axes, channels, strict=True):
-        plain_axes(axis)
+        plain_axes(axis, title=f"channel {channel}", y="power density (dB re 1 Pa²/Hz)").label_outer()
         for (name, frames), colour, width in zip(series, colours, (2.0, 0.7, 0.7), strict=False):
             row, column = divmod(channel, frames.sensor.columns)
             pressure = frames.pressure[:, row, column]
@@ -70,13 +68,11 @@ def spectra_figure(
             top = max(top, float(level.max()))
             levels.append((frequency[1:], level))
             axis.plot(frequency[1:], level, color=colour, linewidth=width, label=name)
-        axis.set_title(f"channel {channel}", fontsize=8, color=STYLE.ink, loc="left")
         axis.margins(x=0)
     axes[0].set_ylim(top - 60, top + 5)
     # Up to the last frequency that is in the picture.
     axes[0].set_xlim(0, max(frequency[level > top - 60].max(initial=1) for frequency, level in levels))
     figure.supxlabel("frequency (Hz)", fontsize=9)
-    axes[0].set_ylabel("power density (dB re 1 Pa²/Hz)", fontsize=8)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=len(series), fontsize=8, frameon=False)
     return figure
@@ -98,7 +94,7 @@ def beam_figure(commanded: Array, measured: Array, *, gain: float, intercept: fl
 def exposure_figure(exposure: Exposure, *, simulated: bool) -> Figure:
     """Draw the level of every frame at every place, each with its limit as a dashed line of the same colour."""
     figure = new_figure(8.0, 3.2, simulated=simulated)
-    axis = plain_axes(figure.subplots(), x="time (s)", y="level (dB re 20 µPa rms)")
+    axis = plain_axes(figure.subplots(), title=exposure.verdict(), x="time (s)", y="level (dB re 20 µPa rms)")
     time = np.arange(len(exposure.level)) / exposure.rate
     colours = (STYLE.original, STYLE.reproduced, STYLE.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):
@@ -108,7 +104,6 @@ def exposure_figure(exposure: Exposure, *, simulated: bool) -> Figure:
         label = f"{place.name}, limit {place.limit:g} dB{'' if place.enforced else ' (advice)'}"
         axis.plot(time, np.where(heard, exposure.level[:, number], np.nan), color=colour, linewidth=0.8, label=label)
         axis.axhline(place.limit, color=colour, linewidth=0.8, linestyle="--")
-    axis.set_title(exposure.verdict(), fontsize=8, loc="left")
     axis.margins(x=0)
     axis.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
@@ -129,16 +124,9 @@ def maps_figure(
     figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated)
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
     top = max(float(np.max(values)) for _, values in maps) or 1.0
-    image: AxesImage | None = None
     for axis, (title, values) in zip(axes, maps, strict=True):
-        image = draw_map(axis, values, grid, top, sensor=sensor)
-        axis.set_title(title, fontsize=9, color=STYLE.ink, loc="left")
-        axis.set_xlabel("x (mm)", fontsize=9)
-    axes[0].set_ylabel("y (mm)", fontsize=9)
-    if image is not None:
-        bar = figure.colorbar(image, ax=list(axes), shrink=0.85, pad=0.02)
-        bar.set_label(quantity, fontsize=9)
-        bar.ax.tick_params(labelsize=8)
+        draw_map(axis, values, grid, top, title=title, sensor=sensor)
+    colour_bar(figure, list(axes), quantity)
     return figure
 
 
@@ -158,9 +146,7 @@ def phase_figure(drive: Drive, frame: int, *, simulated: bool) -> Figure:
     # y grows downwards, as the rows of the maps do.
     axis.set_ylim(places[:, 1].max() + 8, places[:, 1].min() - 8)
     axis.set_aspect("equal")
-    axis.tick_params(labelsize=8)
-    axis.set_xlabel("x (mm)", fontsize=9)
-    axis.set_ylabel("y (mm)", fontsize=9)
+    label_axes(axis, x="x (mm)", y="y (mm)")
     bar = figure.colorbar(circles, ax=axis, shrink=0.85, pad=0.02, ticks=[0, np.pi, 2 * np.pi])
     bar.ax.set_yticklabels(["0", "π", "2π"], fontsize=8)
     bar.set_label("phase (rad)", fontsize=9)
@@ -173,20 +159,24 @@ def draw_map(
     grid: ControlGrid | SensorGrid,
     top: float,
     *,
+    title: str,
+    row: str = "",
     sensor: SensorGrid | None = None,
     size: float = 8,
-) -> AxesImage:
-    """Draw values of the points of a grid from 0 to `top`, with circles on the cells of a sensor; labels of `size`."""
+) -> None:
+    """Draw values of the points of a grid from 0 to `top`, with circles on the cells of a sensor.
+
+    Axes at the left of a figure have the name of their `row`; `size` is that of `label_axes`.
+    """
     half = 0.5e3 * grid.pitch
     x, y = 1e3 * grid.x, 1e3 * grid.y
     extent = (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)
     shown = np.reshape(values, grid.shape)
-    image = axis.imshow(shown, cmap=STYLE.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
-    axis.tick_params(labelsize=size)
+    axis.imshow(shown, cmap=STYLE.quantity, vmin=0, vmax=top, extent=extent, origin="upper")
+    label_axes(axis, title=title, x="x (mm)", y=f"{row}\ny (mm)" if row else "y (mm)", size=size).label_outer()
     if sensor is not None:
         x, y = (1e3 * each.ravel() for each in np.meshgrid(sensor.x, sensor.y))
         axis.plot(x, y, "o", mfc="none", mec="white", markersize=size - 3, mew=0.2 * (size - 4))
-    return image
 
 
 SHOWN = (
@@ -223,8 +213,8 @@ def _metric_map(axis: Axes, figure: PerceptualFigure) -> None:
         axis.text(column, row, text, ha="center", va="center", fontsize=7, color=ink)
     unit = f" ({figure.unit})" if figure.unit else ""
     head = figure.name.replace(", ", ",\n").replace("power difference", "power\ndifference")
-    axis.set_title(f"{head}{unit}", fontsize=8, loc="left", color=STYLE.ink)
-    axis.set_xlabel(f"overall {figure.overall:.2f}{' ' + figure.unit if figure.unit else ''}", fontsize=8)
+    overall = f"overall {figure.overall:.2f}{' ' + figure.unit if figure.unit else ''}"
+    label_axes(axis, title=f"{head}{unit}", x=overall)
     axis.set_xticks([])
     axis.set_yticks([])
 
@@ -258,18 +248,13 @@ def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel]) -> None:
     maps = [("target", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
     top = max(float(np.nanmax(values)) for _, values in maps) or 1.0
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
-    image: AxesImage | None = None
     for axis, (name, values) in zip(axes, maps, strict=True):
-        image = _draw_palm(axis, values, ways[0].pressed, top)
-        axis.set_title(name, fontsize=9, loc="left", color=STYLE.ink)
-    axes[0].set_ylabel("y (mm)", fontsize=9)
-    if image is not None:
-        bar = figure.colorbar(image, ax=list(axes), shrink=0.85, pad=0.02)
-        bar.set_label("pressure (Pa, rms in the band)", fontsize=8)
-        bar.ax.tick_params(labelsize=8)
+        _draw_palm(axis, values, ways[0].pressed, top)
+        label_axes(axis, title=name, x="x (mm)", y="y (mm)").label_outer()
+    colour_bar(figure, list(axes), "pressure (Pa, rms in the band)")
 
 
-def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float) -> AxesImage:
+def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float) -> None:
     from matplotlib.colors import PowerNorm
     from matplotlib.patches import Rectangle
 
@@ -277,19 +262,17 @@ def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float) -> Axes
     x, y = (0.5e3 * palm.pitch * count for count in (columns, rows))
     # Leakage may be many times stronger than the target: on a square-root scale both are visible.
     roots = PowerNorm(0.5, vmin=0, vmax=top)
-    image = axis.imshow(values, cmap=STYLE.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
+    axis.imshow(values, cmap=STYLE.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
     half_x, half_y = (1e3 * half for half in palm.square)
     axis.add_patch(Rectangle((-half_x, -half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor="white", linestyle="--"))
-    axis.tick_params(labelsize=8)
-    axis.set_xlabel("x (mm)", fontsize=9)
-    return image
 
 
 def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[PalmPanel], window: float) -> None:
     cell, begin = strongest_moment(original, window)
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):
-        plain_axes(axis)
+        title = f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}"
+        plain_axes(axis, title=title, x="time (s)", y="pressure (Pa)").label_outer()
         # The wide line of the original is seen on both sides of the reproduction.
         for name, frames, colour, wide in (
             ("original", original, STYLE.original, 2.2),
@@ -298,10 +281,7 @@ def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[Pal
             # The rates may differ.
             part = (frames.time >= begin) & (frames.time <= begin + window)
             axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=wide, label=name)
-        axis.set_title(f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}", fontsize=9, loc="left", color=STYLE.ink)
         axis.margins(x=0)
-        axis.set_xlabel("time (s)", fontsize=9)
-    axes[0].set_ylabel("pressure (Pa)", fontsize=9)
     axes[0].legend(fontsize=8, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98), borderaxespad=0)
 
 

@@ -12,7 +12,7 @@ from midair.array_types import Array
 from midair.dsp import welch
 from midair.evaluate import ALL, OVERALL, TOUCHED, Budget, LaboratoryLoss
 from midair.figures.maps import draw_map
-from midair.figures.style import STYLE, new_figure, plain_axes
+from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid, Solution
 
 if TYPE_CHECKING:
@@ -70,18 +70,11 @@ def examples_figure(examples: Sequence[Example], grid: ControlGrid, sensor: Sens
     figure = new_figure(1.75 * len(examples) + 1.2, 4.2, simulated=True)
     axes = figure.subplots(2, len(examples), sharex=True, sharey=True, squeeze=False)
     top = max(max(float(one.target.max()), float(one.field.max())) for one in examples)
-    image = None
-    for column, one in zip(axes.T, examples, strict=True):
-        for axis, values in zip(column, (one.target, one.field), strict=True):
-            image = draw_map(axis, values, grid, top, sensor=sensor, size=7)
-        column[0].set_title(one.name, fontsize=8, loc="left", color=STYLE.ink)
-        column[1].set_title(f"E {100 * one.error:.1f} %", fontsize=8, loc="left", color=STYLE.ink)
-        column[1].set_xlabel("x (mm)", fontsize=8)
-    for axis, name in zip(axes[:, 0], ("target", "field"), strict=True):
-        axis.set_ylabel(f"{name}\ny (mm)", fontsize=8)
-    bar = figure.colorbar(image, ax=axes.ravel().tolist(), shrink=0.8, pad=0.02)  # pyright: ignore[reportArgumentType]
-    bar.set_label("sound pressure re a full focus", fontsize=8)
-    bar.ax.tick_params(labelsize=7)
+    for (above, below), one in zip(axes.T, examples, strict=True):
+        draw_map(above, one.target, grid, top, title=one.name, row="target", sensor=sensor, size=7)
+        said = f"E {100 * one.error:.1f} %"
+        draw_map(below, one.field, grid, top, title=said, row="field", sensor=sensor, size=7)
+    colour_bar(figure, axes.ravel().tolist(), "sound pressure re a full focus")
     figure.suptitle(title, x=0.01, ha="left", fontsize=9)
     return figure
 
@@ -121,17 +114,10 @@ def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str
     figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True)
     axes = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)
     top = max(float(row.fields.max()) for row in rows)
-    image = None
     for line, row in zip(axes, rows, strict=True):
         for axis, values, note in zip(line, row.fields, row.notes, strict=True):
-            image = draw_map(axis, values, row.grid, top, sensor=sensor, size=7)
-            axis.set_title(note, fontsize=7, loc="left", color=STYLE.ink)
-        line[0].set_ylabel(f"{row.name}\ny (mm)", fontsize=8)
-    for axis in axes[-1]:
-        axis.set_xlabel("x (mm)", fontsize=8)
-    bar = figure.colorbar(image, ax=axes.ravel().tolist(), shrink=0.8, pad=0.02)  # pyright: ignore[reportArgumentType]
-    bar.set_label(quantity, fontsize=8)
-    bar.ax.tick_params(labelsize=7)
+            draw_map(axis, values, row.grid, top, title=note, row=row.name, sensor=sensor, size=7)
+    colour_bar(figure, axes.ravel().tolist(), quantity)
     return figure
 
 
@@ -151,12 +137,13 @@ def stimuli_figure(
         top = max(float(np.sqrt((one.pressure**2).mean(axis=0)).max()) for one in each.values())
         high = max(float(np.abs(one.pressure).max()) for one in each.values())
         for row, name in enumerate(rows):
-            place, wave = axes[row, 2 * column], plain_axes(axes[row, 2 * column + 1])
+            place, time_label = axes[row, 2 * column], "time (ms)" if row == len(rows) - 1 else ""
+            wave = plain_axes(axes[row, 2 * column + 1], x=time_label, y="pressure (Pa)")
             place.imshow(np.sqrt((each[name].pressure ** 2).mean(axis=0)), cmap=STYLE.quantity, vmin=0, vmax=top)
             place.set_xticks([])
             place.set_yticks([])
-            place.set_ylabel(name if column == 0 else "", fontsize=8)
-            place.set_title(f"{stimulus}, rms 0 to {top:.0f} Pa" if row == 0 else "", fontsize=8, loc="left")
+            title = f"{stimulus}, rms 0 to {top:.0f} Pa" if row == 0 else ""
+            label_axes(place, title=title, y=name if column == 0 else "")
             frames = each[name]
             count = min(frames.frames, round(shown * frames.rate))
             first = (frames.frames - count) // 2
@@ -167,8 +154,6 @@ def stimuli_figure(
                 wave.plot(time, signals[:, channel], line, color=STYLE.ink, linewidth=1.1)
             wave.margins(x=0)
             wave.set_ylim(-1.05 * high, 1.05 * high)
-            wave.set_ylabel("pressure (Pa)", fontsize=8)
-            wave.set_xlabel("time (ms)" if row == len(rows) - 1 else "", fontsize=8)
     return figure
 
 
@@ -185,9 +170,10 @@ def objects_figure(
     figure = new_figure(2.6 * len(channels), 1.85 * len(rows) + 0.5, simulated=simulated)
     axes = figure.subplots(len(rows), len(channels), sharex=True, sharey=True, squeeze=False)
     top = -np.inf
-    for number, (line, (row, objects)) in enumerate(zip(axes, rows.items(), strict=True)):
+    for line, (row, objects) in zip(axes, rows.items(), strict=True):
         for axis, channel in zip(line, channels, strict=True):
-            plain_axes(axis)
+            title = f"channel {channel}" if line[0] is axes[0, 0] else ""
+            plain_axes(axis, title=title, y=f"{row}\n(dB re 1 Pa²/Hz)").label_outer()
             for (name, frames), colour in zip(objects.items(), colours, strict=False):
                 frequency, density = welch(frames.pressure.reshape(frames.frames, -1)[:, channel], frames.rate)
                 level = 10 * np.log10(np.maximum(density[1:], 1e-12))
@@ -196,8 +182,6 @@ def objects_figure(
             # Grooves dominate below 300 Hz, objects differ above (paper, 5.3).
             axis.axvline(300, color=STYLE.faint, linewidth=0.8)
             axis.set_xlim(0, 500)
-            axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=STYLE.ink)
-        line[0].set_ylabel(f"{row}\n(dB re 1 Pa²/Hz)", fontsize=7)
     axes[0, 0].set_ylim(top - 50, top + 3)
     figure.supxlabel("frequency (Hz)", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -211,11 +195,10 @@ def error_figure(solution: Solution, *, simulated: bool, published: tuple[float,
     axis = plain_axes(figure.subplots(), x="time (s)", y="E (%)")
     low, high = (100 * value for value in published)
     axis.axhspan(low, high, color=STYLE.band, label=f"paper, static patterns: {low:.0f}–{high:.0f} %")
-    plays = np.array([status != "silent" for status in solution.status])
-    error = np.where(plays, 100 * solution.error, np.nan)
+    error = np.where(solution.plays, 100 * solution.error, np.nan)
     axis.plot(solution.drive.time, error, color=STYLE.reproduced, linewidth=0.8, label="this drive")
     # Not scaled to the worst frame: faint frames can have errors of several hundred per cent.
-    top = np.nanpercentile(error, 99) if plays.any() else 0
+    top = np.nanpercentile(error, 99) if solution.plays.any() else 0
     axis.set_ylim(0, max(20.0, 1.2 * top))
     axis.margins(x=0)
     axis.legend(fontsize=8, frameon=False, loc="upper right")
@@ -281,19 +264,18 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]]) -> Figure:
     simulated = any(each.simulated for _, each in budgets)
     figure = new_figure(8.6, 2.7 * len(budgets) + 0.5, simulated=simulated)
     axes = figure.subplots(len(budgets), 2, squeeze=False, sharex="col")
+    low, high = budgets[0][1].band
+    felt, images = f"{TOUCHED}, {low:g} to {high:g} Hz (dB)", "images, 530 to 1000 Hz, re the band (dB)"
     for row, (name, each) in zip(axes, budgets, strict=True):
         names = [stage.name for stage in each.stages]
         place = np.arange(len(names))[::-1]
-        _waterfall(plain_axes(row[0]), each, place)
-        row[0].set_title(f"{name}, strength {each.strength:.2f}", fontsize=9, loc="left", color=STYLE.ink)
+        _waterfall(plain_axes(row[0], title=f"{name}, strength {each.strength:.2f}", x=felt), each, place)
         row[0].set_yticks(place, names, fontsize=8)
-        _images(plain_axes(row[1]), each, place)
+        _images(plain_axes(row[1], x=images), each, place)
         row[1].set_yticks(place, [""] * len(names))
         for axis in row:
             axis.set_ylim(-0.6, len(names) - 0.4)
-    low, high = budgets[0][1].band
-    axes[-1, 0].set_xlabel(f"{TOUCHED}, {low:g} to {high:g} Hz (dB)", fontsize=9)
-    axes[-1, 1].set_xlabel("images, 530 to 1000 Hz, re the band (dB)", fontsize=9)
+            axis.label_outer()
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
     return figure

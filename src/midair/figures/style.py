@@ -5,12 +5,13 @@ from __future__ import annotations
 import base64
 import io
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,16 +49,29 @@ def new_figure(width: float, height: float, *, simulated: bool) -> Figure:
     return figure
 
 
-def plain_axes(axes: Axes, *, x: str = "", y: str = "") -> Axes:
-    """Apply the common axes style: no box, small ticks, a faint grid behind the data, labels of the axes."""
+def plain_axes(axes: Axes, *, title: str = "", x: str = "", y: str = "") -> Axes:
+    """Apply the common axes style: no box, a faint grid behind the data, and the texts of `label_axes`."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(STYLE.faint)
-    axes.tick_params(labelsize=8, color=STYLE.faint, labelcolor=STYLE.ink)
     axes.grid(visible=True, color=STYLE.faint, linewidth=0.5, alpha=0.6)
     axes.set_axisbelow(True)
-    axes.set_xlabel(x, fontsize=9)
-    axes.set_ylabel(y, fontsize=9)
+    return label_axes(axes, title=title, x=x, y=y)
+
+
+def label_axes(axes: Axes, *, title: str = "", x: str = "", y: str = "", size: float = 8) -> Axes:
+    """Set ticks and title of this font size, and labels that are 1 point larger."""
+    axes.tick_params(labelsize=size, color=STYLE.faint, labelcolor=STYLE.ink)
+    axes.set_title(title, fontsize=size, loc="left", color=STYLE.ink)
+    axes.set_xlabel(x, fontsize=size + 1)
+    axes.set_ylabel(y, fontsize=size + 1)
     return axes
+
+
+def colour_bar(figure: Figure | SubFigure, axes: Sequence[Axes], label: str) -> None:
+    """Add the colour bar of images that share one scale."""
+    bar = figure.colorbar(axes[0].images[0], ax=axes, shrink=0.85, pad=0.02)
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8)
 
 
 def png_bytes(figure: Figure, *, dpi: int = 130) -> bytes:
@@ -90,13 +104,15 @@ class Picture:
 
 
 def render_page(template: str, **values: Any) -> str:
-    """Render a template that extends page.html.j2 of this folder; all values that it uses must be given.
+    """Render a template, whose values are escaped in HTML; all values that it uses must be given.
 
-    `template` is a path below the package, such as ``rig/correction/report.html.j2``.
+    `template` is a path below the package, such as ``rig/correction/report.html.j2``; pages extend page.html.j2 of this
+    folder.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
+    html = template.endswith(".html.j2")
     environment = Environment(
-        loader=PackageLoader("midair", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("midair", "."), autoescape=html, undefined=StrictUndefined, trim_blocks=True
     )
     return environment.get_template(template).render(values)

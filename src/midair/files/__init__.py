@@ -8,6 +8,7 @@ from .atomic import collect_written_files as collect_written_files
 from .atomic import lock_or_raise as lock_or_raise
 from .atomic import parse_errors as parse_errors
 from .atomic import writable_path as writable_path
+from .atomic import write_file as write_file
 from .formats import FORMATS as FORMATS
 from .formats import Contents as Contents
 from .formats import contents as contents

@@ -222,6 +222,14 @@ def atomic_file(path: str | os.PathLike[str]) -> Generator[Path]:
             partial.unlink(missing_ok=True)
 
 
+def write_file(path: str | os.PathLike[str], content: str | bytes, *, private: bool = False) -> None:
+    """Write bytes, or text in UTF-8, as `atomic_file` does; only the owner can read a `private` file."""
+    with atomic_file(path) as partial:
+        if private:
+            partial.chmod(0o600)
+        partial.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
 def check_disk_space(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
     """Raise FileError if the disk of a folder has fewer than `needed` bytes free for the file `path`."""
     free = shutil.disk_usage(folder).free

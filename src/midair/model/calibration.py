@@ -16,7 +16,7 @@ from midair.errors import InputError, MismatchError, ShapeError
 from midair.model.geometry import SensorGrid, TransducerArray
 from midair.model.provenance import Provenance, clipped, counted, from_source, span, summary
 from midair.model.recording import Unit
-from midair.validation import frozen_array
+from midair.validation import frozen_array, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,8 +56,7 @@ class Measurement:
             _freeze(self, name, bins.shape[1:], least=0.0)
         if bins.min() < -1e-9 or bins.max() > 1 + 1e-9:
             raise InputError(f"coherence: expected 0 to 1, got {bins.min():g} to {bins.max():g}")
-        if not 0 <= self.reference_uncertainty < np.inf:
-            raise InputError(f"reference uncertainty: expected 0 or more, got {self.reference_uncertainty:g}")
+        within(self.reference_uncertainty, "reference uncertainty", 0)
 
     def __repr__(self) -> str:
         bins, rows, columns = self.coherence.shape
@@ -189,8 +188,7 @@ class Calibration:
             raise InputError(f"noise: expected densities of 0 or more, got {noise.min():g}")
         for name, values in (("frequency", frequency), ("response", response), ("noise", noise)):
             object.__setattr__(self, name, values)
-        if self.version < 1:
-            raise InputError(f"version of the calibration: expected 1 or more, got {self.version}")
+        within(self.version, "version of the calibration", 1)
         bins, cells = len(frequency), self.sensor.count
         if self.measurement is not None and self.measurement.coherence.shape != (bins, *axes):
             raise ShapeError(
@@ -311,11 +309,7 @@ class ArrayCalibration:
         for name in ("response", "pole"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), name, shape, np.complex128))
         for name in ("strength", "phase", "resonance", "quality"):
-            name = f"{name}_uncertainty"
-            values = frozen_array(getattr(self, name), name, shape)
-            if values.min() < 0:
-                raise InputError(f"{name}: expected 0 or more, got {values.min():g}")
-            object.__setattr__(self, name, values)
+            _freeze(self, f"{name}_uncertainty", shape, least=0.0)
         units = len(np.unique(self.array.unit))
         for name, wide in (("pose", (units, 7)), ("pose_covariance", (7 * units, 7 * units))):
             given = getattr(self, name)
@@ -324,8 +318,7 @@ class ArrayCalibration:
         object.__setattr__(self, "dead", frozen_array(self.dead, "dead transducers", shape, np.bool_))
         if self.pole.real.max() >= 0:
             raise InputError(f"pole: expected a real part below 0 rad/s, got {self.pole.real.max():g}")
-        if not 0 <= self.level_uncertainty < np.inf:
-            raise InputError(f"level uncertainty: expected 0 or more, got {self.level_uncertainty:g}")
+        within(self.level_uncertainty, "level uncertainty", 0)
         object.__setattr__(self, "array", self.array.nominal)
 
     def __repr__(self) -> str:

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal
 
 from midair.errors import InputError
-from midair.validation import number, positive
+from midair.validation import one_of, positive, within
 
 STANDARD_PRESSURE = 101.325e3
 """One standard atmosphere, in Pa."""
@@ -22,12 +22,9 @@ def check_air(temperature: float, humidity: float, pressure: float) -> None:
 
     Cramer's fit is stated for 0 to 30 degrees Celsius and 75 to 102 kPa.
     """
-    if not 0 <= temperature <= 50:
-        raise InputError(f"temperature: expected 0 to 50 degrees Celsius, got {temperature:g}")
-    if not 0 <= humidity <= 1:
-        raise InputError(f"humidity: expected 0 to 1 (0 % to 100 %), got {humidity:g}")
-    if not LOWEST_PRESSURE <= pressure <= HIGHEST_PRESSURE:
-        raise InputError(f"air pressure: expected {LOWEST_PRESSURE:.0f} to {HIGHEST_PRESSURE:.0f} Pa, got {pressure:g}")
+    within(temperature, "temperature", 0, 50, unit="degrees Celsius")
+    within(humidity, "humidity", 0, 1, advice="1 is 100 %")
+    within(pressure, "air pressure", LOWEST_PRESSURE, HIGHEST_PRESSURE, unit="Pa")
 
 
 def vapour_fraction(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
@@ -123,12 +120,9 @@ class Medium:
 
     def __post_init__(self) -> None:
         positive(self.density, "density", "kg/m3")
-        if not 100 <= number(self.speed, "speed", "m/s") <= 2000:
-            raise InputError(f"speed: expected 100 to 2000 m/s, got {self.speed:g}; air has about 340")
-        if not 0 <= self.attenuation < float("inf"):
-            raise InputError(f"attenuation: expected 0 Np/m or more, got {self.attenuation:g}")
-        if not 1 <= self.alpha <= 2:
-            raise InputError(f"alpha: expected 1 to 2 (1 + power reflection coefficient), got {self.alpha:g}")
+        within(self.speed, "speed", 100, 2000, unit="m/s", advice="air has about 340")
+        within(self.attenuation, "attenuation", 0, unit="Np/m")
+        within(self.alpha, "alpha", 1, 2, advice="it is 1 + the power reflection coefficient")
         _check_stated(self.temperature, self.humidity, self.speed)
 
     @classmethod
@@ -218,7 +212,4 @@ class Acoustics:
     """Directivity of every transducer."""
 
     def __post_init__(self) -> None:
-        if self.directivity not in get_args(Directivity):
-            raise InputError(
-                f"directivity: expected one of {', '.join(get_args(Directivity))}, got {self.directivity!r}"
-            )
+        one_of(self.directivity, Directivity, "directivity")

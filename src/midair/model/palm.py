@@ -11,7 +11,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
 from midair.model.provenance import clipped, summary
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,8 +181,7 @@ class TrackerPlacement:
         off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
         if off > 1e-6 or np.linalg.det(self.rotation) < 0:
             raise InputError(f"rotation of the tracker: expected a rotation without a mirror, off by {off:.2g}")
-        if not 0 <= self.uncertainty < 1:
-            raise InputError(f"uncertainty of the tracker: expected 0 to 1 m, got {self.uncertainty:g} m")
+        within(self.uncertainty, "uncertainty of the tracker", 0, 1, unit="m")
 
     def __repr__(self) -> str:
         place = ", ".join(f"{value * 1e3:.4g}" for value in self.offset)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isqrt
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
 from midair.streaming import LazyFrames
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, one_of, positive
 
 Unit = Literal["V", "count", "Pa"]
 """Unit of a recording's samples."""
@@ -35,8 +35,7 @@ class Recording:
         axes = ("frame", self.sensor.rows, self.sensor.columns)
         object.__setattr__(self, "samples", frozen_array(self.samples, "samples", axes))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
-        if self.unit not in get_args(Unit):
-            raise UnitError(f"unit of the samples: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
+        one_of(self.unit, Unit, "unit of the samples", error=UnitError)
 
     def __repr__(self) -> str:
         return summary(
@@ -111,8 +110,7 @@ class SensorWiring:
                 f"{self.grid.rows} x {self.grid.columns} cells, got {list(order)}"
             )
         object.__setattr__(self, "order", order)
-        if self.unit not in get_args(Unit):
-            raise UnitError(f"unit of the sensor: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
+        one_of(self.unit, Unit, "unit of the sensor", error=UnitError)
         if self.full_scale is not None:
             positive(self.full_scale, "full scale", self.unit)
         if self.sensitivity is not None and not (np.isfinite(self.sensitivity) and self.sensitivity != 0):

@@ -20,7 +20,7 @@ from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.evaluate import leak, perceptual_metrics, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, objects_figure, png_bytes, stimuli_figure
-from midair.files import atomic_file, csv_text, for_json
+from midair.files import csv_text, for_json, write_file
 from midair.model import (
     HEIGHT,
     Acoustics,
@@ -76,10 +76,9 @@ class PaperResult:
     def write(self, folder: Path) -> list[Path]:
         """Write pictures, CSV and JSON into a folder; each file is written atomically."""
         folder.mkdir(parents=True, exist_ok=True)
-        contents = [self.table().encode(), json.dumps(self.plain(), indent=2).encode(), *self.pictures.values()]
+        contents = [self.table(), json.dumps(self.plain(), indent=2), *self.pictures.values()]
         for path, content in zip(self.files(folder), contents, strict=True):
-            with atomic_file(path) as partial:
-                partial.write_bytes(content)
+            write_file(path, content)
         return self.files(folder)
 
 

@@ -7,6 +7,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from threading import local
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,10 @@ from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_modes import Workspace, drive_parts
 from midair.physics.exposure_places import PUBLISHED_TIME, ExposureProfile, HeatSoFar, Place, palm_warming
-from midair.physics.exposure_search import Searches, ceiling, point_search, searches_of
+from midair.physics.exposure_search import ALLOWANCE, Searches, ceiling, point_search, searches_of
 from midair.physics.propagation import radiation_pressure, transfer_matrix
 from midair.progress import report_progress
+from midair.streaming import blocks
 from midair.validation import frozen_array
 
 BLOCK = 256
@@ -84,15 +86,14 @@ class Exposure:
     @property
     def excess(self) -> float:
         """Sound above an enforced limit in dB, negative when all are kept; duty or warming if that is further above."""
-        sound = max(
-            (
-                float(peak) - place.limit
-                for peak, place in zip(self.peak, self.profile.places, strict=True)
-                if place.enforced
-            ),
-            default=-np.inf,
-        )
+        sound = max((margin for margin, _ in self._margins), default=-np.inf)
         return max(sound, self._heat_excess) if self._heat_excess > 0 else sound
+
+    @property
+    def _margins(self) -> list[tuple[float, int]]:
+        """Level above each enforced limit in dB, and the number of the place."""
+        pairs = enumerate(zip(self.peak, self.profile.places, strict=True))
+        return [(float(peak) - place.limit, number) for number, (peak, place) in pairs if place.enforced]
 
     @property
     def _heat_excess(self) -> float:
@@ -106,12 +107,7 @@ class Exposure:
 
         Raises InputError if the profile has no enforced limit.
         """
-        margins = [
-            (float(self.peak[number]) - place.limit, number)
-            for number, place in enumerate(self.profile.places)
-            if place.enforced
-        ]
-        if not margins:
+        if not (margins := self._margins):
             raise InputError(f"profile {self.profile.name}: expected at least one enforced limit, got none")
         number = max(margins)[1]
         return self.profile.places[number], int(self.level[:, number].argmax())
@@ -219,14 +215,39 @@ def heat_so_far(frames: int, profile: ExposureProfile, airs: tuple[Acoustics, ..
     return HeatSoFar(_palm_points(profile), frames, acoustics=airs[len(airs) // 2], repeats=repeats)
 
 
-def exposure_levels(
-    drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, steps: int | None = None
+_kept = local()  # A workspace of each thread
+
+
+def exposure_excess(
+    drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, steps: int | None = None, stride: int = 1
 ) -> Array:
-    """Highest level of each frame at each place in dB, shape (frame, place), as in `exposure`, but on one core."""
-    level = np.empty((drive.frames, len(profile.places)))
-    searches = searches_of(profile.places, drive.array, airs)
-    _fill((level, np.empty(level.shape, np.int8)), drive, searches, steps, np.arange(0, drive.frames, BLOCK))
-    return level
+    """How far the level of each of a few frames is above the enforced limits in dB, shape (frame,), on one core.
+
+    With a `stride`, frames between every `stride`th one get an upper bound from those beside them, since a field is
+    linear in its drive, and all transducers together bound that of the difference. Where it is above 0 dB, or each
+    transducer has a level, the frame itself is measured.
+    """
+    if not (places := tuple(place for place in profile.places if place.enforced)):
+        return np.full(drive.frames, -np.inf)
+    searches = searches_of(places, drive.array, airs)
+    space = _kept.__dict__.setdefault("space", Workspace())
+    parts, strength = drive_parts(drive, slice(None), space, steps=steps)
+    numbers = np.arange(drive.frames)
+    keys = np.union1d(numbers[:: stride if strength.shape[1] == 1 else 1], numbers[-1])
+    found = searches.loudest(np.ascontiguousarray(parts[:, keys]), space).max(axis=0)
+    if len(keys) < drive.frames:
+        after = np.searchsorted(keys, numbers)
+        before = np.maximum(after - 1, 0)
+        share = (numbers - keys[before])[:, None] / np.maximum(keys[after] - keys[before], 1)[:, None]
+        near = share.astype(np.float32)
+        rest = parts[:2] - (1 - near) * parts[:2, keys[before]] - near * parts[:2, keys[after]]
+        beside = np.sqrt(rest[0] ** 2 + rest[1] ** 2) @ searches.ceiling
+        found = (1 - share) * found[before] + share * found[after] + 10 ** (ALLOWANCE / 20) * beside
+    excess = (sound_level(searches.at_levels(found, strength)) - [place.limit for place in places]).max(axis=1)
+    if len(keys) < drive.frames and (loud := excess > 0).any():
+        some = replace(drive, phase=drive.phase[loud], level=drive.level[loud])
+        excess[loud] = exposure_excess(some, profile, airs, steps=steps)
+    return excess
 
 
 def greatest_exposure(
@@ -270,13 +291,10 @@ def level_if_unlike(drive: Drive, profile: ExposureProfile, spread: float = UNLI
     `spread` is their rms relative error. Sound that cancels at an ear does so for equal transducers only. The maximum
     over a cube is twice the rms sound, as it is for some fifty independent values with a Rayleigh distribution.
     """
-    power = np.zeros((drive.frames, len(profile.places)))
     alone = np.stack([ceiling(place, drive.array, (drive.acoustics,)) for place in profile.places], axis=1) ** 2
-    for first in range(0, drive.frames, BLOCK):
-        frames = slice(first, first + BLOCK)
-        level = np.asarray(drive.level[frames]).reshape(len(power[frames]), -1)
-        power[frames] = level**2 @ alone if level.shape[1] > 1 else level**2 * alone.sum(axis=0)
-    return sound_level(2 * spread * np.sqrt(power.max(axis=0)))
+    alone = alone.sum(axis=0, keepdims=True) if drive.level.ndim == 1 else alone
+    power = [(part.reshape(len(part), -1) ** 2 @ alone).max(axis=0) for part in blocks(drive.level, BLOCK)]
+    return sound_level(2 * spread * np.sqrt(np.max(power, axis=0)))
 
 
 def sound_level(peak: Array) -> Array:
@@ -320,9 +338,8 @@ def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> f
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
     space = Workspace()
     parts, strength = drive_parts(drive, some, space)
-    loudest = _palm(profile, drive.array, acoustics).loudest(parts, space)[0, :, 0]
-    # Individual levels of transducers are already included in `parts`.
-    loudest = loudest * strength[:, 0] if strength.shape[1] == 1 else loudest
+    palm = _palm(profile, drive.array, acoustics)
+    loudest = palm.at_levels(palm.loudest(parts, space)[0], strength)
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
@@ -345,19 +362,10 @@ def _fill(
     """Compute the level in dB of the frames of some blocks at each place, and the index of the loudest air."""
     level, loudest = out
     space = Workspace()
-    alone = np.stack([each.ceiling for each in searches.each], axis=1)
-    left_out = np.array([each.left_out for each in searches.each])
     # Small blocks stay in the cache; a whole drive at all points would not fit into memory.
     for first in blocks:
         frames = slice(first, first + BLOCK)
         parts, strength = drive_parts(drive, frames, space, steps=steps)
-        most = strength * alone.sum(axis=0) if strength.shape[1] == 1 else strength @ alone
         found = searches.loudest(parts, space)
-        # A common level of all transducers is applied at the end, where there is one number per frame.
-        found = (
-            strength * (found + left_out)
-            if strength.shape[1] == 1
-            else found + strength.max(axis=1, keepdims=True) * left_out
-        )
-        level[frames] = sound_level(np.minimum(found.max(axis=0), most))
+        level[frames] = sound_level(searches.at_levels(found.max(axis=0), strength))
         loudest[frames] = found.argmax(axis=0)

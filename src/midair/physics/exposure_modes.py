@@ -161,11 +161,19 @@ class Workspace:
         return held[:size].reshape(shape)
 
 
+TOO_FEW = 8
+"""Frames up to which two products of all parts are faster than three."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Product:
-    """Multiplication by a complex matrix with three real products instead of four (Gauss)."""
+    """Multiplication by a complex matrix with three real products instead of four (Gauss).
+
+    Few frames need the time in which the matrix is read, so that they are multiplied by its two parts.
+    """
 
     real: Single  # Real part of the matrix, shape (in, out)
+    imaginary: Single  # Imaginary part
     less: Single  # Imaginary minus real part
     more: Single  # Imaginary plus real part
 
@@ -173,8 +181,8 @@ class Product:
     def of(cls, matrix: NDArray[np.complexfloating]) -> Self:
         """Make it from a matrix of shape (in, out)."""
         real, imaginary = matrix.real, matrix.imag
-        packed = (np.ascontiguousarray(each, np.float32) for each in (real, imaginary - real, imaginary + real))
-        return cls(**dict(zip(("real", "less", "more"), packed, strict=True)))
+        parts = {"real": real, "imaginary": imaginary, "less": imaginary - real, "more": imaginary + real}
+        return cls(**{name: np.ascontiguousarray(each, np.float32) for name, each in parts.items()})
 
     @property
     def width(self) -> int:
@@ -187,7 +195,13 @@ class Product:
         `parts` is float32 (3, frame, in): real parts, imaginary parts, and their sums.
         """
         real, imaginary, both = parts
-        shared = np.matmul(both, self.real, out=space.array("shared", len(both), self.width))
+        if (count := len(both)) <= TOO_FEW:
+            two = parts[:2].reshape(2 * count, -1)
+            by_real, by_imaginary = two @ self.real, two @ self.imaginary
+            np.subtract(by_real[:count], by_imaginary[count:], out=found[0])
+            np.add(by_imaginary[:count], by_real[count:], out=found[1])
+            return
+        shared = np.matmul(both, self.real, out=space.array("shared", count, self.width))
         np.matmul(imaginary, self.more, out=found[0])
         np.subtract(shared, found[0], out=found[0])
         np.matmul(real, self.less, out=found[1])
@@ -264,23 +278,23 @@ class FieldByModes:
     """The field at the points of a cube, computed from modes."""
 
     modes: Complex  # From the transducers to the modes of their field in the cube, shape (mode, transducer)
-    # From the modes to shapes of the field on some planes, (mode, plane x shape), one per air
-    shapes: tuple[Product, ...]
+    shapes: Product  # From the modes to shapes of the field on some planes, (mode, air x plane x shape)
+    airs: int  # Number of airs
     planes: int  # Number of planes
     points: tuple[Points, ...]
     left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
 
     def loudest(self, modes: Single, space: Workspace) -> Single:
         """Magnitude at the loudest point in each air, shape (air, frame), in Pa, of modes as in `CubeSearch`."""
-        frames, power = modes.shape[1], np.empty((len(self.shapes), modes.shape[1]), np.float32)
-        for shapes, found in zip(self.shapes, power, strict=True):
-            shaped = space.array("shapes", 2, frames, shapes.width)
-            shapes.into(shaped, modes, space)
-            planes = shaped.reshape(2, frames, self.planes, -1)
-            for first in range(0, frames, FEW):
-                few = slice(first, first + FEW)
-                found[few] = np.max([each.power(planes[:, few], space) for each in self.points], axis=0)
-        return np.sqrt(power)
+        shaped = space.array("shapes", 2, modes.shape[1], self.shapes.width)
+        self.shapes.into(shaped, modes, space)
+        # Each air of each frame counts like a frame of its own.
+        planes = shaped.reshape(2, modes.shape[1] * self.airs, self.planes, -1)
+        power = np.empty(planes.shape[1], np.float32)
+        for first in range(0, len(power), FEW):
+            few = slice(first, first + FEW)
+            power[few] = np.max([each.power(planes[:, few], space) for each in self.points], axis=0)
+        return np.sqrt(power).reshape(-1, self.airs).T
 
 
 def field_by_modes(
@@ -311,7 +325,8 @@ def field_by_modes(
         rest.append(float(np.abs(field(share) - made @ modes).sum(axis=1).max()))
     return FieldByModes(
         modes=modes,
-        shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in to_planes),
+        shapes=Product.of(to_planes.reshape(-1, to_planes.shape[3]).T),
+        airs=len(fields),
         planes=count,
         points=tuple(_points(*interpolation) for interpolation in interpolations),
         # A quarter more than at the test points.

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError
 from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics.propagation import transfer_matrix, wavenumber
 from midair.streaming import blocks
+from midair.validation import within
 
 MOST_PROTECTION = 40.0
 """Largest attenuation of ear protection that can be stated, in dB."""
@@ -74,11 +74,8 @@ class ExposureProfile:
 
         0 dB returns the profile itself. Raises InputError outside of 0 to 40 dB, a value of midair against slips.
         """
-        if not 0 <= attenuation <= MOST_PROTECTION:
-            raise InputError(
-                f"ear protection: expected 0 to {MOST_PROTECTION:g} dB at 40 kHz, got {attenuation:g} dB; use the "
-                "figure of a measurement at 40 kHz, not the rating for audible noise"
-            )
+        advice = "use the figure of a measurement at 40 kHz, not the rating for audible noise"
+        within(attenuation, "ear protection", 0, MOST_PROTECTION, unit="dB at 40 kHz", advice=advice)
         if not attenuation:
             return self
         name = f"{self.name}, {attenuation:g} dB of ear protection stated by the user"

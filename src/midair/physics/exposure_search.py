@@ -72,17 +72,9 @@ class CubeSearch:
     """Computes the loudest sound in the cube of one place from a drive."""
 
     field: FieldByModes  # From the modes of the drive to the pressure at all points
+    modes: Complex  # From the drive to its modes, shape (mode, transducer)
     ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
-
-    @property
-    def modes(self) -> Complex:
-        """From the drive to its modes, shape (mode, transducer)."""
-        return self.field.modes
-
-    @property
-    def left_out(self) -> float:
-        """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
-        return self.field.left_out
+    left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
@@ -98,11 +90,18 @@ class Searches:
 
     each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
     modes: Product  # From the drive to the modes of all places: one large product is faster than many
+    ceiling: Array  # Ceilings of all places in Pa, shape (transducer, place)
+    left_out: Array  # Truncation errors of all places in Pa, shape (place,)
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
         """Searches for one array."""
-        return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
+        return cls(
+            each=each,
+            modes=Product.of(np.concatenate([one.modes for one in each]).T),
+            ceiling=np.stack([one.ceiling for one in each], axis=1),
+            left_out=np.array([one.left_out for one in each]),
+        )
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
         """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
@@ -115,6 +114,12 @@ class Searches:
         np.add(modes[0], modes[1], out=modes[2])
         own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
         return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
+
+    def at_levels(self, found: Array, level: Array) -> Array:
+        """Amplitudes of `loudest` (frame, place) at the levels of `drive_parts`, with `left_out`, in Pa."""
+        if level.shape[1] == 1:
+            return level * np.minimum(found + self.left_out, self.ceiling.sum(axis=0))
+        return np.minimum(found + level.max(axis=1, keepdims=True) * self.left_out, level @ self.ceiling)
 
 
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
@@ -152,7 +157,7 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
-            return CubeSearch(field=field, ceiling=alone)
+            return CubeSearch(field=field, modes=field.modes, ceiling=alone, left_out=field.left_out)
         step, tried = 0.85 * step, 2 * tried
 
 

@@ -9,7 +9,7 @@ nominal one of pole p0 and strength 1: another resonance means another amplitude
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from midair.errors import InputError, RateError, ShapeError
 from midair.model import Acoustics, ArrayCalibration, Drive, Medium
 from midair.physics.propagation import quantise_phase, radiation_pressure
 from midair.streaming import read_frames
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, one_of, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,15 +161,12 @@ class PlaybackChain:
     """Precision of the field. "single" is accurate to 1e-5 of the largest pressure, and twice as fast."""
 
     def __post_init__(self) -> None:
-        if self.hold not in get_args(Hold) or self.precision not in get_args(Precision):
-            raise InputError(
-                f"chain: expected hold step or ideal and precision single or double, got {self.hold!r} and "
-                f"{self.precision!r}"
-            )
-        if self.phase_bits is not None and not 1 <= self.phase_bits <= 16:
-            raise InputError(f"phase bits: expected 1 to 16, or None for no rounding, got {self.phase_bits}")
-        if not all(0 <= ramp < np.inf for ramp in (self.phase_ramp, self.level_ramp)):
-            raise InputError(f"ramps: expected 0 s or more, got {self.phase_ramp:g} and {self.level_ramp:g} s")
+        one_of(self.hold, Hold, "chain: hold")
+        one_of(self.precision, Precision, "chain: precision")
+        if self.phase_bits is not None:
+            within(self.phase_bits, "phase bits", 1, 16, advice="None does not round")
+        within(self.phase_ramp, "phase ramp", 0, unit="s")
+        within(self.level_ramp, "level ramp", 0, unit="s")
         if self.hold == "ideal" and (self.phase_ramp or self.level_ramp or self.transducers is not None):
             raise InputError("hold: expected step with ramps or transducers, got ideal")
 

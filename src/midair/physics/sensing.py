@@ -25,7 +25,7 @@ from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
 from midair.streaming import LazyFrames, Stored, TempChannels, TempFrames, each_frame
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, one_of, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,8 +69,7 @@ class SensorModel:
         for name, unit in {**units, "quality": "", "full_scale": "V"}.items():
             positive(getattr(self, name), f"{name} of the sensor", unit)
         for name, unit in (("relaxation", "s"), ("noise", "V/sqrt(Hz)")):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name} of the sensor: expected 0 {unit} or more, got {getattr(self, name):g}")
+            within(getattr(self, name), f"{name} of the sensor", 0, unit=unit)
         if not 1 <= self.bits <= 32 or self.bits != int(self.bits):
             raise InputError(f"bits of the sensor: expected a whole number from 1 to 32, got {self.bits}")
         for name in ("gain", "corner"):
@@ -236,8 +235,7 @@ def cell_weights(
     The squared field has no detail below half a wavelength, and less for sound from a limited cone: with points 11/3 mm
     apart, means over 8 mm of the field of four units at 20 cm are exact to .1 %.
     """
-    if between not in _SHARES:
-        raise InputError(f"between: expected one of {', '.join(_SHARES)}, got {between!r}")
+    one_of(between, _SHARES, "between")
     shares = _SHARES[between]
     along_x = shares(model, points.x + points.centre[0] - (model.grid.x + centre[0])[:, None], points.pitch)
     along_y = shares(model, points.y + points.centre[1] - (model.grid.y + centre[1])[:, None], points.pitch)

@@ -7,10 +7,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from midair.array_types import Array, Complex
+from midair.array_types import Array
 from midair.model import Acoustics, ControlGrid, Drive, Medium, PalmPath, TransducerArray
 from midair.physics.playback import Precision, Spread, Waves
-from midair.physics.propagation import off_axis, transfer_matrix, wavenumber
+from midair.physics.propagation import transfer_matrix, wavenumber
 
 Points = NDArray[np.float64]
 
@@ -43,8 +43,7 @@ def poses_at(path: PalmPath, time: Array) -> PalmPath:
 
 def pose_of(path: PalmPath, number: int) -> PalmPath:
     """One pose of a path, which is a path of length 1."""
-    held = {name: getattr(path, name)[[number]] for name in ("time", "centre", "normal", "fingers", "confidence")}
-    return PalmPath(**held)
+    return PalmPath.from_rows(path.rows[[number]])
 
 
 def on_the_palm(points: Points, solved: Points, poses: PalmPath) -> Points:
@@ -84,7 +83,13 @@ def steering_phase(
 
 
 def _distance(array: TransducerArray, points: Points) -> Array:
-    return np.linalg.norm(points[:, None] - array.position, axis=2)
+    # A norm of three columns takes half the time of one over the last axis.
+    x, y, z = (points[:, None, axis] - array.position[:, axis] for axis in range(3))
+    return np.sqrt(x * x + y * y + z * z)
+
+
+CLOSE = (5e-4, 5e-3)
+"""Motion of a palm in m, and change of its directions, below which a fit to it is kept, except at its centre."""
 
 
 class PalmFit:
@@ -102,47 +107,68 @@ class PalmFit:
         self.solved, edge = middle_of(grid), np.ptp(grid.position, axis=0).max() / 2
         x, y = np.meshgrid(*[np.linspace(-1, 1, 9) * min(edge, 16.5e-3)] * 2)
         self._points = self.solved + np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-        self._array, self._air, self._k = array, acoustics.medium, wavenumber(array, acoustics.medium)
-        # A polynomial in the cosine is ten times as fast as the directivity, and within a percent of it.
-        cosine = np.linspace(0.3, 1.0, 200)
-        radiated = off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=self._k)
-        self._directivity = np.polynomial.Polynomial.fit(cosine, radiated, 8).convert().coef.astype(np.float32)
+        self._array, self._acoustics, self._k = array, acoustics, wavenumber(array, acoustics.medium)
+        # The magnitude changes so slowly that parabolas through 3 x 3 of the points are within a percent of it.
+        at = np.linspace(-1, 1, 9)
+        parabolas = np.stack([(at - 1) * at / 2, 1 - at * at, (at + 1) * at / 2], axis=1)
+        self._parabolas = np.kron(parabolas, parabolas).astype(np.float32)
+        self._few = np.arange(81).reshape(9, 9)[::4, ::4].ravel()
         self._still = np.asarray(transfer_matrix(self._points, array, acoustics=acoustics).T, np.complex64)
+        self.pose: PalmPath | None = None
+        """The pose that frames are fitted to; None to begin anew."""
 
     def move(self, pose: PalmPath) -> None:
-        """Fit the following frames to the palm of a pose."""
-        points, array = on_the_palm(self._points, self.solved, pose)[0], self._array
+        """Fit the following frames to the palm of a pose; within `CLOSE` of the last one that is the same fit."""
+        before, self._beside = self.pose, np.zeros(self._array.count, np.float32)
+        if before is not None and np.linalg.norm(pose.centre - before.centre) < CLOSE[0]:
+            turned = max(np.abs(pose.normal - before.normal).max(), np.abs(pose.fingers - before.fingers).max())
+            if turned < CLOSE[1]:
+                # The sound of all transducers arrives at the centre with the phases that it had.
+                here, there = (np.linalg.norm(self._array.position - each.centre, axis=1) for each in (pose, before))
+                self._beside = (self._k * (here - there)).astype(np.float32)
+                return
+        self.pose, array = pose, self._array
+        points = on_the_palm(self._points, self.solved, pose)[0]
         squares = (points**2).sum(axis=1)[:, None] + (array.position**2).sum(axis=1)
-        distance = np.sqrt(squares - 2 * points @ array.position.T, dtype=np.float32)
-        cosine = (points @ array.normal.T - (array.position * array.normal).sum(axis=1)).astype(np.float32) / distance
-        radiated = np.full_like(cosine, self._directivity[-1])
-        for each in self._directivity[-2::-1]:
-            radiated *= cosine
-            radiated += each
-        radiated *= np.float32(array.pressure) * np.exp(np.float32(-self._air.attenuation) * distance) / distance
-        turns = np.float32(self._k) * distance
-        self._matrix = np.empty(distance.shape, np.complex64)
-        self._matrix.real, self._matrix.imag = radiated * np.cos(turns), radiated * np.sin(turns)
+        squares -= 2 * points @ array.position.T
+        turns = np.sqrt(squares, dtype=np.float32)
+        turns *= np.float32(self._k)
+        few = np.abs(transfer_matrix(points[self._few], array, acoustics=self._acoustics)).astype(np.float32)
+        radiated, parts = self._parabolas @ few, np.empty((len(points), 2, array.count), np.float32)
         if not array.alike:
-            self._matrix *= array.response
-        gram = self._matrix @ self._matrix.conj().T
+            turns += np.angle(array.response).astype(np.float32)
+        np.multiply(radiated, np.cos(turns), out=parts[:, 0])
+        np.multiply(radiated, np.sin(turns), out=parts[:, 1])
+        self._conjugate = parts[:, 0] - 1j * parts[:, 1]
+        self._matrix = np.ascontiguousarray(self._conjugate.conj().T)
+        # Three real products take half the time of a complex one.
+        both, crossed = parts.reshape(len(points), -1), parts[:, 1] @ parts[:, 0].T
+        gram = both @ both.T + 1j * (crossed - crossed.T)
         gram.flat[:: len(gram) + 1] += np.float32(0.1) * gram.diagonal().real.mean()
-        self._inverse = np.linalg.inv(gram)
+        self._inverse = np.ascontiguousarray(np.linalg.inv(gram).T)
 
-    def __call__(self, phase: Array, steered: Array) -> Complex:
+    def __call__(self, phase: Array, steered: Array) -> NDArray[np.complex64]:
         """Factors of magnitude 1 for the sound of each transducer in steered frames, shape (frame, transducer).
 
         `phase` and `steered` are the phases in rad as they were solved, and with those of steering added.
         """
-        amplitude = np.abs(np.exp(1j * phase.astype(np.float32)) @ self._still)
-        q = begin = np.exp(1j * steered.astype(np.float32))
+        amplitude = np.abs(_turned(phase) @ self._still)
+        q = begin = _turned(steered + self._beside)
         tiny = np.finfo(np.float32).tiny
         for _ in range(self.steps):
-            field = q @ self._matrix.T
+            field = q @ self._matrix
             lacks = field * (amplitude / (np.abs(field) + tiny) - 1)
-            q = q + (lacks @ self._inverse.T) @ self._matrix.conj()
+            q = q + (lacks @ self._inverse) @ self._conjugate
             q /= np.abs(q) + tiny
         return q * begin.conj()
+
+
+def _turned(phase: Array) -> NDArray[np.complex64]:
+    """Sound of magnitude 1, ten times as fast as the exponential."""
+    sound, angle = np.empty(phase.shape, np.complex64), phase.astype(np.float32)
+    np.cos(angle, out=sound.real)
+    np.sin(angle, out=sound.imag)
+    return sound
 
 
 def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int = 256) -> Points:

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from midair import dsp
 from midair.array_types import Array
 from midair.errors import InputError, MismatchError, NonFiniteError, ShapeError
-from midair.model import Event, Provenance, Recording, Setting, Step
+from midair.model import Event, Provenance, Recording, Setting
 from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments, read_frames
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, one_of, positive, within
 
 Fill = Literal["zero", "neighbours"]
 """Replacement of a masked channel: 0, or the mean of the cells beside, above and below it."""
@@ -90,8 +90,7 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
     """
     if not 0 <= share < 1:
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
-    if not 0 <= margin < np.inf:
-        raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
+    within(margin, "trim: margin", 0, unit="s")
     # The median estimates the output at rest, which need not be 0; the touch would shift a mean.
     rest, found = medians(recording.samples), moments(recording.samples)
     most = float(np.maximum(found.greatest - rest, rest - found.least).max())
@@ -208,7 +207,11 @@ def _joined(recordings: Sequence[Recording]) -> Provenance:
         shared += 1
     sources = list(dict.fromkeys(life.source for life in lives))
     parts = tuple(
-        (life.source, recording.frames, tuple(_plain(step) for step in life.steps[shared:]))
+        (
+            life.source,
+            recording.frames,
+            tuple((one.stage, tuple(one.settings.items())) for one in life.steps[shared:]),
+        )
         for life, recording in zip(lives, recordings, strict=True)
     )
     notes = {name: text for name, text in first.notes.items() if all(life.notes.get(name) == text for life in lives)}
@@ -219,10 +222,6 @@ def _joined(recordings: Sequence[Recording]) -> Provenance:
         steps=first.steps[:shared],
     )
     return joined.then("join", {"parts": parts})
-
-
-def _plain(step: Step) -> Setting:
-    return (step.stage, tuple((name, value) for name, value in step.settings.items()))
 
 
 GapFill = Literal["spectrum", "line"]
@@ -239,8 +238,7 @@ class Mending:
 
     def __post_init__(self) -> None:
         positive(self.longest, "longest gap", "s")
-        if self.fill not in get_args(GapFill):
-            raise InputError(f"mend: expected one of {', '.join(get_args(GapFill))}, got {self.fill!r}")
+        one_of(self.fill, GapFill, "mend")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

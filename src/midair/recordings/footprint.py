@@ -12,7 +12,7 @@ needs a new recording.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
 from midair.streaming import LazyFrames
-from midair.validation import length
+from midair.validation import length, one_of
 
 Shape = Literal["circle", "square", "line"]
 """Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""
@@ -52,10 +52,7 @@ class Footprint:
 
     def __post_init__(self) -> None:
         for name, known in (("shape", Shape), ("path", Path), ("turn", Turn)):
-            if getattr(self, name) not in get_args(known):
-                raise InputError(
-                    f"footprint, {name}: expected one of {', '.join(get_args(known))}, got {getattr(self, name)!r}"
-                )
+            one_of(getattr(self, name), known, f"footprint, {name}")
         length(self.size, "size of the footprint", (1e-6, 1.0))
         if not np.isfinite(self.speed):
             raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")

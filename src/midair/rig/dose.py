@@ -11,7 +11,7 @@ import numpy as np
 from midair.devices import playing_now, read_log
 from midair.errors import InputError
 from midair.figures import render_page
-from midair.files import atomic_file, csv_text
+from midair.files import csv_text, write_file
 from midair.version import __version__
 
 REFERENCE = 20e-6
@@ -40,8 +40,7 @@ class DoseReport:
         """Write the CSV table, and a page of the same name that ends in .html; return both paths."""
         page = path.with_suffix(".html")
         for target, text in ((path, csv_text([*self.orders, *self.days])), (page, self._page())):
-            with atomic_file(target) as partial:
-                partial.write_text(text, encoding="utf-8")
+            write_file(target, text)
         return path, page
 
     def _page(self) -> str:

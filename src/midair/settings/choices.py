@@ -1,7 +1,9 @@
 """The settings that a user can type: source of the command line's options and of the table in the documentation."""
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -70,62 +72,17 @@ def _in_air(medium: Medium, name: str, value: float) -> Medium:
     return Medium.at(alpha=medium.alpha, **{key: each for key, each in known.items() if each is not None})
 
 
-CHOICES: tuple[Choice, ...] = (
-    Choice(name="band", path="calibration.band", unit="Hz", help="Frequency band that is kept."),
-    Choice(name="inverse", path="calibration.inverse", help="Sensor inverse: zero-phase FFT or linear-phase FIR."),
-    Choice(name="rate", path="target.rate", unit="Hz", help="Drive frame rate."),
-    Choice(
-        name="mapping",
-        path="target.mapping",
-        help="How signed pressure is made positive: half-wave, constant-offset or slow-bias.",
-    ),
-    Choice(name="interpolate", path="target.interpolate", help="Quantity interpolated between cells."),
-    Choice(name="gain", path="target.gain", help="Factor that multiplies the pressure."),
-    Choice(name="strength", path="target.strength", help="Target peak over one focus; replaces --gain."),
-    Choice(name="ears", path="target.ears", unit="dB", help="Highest level at the ears."),
-    Choice(name="height", path="target.grid.height", unit="m", help="Palm height above the array."),
-    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Pitch of the control points."),
-    Choice(name="points", path="target.grid.rows", help="Rows and columns of control points."),
-    Choice(
-        name="circle",
-        path="target.circle.radius",
-        unit="m",
-        help="Radius of a slow circle on which the pattern moves, for touch below 20 Hz; not validated on people.",
-    ),
-    Choice(name="circle-rate", path="target.circle.frequency", unit="Hz", help="Turns per second on that circle."),
-    Choice(name="decouple", path="compensation.decouple", help="Correct for the pressure of neighbouring cells."),
-    Choice(
-        name="precompensate",
-        path="compensation.precompensate",
-        help="Amplify frequencies that the frame hold and the transducers attenuate.",
-    ),
-    Choice(name="compensate", path="compensation.compensate", help="Precompensate sound, or pressure in 20 to 480 Hz."),
-    Choice(
-        name="predict",
-        path="compensation.predict",
-        help="Correct the phases by a prediction of the transducers' envelopes.",
-    ),
-    Choice(name="method", path="solver.method", help="Solver; lm is the paper's, exact its faster form."),
-    Choice(name="iterations", path="solver.iterations", help="Maximum iterations: first frame, later frames."),
-    Choice(name="start", path="solver.start", help="Initial phases: the previous frame's, or zero."),
-    Choice(name="level", path="solver.level", help="Drive level, 0 to 1; auto fits the loudest frame."),
-    *(
-        Choice(name=term.option(), path=f"solver.{term.path or keyword}", unit=term.unit, help=term.help, term=term)
-        for keyword, term in registered_terms().items()
-    ),
-    Choice(name="backend", path="solver.backend", help="Array library: numpy, torch, torch:cuda or cupy."),
-    Choice(name="jobs", path="solver.jobs", help="Blocks that glide solves at once; default: cores."),
-    Choice(
-        name="temperature",
-        path="acoustics.medium.temperature",
-        unit="C",
-        help="Air temperature, or a thermometer such as file:PATH; none: the paper's 14 C (340 m/s).",
-    ),
-    Choice(
-        name="humidity", path="acoustics.medium.humidity", unit="%", help="Relative humidity of the air, 0 to 100 %."
-    ),
-    Choice(name="directivity", path="acoustics.directivity", help="Directivity model of a transducer."),
-)
+def _choices() -> Iterator[Choice]:
+    stored = tomllib.loads(Path(__file__).with_name("choices.toml").read_text(encoding="utf-8"))
+    for name, entry in stored.items():
+        if name == "backend":
+            for keyword, term in registered_terms().items():
+                path = f"solver.{term.path or keyword}"
+                yield Choice(name=term.option(), path=path, unit=term.unit, help=term.help, term=term)
+        yield Choice(name=name, **entry)
+
+
+CHOICES: tuple[Choice, ...] = tuple(_choices())
 """All settings that have an option, in the order of processing."""
 
 

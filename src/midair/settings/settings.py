@@ -7,12 +7,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, InputError
-from midair.files import atomic_file, from_plain, read_toml, to_plain
+from midair.files import from_plain, read_toml, to_plain, write_file
 from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Free, Glide, Guard, QuietEars, name_of, settings_type
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
+from midair.validation import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,16 +61,12 @@ class TargetSettings:
     """Slow circle on which the pattern moves, for touch below 20 Hz; not in the paper, not validated on people."""
 
     def __post_init__(self) -> None:
-        low, high = EARS
-        if not 0 < self.gain <= MOST_GAIN:
-            raise InputError(f"gain: expected above 0 and at most {MOST_GAIN:g}, got {self.gain:g}")
-        if self.ears is not None and not low <= self.ears <= high:
-            raise InputError(f"ears: expected a level of {low:g} to {high:g} dB, got {self.ears:g}; typical value: 110")
-        if self.strength is not None and not 0 < self.strength <= STRONGEST:
-            raise InputError(
-                f"strength: expected above 0 and up to {STRONGEST:g} times one focus of the whole array, got "
-                f"{self.strength:g}; typical value: 0.15"
-            )
+        within(self.gain, "gain", 0, MOST_GAIN, above=True)
+        if self.ears is not None:
+            within(self.ears, "ears", *EARS, unit="dB", advice="typical value: 110")
+        if self.strength is not None:
+            advice = "it is relative to one focus of the whole array; typical value: 0.15"
+            within(self.strength, "strength", 0, STRONGEST, above=True, advice=advice)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,8 +166,7 @@ class Settings:
         """Write the settings as TOML; FileError if the file cannot be written."""
         import tomli_w
 
-        with atomic_file(path) as file:
-            file.write_text(tomli_w.dumps(self.plain()), encoding="utf-8")
+        write_file(path, tomli_w.dumps(self.plain()))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Settings":

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from midair.files import atomic_file
+from midair.files import write_file
 
 KEPT = Path(__file__).parent / "first-stroke.xz"
 
@@ -43,8 +43,7 @@ class DemoStroke:
         """Write the stroke as a compressed file."""
         sizes = [[stream, second, len(data)] for (stream, second), data in self.streams.items()]
         head = json.dumps({"facts": self.facts, "streams": sizes}).encode()
-        with atomic_file(path) as partial:
-            partial.write_bytes(lzma.compress(b"\n".join([head, b"".join(self.streams.values())]), preset=9))
+        write_file(path, lzma.compress(b"\n".join([head, b"".join(self.streams.values())]), preset=9))
 
 
 def demo_stroke() -> DemoStroke:

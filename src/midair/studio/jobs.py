@@ -50,18 +50,9 @@ class StudioJob:
         spent = now - self.stage_began
         rate = self.done / spent if self.state == "runs" and self.done and spent > 0.2 else 0.0
         left = (self.total - self.done) / rate if rate else None
-        return {
-            "number": self.number,
-            "title": self.title,
-            "room": self.room,
-            "state": self.state,
-            "stage": self.stage,
-            "done": self.done,
-            "total": self.total,
-            "error": self.error,
-            "rate": round(rate, 1),
-            "left_s": None if left is None else round(left, 1),
-        }
+        names = ("number", "title", "room", "state", "stage", "done", "total", "error")
+        shown = {name: getattr(self, name) for name in names}
+        return {**shown, "rate": round(rate, 1), "left_s": None if left is None else round(left, 1)}
 
 
 class Jobs:

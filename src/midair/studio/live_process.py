@@ -9,7 +9,6 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,21 +91,10 @@ class RecentFrames:
         self._blocks.clear()
         self.frames = 0
 
-    def last(self, frames: int) -> "LastMinute":
+    def last(self, frames: int) -> NDArray[Any]:
         """Return a copy of the last frames."""
         blocks = list(self._blocks)
-        return LastMinute(np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LastMinute:
-    """Kept frames with the interface that `LiveTake` reads."""
-
-    frames: NDArray[Any]
-
-    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """As `TouchRing.since`; returns all frames at once."""
-        return self.frames[seen:], len(self.frames), 0
+        return np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept)
 
 
 class LiveView:
@@ -128,7 +116,7 @@ class LiveView:
 
     def found(self, opened: LoopStarted) -> None:
         """Set rate and number of channels once the sensor is open."""
-        self._rate, self._channels = opened.rate, opened.sensor.count
+        self._rate, self._channels = opened.schedule.formed * opened.rate, opened.sensor.count
 
     def about(self) -> dict[str, Any]:
         """Return the geometry that the page needs to draw the sections."""
@@ -238,7 +226,8 @@ class _LiveSupervisor:
             with session:
                 opened = session.opened
                 sight.found(opened)
-                kept = RecentFrames(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
+                most = round(REMEMBERED * opened.schedule.formed * opened.rate)
+                kept = RecentFrames(opened.sensor.count, sight.array.count, most)
                 self._past = session.order, opened, kept
                 plays = True
                 self._pipe.answer(order, {**_session_info(session), **about})
@@ -282,16 +271,18 @@ class _LiveSupervisor:
         if self._past is None or not self._past[2].frames:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         known, opened, kept = self._past
-        moment = kept.last(round(order["seconds"] * opened.rate))
+        rate = opened.schedule.formed * opened.rate
+        moment = kept.last(round(order["seconds"] * rate))
 
         def write() -> None:
             with self._pipe.answering(order):
-                take = LiveTake(Path(order["path"]), known, opened, moment, order["notes"])
+                path, notes = Path(order["path"]), order["notes"]
+                take = LiveTake(path, known, opened, lambda seen: (moment[seen:], len(moment), 0), notes)
                 take.end()
                 take.run()
                 take.close()
-                found = {"frames": len(moment.frames), "duration_s": len(moment.frames) / opened.rate}
-                self._pipe.answer(order, {"name": Path(order["path"]).name, **found})
+                found = {"frames": len(moment), "duration_s": len(moment) / rate}
+                self._pipe.answer(order, {"name": path.name, **found})
 
         threading.Thread(target=write, name="keep").start()
 
@@ -304,7 +295,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "rows": grid.rows,
         "columns": grid.columns,
         "pitch_mm": 1e3 * grid.pitch,
-        "rate_hz": opened.rate,
+        "rate_hz": opened.schedule.formed * opened.rate,
         "device": order.device,
         "transducers": opened.transducers,
         "simulated": opened.simulated,
@@ -314,7 +305,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "array_calibration": opened.array_calibration,
         "height_mm": 1e3 * order.height,
         "air_c": order.acoustics.medium.degrees,
-        "hold_ms": 1e3 * order.hold,
+        "hold_ms": 1e3 * opened.schedule.hold,
         "errors": [
             [f"{low:g} to {high:g} Hz", round(100 * error, 1)]
             for (low, high), error in zip(opened.parts, opened.error, strict=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import FrameBlock, PacedSensor, SensorDevice
+from midair.devices import FrameBlock, PacedSensor, SensorDevice, WrappedSensor
 from midair.errors import MidairError
 from midair.model import Event
 from midair.rig import (
@@ -33,23 +33,17 @@ STEP = 1 / 120
 """Seconds of samples per message: two 60 Hz clocks would beat against each other."""
 
 
-class RepeatedStroke(SensorDevice):
+class RepeatedStroke(WrappedSensor):
     """Repeats one stroke (`duration` in s) of an open virtual sensor endlessly.
 
     A virtual sensor computes everything since its start, which would take longer and longer.
     """
 
     def __init__(self, sensor: SensorDevice, duration: float = 1.6) -> None:
-        self._sensor, self._duration = sensor, duration
-        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
-        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
-        self.stored = sensor.stored
+        super().__init__(sensor)
+        self.calibration, self._duration = sensor.calibration, duration
         self._samples: NDArray[np.float64] | None = None
         self._next = 0
-
-    def open(self) -> None:
-        """Open the wrapped sensor."""
-        self._sensor.open()
 
     def start(self) -> None:
         """Start at the beginning of the stroke."""
@@ -71,10 +65,6 @@ class RepeatedStroke(SensorDevice):
 
     def stop(self) -> None:
         """Do nothing."""
-
-    def close(self) -> None:
-        """Close the wrapped sensor."""
-        self._sensor.close()
 
 
 def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
@@ -99,23 +89,20 @@ def _named(name: str, seed: int) -> SensorDevice:
     return PacedSensor(made) if made.on_demand else made
 
 
-class _MirroredSensor(SensorDevice):
+class _MirroredSensor(WrappedSensor):
     """Wraps an open sensor and sends a copy of its frames to the page."""
 
     def __init__(self, sensor: SensorDevice, pipe: StudioPipe) -> None:
-        self._sensor, self._pipe = sensor, pipe
-        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
-        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
-        self.wiring, self.on_demand, self.stored = sensor.wiring, sensor.on_demand, sensor.stored
+        super().__init__(sensor)
+        self.calibration, self.wiring, self.on_demand = sensor.calibration, sensor.wiring, sensor.on_demand
+        self._pipe = pipe
         self._rest: NDArray[np.float64] | None = None
 
     def open(self) -> None:
         """Do nothing: the sensor is open."""
 
-    def start(self) -> None:
-        self._sensor.start()
-
     def read(self, frames: int) -> FrameBlock:
+        """Return the next frames of the sensor, and send a copy."""
         block = self._sensor.read(frames)
         if len(block.samples):
             rows = block.samples.reshape(len(block.samples), -1)
@@ -125,9 +112,6 @@ class _MirroredSensor(SensorDevice):
             section = encode_counts(rows - rest, Kind.SAMPLES, first=block.first, rate=self.rate)
             self._pipe.send("frames", data=[pack([section])])
         return block
-
-    def stop(self) -> None:
-        self._sensor.stop()
 
     def close(self) -> None:
         """Do nothing: the owner of the sensor closes it."""

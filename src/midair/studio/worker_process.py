@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import operator
 import os
 import signal
 import threading
@@ -41,7 +42,7 @@ class WorkerProcess:
         daemon: bool = True,
     ) -> None:
         self._target, self._on_event, self._on_end = target, on_event, on_end
-        self._call = call or _at_once
+        self._call = call or operator.call
         self._name, self._absent, self._gone, self._daemon = name, absent, gone, daemon
         self._lock = threading.RLock()
         self._process: Any = None
@@ -221,10 +222,6 @@ def _run(target: Callable[..., None], pipe: Connection, arguments: tuple[Any, ..
     # Ctrl-C in the terminal reaches the studio, which then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     target(StudioPipe(pipe), *arguments)
-
-
-def _at_once(act: Callable[..., Any], *values: Any) -> None:
-    act(*values)
 
 
 def _error_class(name: str) -> type[MidairError]:

@@ -150,7 +150,7 @@ def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress:
 def _duration(path: Path) -> float:
     """Duration of a drive in s; raises BrokenFileError if all its frames are silent."""
     solution = load_solution(path, streamed=True)
-    if all(status == "silent" for status in solution.status):
+    if not solution.plays.any():
         raise BrokenFileError(f"{path.name}: expected a drive with sound, got silence in all frames; solve it again")
     return solution.drive.frames / solution.drive.rate
 

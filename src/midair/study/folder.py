@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.files import atomic_file, atomic_folder, json_of, lock_or_raise, read_text, toml_of
+from midair.files import atomic_folder, json_of, lock_or_raise, read_text, toml_of, write_file
 from midair.study.design import Design, Plan, SessionState, StimulusKind, digest_of, draw_plan, replay
 
 SETTINGS = ("kind", "source", "made_from", "share", "code", "duration_s")
@@ -314,9 +314,7 @@ def _delete_rows(path: Path, separator: str, person: str) -> str:
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if line.partition(separator)[0] != person]
     if len(kept) < len(lines):
-        with atomic_file(path) as partial:
-            partial.chmod(0o600)
-            partial.write_text("".join(kept), encoding="utf-8")
+        write_file(path, "".join(kept), private=True)
     return f"{path}: {len(lines) - len(kept)} rows deleted"
 
 

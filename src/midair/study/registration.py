@@ -1,21 +1,13 @@
 """The plan of a study as an HTML page for preregistration."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
 from midair.figures import render_page
 from midair.study.design import (
-    Analysis,
     Block,
     Design,
-    Exclusions,
-    Incomplete,
     Plan,
     PlannedPower,
-    Question,
-    UnpresentedAnswers,
     block_order,
 )
 from midair.study.statistics import (
@@ -28,27 +20,6 @@ from midair.study.statistics import (
 )
 from midair.version import __version__
 
-_INCOMPLETE: Mapping[Incomplete, str] = {
-    "leave out": "Participants without an answer in every cell are excluded from the analysis of variance.",
-    "refuse": "There is no analysis of variance if a participant has an empty cell.",
-}
-_FOILS: Mapping[UnpresentedAnswers, str] = {
-    "wrong": "Answers that name an object that was never presented count as wrong.",
-    "leave out": "Answers that name an object that was never presented are excluded.",
-    "refuse": "There is no analysis of choices if an answer names an object that was never presented.",
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanPart:
-    """One part of the page: text lines and an optional table."""
-
-    title: str
-    lines: tuple[str, ...] = ()
-    names: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
-    digests: bool = False
-
 
 def plan_page(plan: Plan, *, runs: int = 500) -> str:
     """The plan as a self-contained, reproducible HTML page, with `runs` simulated studies per power analysis."""
@@ -57,99 +28,12 @@ def plan_page(plan: Plan, *, runs: int = 500) -> str:
         "study/registration.html.j2",
         title=design.title or design.name,
         simulated=False,
-        digest=plan.digest,
-        seed=design.seed,
-        participants=design.participants,
-        parts=plan_parts(plan, runs=runs),
+        plan=plan,
+        design=design,
+        blocks=[_block_row(plan, block) for block in block_order(design, 1)],
+        power=[power_in_words(one, design, runs) for one in design.power],
         notes=f"midair {__version__}",
     )
-
-
-def plan_parts(plan: Plan, *, runs: int = 500) -> list[PlanPart]:
-    """Parts of the page."""
-    design = plan.design
-    return [
-        PlanPart(title="Hypotheses", lines=design.hypotheses or ("No hypotheses are stated.",)),
-        PlanPart(
-            title="Blocks",
-            lines=(_counterbalanced(design),),
-            names=("block", "session", "trials", "order", "beside them", "asked"),
-            rows=tuple(_block_row(plan, block) for block in block_order(design, 1)),
-        ),
-        PlanPart(
-            title="Questions",
-            names=("name", "kind", "asked", "answers"),
-            rows=tuple((one.name, one.kind, one.text, _answers(one)) for one in design.questions),
-        ),
-        PlanPart(title="Exclusions", lines=exclusions_in_words(design.exclusions)),
-        PlanPart(title="Planned analyses", lines=analysis_in_words(design.analysis)),
-        PlanPart(
-            title="Power",
-            lines=tuple(_power_in_words(one, design, runs) for one in design.power)
-            or ("No power analysis is stated.",),
-        ),
-        PlanPart(
-            title="Drives",
-            lines=() if plan.drives else ("The plan was drawn without drives.",),
-            names=("file", "SHA-256"),
-            rows=tuple(plan.drives.items()),
-            digests=True,
-        ),
-    ]
-
-
-def exclusions_in_words(rules: Exclusions) -> tuple[str, ...]:
-    """Exclusion rules, one sentence each."""
-    sentences = [
-        f"Answers faster than {rules.fastest_s:g} s." if rules.fastest_s else "",
-        f"Answers slower than {rules.slowest_s:g} s." if rules.slowest_s else "",
-        _participants_below(rules.attention, "attention checks"),
-        _participants_below(rules.catch, "catch trials"),
-        f"Participants who exceed the time limit in more than {100 * rules.timeouts:g} % of the questions."
-        if rules.timeouts < 1
-        else "",
-        "Participants who did not reach the criterion of a training block." if rules.training else "",
-        "Trials whose presentation failed and was repeated." if rules.failed_plays else "",
-        "Participants with unfinished sessions." if rules.unfinished else "",
-    ]
-    return tuple(line for line in sentences if line) or ("No participants; only answers after the time limit.",)
-
-
-def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
-    """Planned analyses, one sentence each."""
-    only = ", ".join(f"{factor} is {level}" for factor, level in analysis.only.items())
-    sentences = [
-        f"Analysed trials: {only}." if only else "",
-        f"Answers to “{analysis.choice}”: confusion matrix, F-measures, permutation test of macro F."
-        if analysis.choice
-        else "",
-        f"Levels of {analysis.condition} compared: macro F over people (paired t-test, sign-flip test), equivalence"
-        f" within {analysis.margin:g}, a Bayes factor, and a logistic mixed model of correct answers."
-        if analysis.choice and analysis.condition
-        else "",
-        f"Ratings {', '.join(analysis.rated)}: repeated-measures analysis of variance over "
-        f"{', '.join(analysis.within)}, with the corrections of Greenhouse and Geisser and of Holm."
-        if analysis.rated
-        else "",
-        f"Factors between people: {', '.join(analysis.between)}." if analysis.between else "",
-        _INCOMPLETE[analysis.incomplete] if analysis.rated else "",
-        _FOILS[analysis.foils] if analysis.choice else "",
-        f"Psychometric function of correct answers over {analysis.strength}, guess rate {analysis.guess:g}, lapse"
-        f" rate up to {analysis.lapse_most:g}."
-        if analysis.strength
-        else "",
-    ]
-    return tuple(line for line in sentences if line) or ("No analyses are planned.",)
-
-
-def _participants_below(share: float, what: str) -> str:
-    return f"Participants with correct answers in fewer than {100 * share:g} % of the {what}." if share else ""
-
-
-def _counterbalanced(design: Design) -> str:
-    if not design.counterbalanced:
-        return "The order of the blocks is the same for all participants."
-    return f"Balanced Latin square over participants: {', '.join(design.counterbalanced)}. Order of participant 1:"
 
 
 def _block_row(plan: Plan, block: Block) -> tuple[str, ...]:
@@ -165,11 +49,7 @@ def _block_row(plan: Plan, block: Block) -> tuple[str, ...]:
     return (block.name, str(block.session), str(len(trials)), order, "; ".join(beside), ", ".join(block.questions))
 
 
-def _answers(question: Question) -> str:
-    return f"{question.low} to {question.high}" if question.kind == "slider" else ", ".join(question.answers)
-
-
-def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
+def power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
     """Power for the planned number of participants, as a sentence."""
     people, effect = design.participants, power.effect
     if power.test in ("paired", "threshold"):

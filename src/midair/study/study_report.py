@@ -12,7 +12,7 @@ import numpy as np
 from pandas import DataFrame
 
 from midair.errors import InputError
-from midair.figures import STYLE, Picture, new_figure, plain_axes, png_bytes, render_page
+from midair.figures import STYLE, Picture, label_axes, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
 from midair.study.findings import Choices, Finding, Report, StudyData
 from midair.study.statistics import Chance
@@ -141,16 +141,14 @@ def confusion_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
         labels = [str(label) for label in one.confusion.labels]
         _name_ticks(axes, labels)
         axes.set_yticks(range(len(labels)), labels, fontsize=8)
-        axes.set_title(one.name, fontsize=9)
-        axes.set_xlabel("answered (number of trials)", fontsize=8)
-        axes.set_ylabel("presented", fontsize=8)
+        label_axes(axes, title=one.name, x="answered (number of trials)", y="presented")
     return figure
 
 
 def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
     """F-measure of each object with confidence intervals (Fig. 7), for choices of the same objects."""
     figure = new_figure(4.2, 3, simulated=simulated)
-    axes = plain_axes(figure.add_subplot())
+    axes = plain_axes(figure.add_subplot(), y="F-measure, 95 % over people")
     width = 0.8 / len(choices)
     colours = [STYLE.before, STYLE.reproduced, "#999999"]
     for place, one in enumerate(choices):
@@ -166,7 +164,6 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
     axes.axhline(1 / len(labels), color=STYLE.ink, linewidth=0.8, linestyle=":")
     _name_ticks(axes, labels)
     axes.set_ylim(0, 1.02)
-    axes.set_ylabel("F-measure, 95 % over people", fontsize=8)
     axes.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
 
@@ -191,13 +188,12 @@ def rating_figure(
     figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated)
     shared = None
     for place, panel in enumerate(panels):
-        axes = plain_axes(figure.add_subplot(1, len(panels), place + 1, sharey=shared))
+        axes = figure.add_subplot(1, len(panels), place + 1, sharey=shared)
+        head = f"{within[0]}: {panel}" if panel else title
+        plain_axes(axes, title=head, x=within[-2:][0], y="" if shared else "rating, 95 % within people")
         shared = shared or axes
         rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
         _rating_panel(axes, rows, within[-2:][0], within[-1] if len(within) > 1 else "")
-        axes.set_title(f"{within[0]}: {panel}" if panel else title, fontsize=9)
-        if place == 0:
-            axes.set_ylabel("rating, 95 % within people", fontsize=8)
         if span is not None:
             axes.set_ylim(span)
     handles, names = figure.axes[0].get_legend_handles_labels()
@@ -210,28 +206,25 @@ def rating_figure(
 def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F") -> Figure:
     """Distribution of a statistic under the null hypothesis, its middle 95 %, and the observed value."""
     figure = new_figure(5, 2.8, simulated=simulated)
-    axes = plain_axes(figure.add_subplot())
-    axes.hist(chance.distribution, bins=40, color=STYLE.before, density=True)
     low, high = chance.range95
+    shaded = f"{quantity} by chance; shaded: middle 95 %, {low:.3f} to {high:.3f}"
+    axes = plain_axes(figure.add_subplot(), x=shaded, y="density")
+    axes.hist(chance.distribution, bins=40, color=STYLE.before, density=True)
     axes.axvspan(low, high, color=STYLE.band, zorder=0)
     axes.axvline(chance.value, color=STYLE.reproduced, linewidth=1.5)
-    axes.set_xlabel(f"{quantity} by chance; shaded: middle 95 %, {low:.3f} to {high:.3f}", fontsize=8)
-    axes.set_ylabel("density", fontsize=8)
     return figure
 
 
 def power_figure(curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False) -> Figure:
     """Power against the number of participants; `curves` have columns participants, power, and low, high if known."""
     figure = new_figure(5, 3, simulated=simulated)
-    axes = plain_axes(figure.add_subplot())
+    axes = plain_axes(figure.add_subplot(), x="pairs or participants", y="power")
     for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
         axes.plot(table["participants"], table["power"], line, label=name, color=STYLE.reproduced)
         if "low" in table:
             axes.fill_between(table["participants"], table["low"], table["high"], color=STYLE.band)
     axes.axhline(0.8, color=STYLE.ink, linewidth=0.8, linestyle=":")
     axes.set_ylim(0, 1.02)
-    axes.set_xlabel("pairs or participants", fontsize=8)
-    axes.set_ylabel("power", fontsize=8)
     axes.legend(fontsize=8, frameon=False)
     return figure
 
@@ -264,97 +257,6 @@ def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str) -> None
             label=f"{colour}: {level}" if colour else None,
         )
     _name_ticks(axes, [str(place) for place in places])
-    axes.set_xlabel(across, fontsize=8)
-
-
-BEGIN = """\
-from pathlib import Path
-
-import numpy as np
-from IPython.display import Markdown, display
-
-import midair.study as study
-"""
-
-WHOLE = """\
-report = study.analyse(data, seed={seed}, draws={draws})
-for finding in report.findings:
-    display(Markdown(f"### {{finding.title}}\\n{{finding.words}}"))
-    if finding.table is not None:
-        display(finding.table)
-"""
-
-FIGURES = """\
-from IPython.display import Image
-
-for row in study.study_pictures(report, within=data.within):
-    display(Markdown(f"### {row.title}\\n{row.caption}"))
-    for panel in row.panels:
-        display(Image(panel.data))
-"""
-
-CHOICES = """\
-rng = np.random.default_rng({seed})
-for name, rows in data.choices.groupby("condition", sort=False):
-    labels = sorted(set(rows["presented"]))
-    # Answers that name an object that was never presented; the plan states how they count.
-    foils = sorted(set(rows["answered"]) - set(labels))
-    if data.foils == "leave out":
-        rows, foils = rows[rows["answered"].isin(labels)], []
-    confusion = study.confusion_matrix(
-        rows["presented"], rows["answered"], participant=rows["participant"], labels=labels, foils=foils
-    )
-    chance = study.chance_macro_f(confusion, rng=rng, draws={draws})
-    kappa = study.cohen_kappa(confusion.counts)
-    print(f"{{name}}: macro F {{confusion.macro_f:.3f}}, kappa {{kappa:.2f}}, p = {{chance.p:.4f}}")
-    display(study.scores(confusion))
-"""
-
-MIXED = """\
-rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
-within = ["presented", "condition"] if rows["condition"].nunique() > 1 else ["presented"]
-mixed = study.logistic_mixed(rows, correct="correct", participant="participant", within=within)
-mixed.assign(p_Holm=study.holm(mixed["p"]))
-"""
-
-RATINGS = """\
-# Participants with an answer in every cell; the plan states how the others are treated.
-cells = data.ratings.groupby("participant")[list(data.within)].apply(lambda one: len(one.drop_duplicates()))
-whole = cells.index[cells == len(data.ratings[list(data.within)].drop_duplicates())]
-ratings = data.ratings[data.ratings["participant"].isin(whole)]
-anova = study.rm_anova(
-    ratings, value="rating", participant="participant", within=data.within, between=data.between
-)
-anova.assign(p_Holm=study.holm(anova["p_GG"]))
-"""
-
-PAIRS = """\
-# Add interactions to compare their cells, such as effects=["surface:object"].
-study.pairwise(ratings, value="rating", participant="participant", within=data.within, between=data.between)
-"""
-
-CUMULATIVE = """\
-study.cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
-"""
-
-RANKS = """\
-study.ordinal_check(
-    ratings, value="rating", participant="participant", within=data.within, rng=np.random.default_rng({seed})
-)
-"""
-
-STRENGTHS = """\
-counts = data.strengths.groupby("level")["correct"].agg(["sum", "size"])
-study.fit_psychometric(
-    counts.index.to_numpy(float), counts["sum"].to_numpy(), counts["size"].to_numpy(),
-    guess=float(data.strengths["guess"].iloc[0]), lapse_most=float(data.strengths["lapse_most"].iloc[0]),
-    shape="weibull", rng=np.random.default_rng({seed}),
-)
-"""
-
-THRESHOLDS = """\
-data.thresholds
-"""
 
 
 def load_study(folder: str) -> str:
@@ -380,25 +282,13 @@ def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 
     `loading` is Python code that creates `data`, run in the folder of the notebook with `Path` and `study` defined;
     `seed` and `draws` as for `analyse`.
     """
+    code = render_page("study/notebook.py.j2", data=data, loading=loading, seed=seed, draws=draws)
     said = "**SIMULATED: no person was asked.** " if data.simulated else ""
-    head = f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}."
-    cells = [_cell(head), _cell(BEGIN, code=True), _cell("## Answers"), _cell(loading, code=True)]
-    steps: list[tuple[str, str]] = [("Complete report", WHOLE.format(seed=seed, draws=draws))]
-    if data.choices is not None:
-        steps.append(("Identification by condition", CHOICES.format(seed=seed, draws=draws)))
-        steps.append(("Mixed model of correct answers", MIXED))
-    if data.ratings is not None:
-        steps.append(("Ratings: analysis of variance", RATINGS))
-        steps.append(("Ratings: pairwise comparisons", PAIRS))
-        steps.append(("Ratings: cumulative-link model", CUMULATIVE))
-        steps.append(("Ratings: check on ranks", RANKS.format(seed=seed)))
-    if data.strengths is not None:
-        steps.append(("Psychometric function", STRENGTHS.format(seed=seed)))
-    if data.thresholds is not None:
-        steps.append(("Thresholds of adaptive blocks", THRESHOLDS))
-    steps.append(("Figures", FIGURES))
-    for name, code in steps:
-        cells += [_cell(f"## {name}"), _cell(code, code=True)]
+    cells = [_cell(f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}.")]
+    for part in code.split("# %%")[1:]:
+        heading, _, lines = part.partition("\n")
+        cells += [_cell(f"##{heading}")] if heading else []
+        cells.append(_cell(lines, code=True))
     for number, cell in enumerate(cells):
         cell["id"] = f"cell-{number}"
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}

@@ -21,7 +21,7 @@ from midair.figures import (
     png_bytes,
     trials_figure,
 )
-from midair.files import atomic_file, csv_text
+from midair.files import csv_text, write_file
 from midair.progress import report_progress
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults, store_errors_raised
@@ -108,15 +108,14 @@ def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
     """
     report = report_of(results)
     tables = {"conditions": report.conditions, "channels": report.channels, "histogram": _histogram(results)}
-    texts = {f"{name}.csv": csv_text(rows).encode() for name, rows in tables.items()}
+    texts = {f"{name}.csv": csv_text(rows) for name, rows in tables.items()}
     return _write(folder, texts | _figures(results))
 
 
-def _write(folder: Path, content: Mapping[str, bytes]) -> list[Path]:
+def _write(folder: Path, content: Mapping[str, str | bytes]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in content.items():
-        with atomic_file(folder / name) as partial:
-            partial.write_bytes(data)
+        write_file(folder / name, data)
     return [folder / name for name in content]
 
 
@@ -309,9 +308,7 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
         )
         for row in report.rows
     ]
-    return _write(
-        folder, {"trials.csv": csv_text(report.rows).encode(), "trials.png": png_bytes(trials_figure(spreads))}
-    )
+    return _write(folder, {"trials.csv": csv_text(report.rows), "trials.png": png_bytes(trials_figure(spreads))})
 
 
 def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:

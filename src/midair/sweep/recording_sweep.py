@@ -21,6 +21,7 @@ from midair.solvers import Glide, Piece, pieces, read_solver_blocks, solve_piece
 from midair.solvers import solver as solver_of
 from midair.streaming import blocks
 from midair.sweep.storage import Coordinate, Found, Job, Task, settings_of
+from midair.validation import within
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,10 +119,8 @@ class RecordingSweep:
     def __post_init__(self) -> None:
         if not self.trials:
             raise InputError("sweep: expected at least one recording, got none")
-        if not 1 <= self.bits <= 16:
-            raise InputError(f"sweep: expected 1 to 16 bits, got {self.bits}")
-        if self.blocks < 1:
-            raise InputError(f"sweep: expected 1 block per task or more, got {self.blocks}")
+        within(self.bits, "sweep: bits", 1, 16)
+        within(self.blocks, "sweep: blocks per task", 1)
         names = [(trial.recording, trial.variant) for trial in self.trials]
         for recording, variant in set(names):
             if names.count((recording, variant)) > 1:

@@ -28,7 +28,7 @@ from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
-from midair.validation import positive
+from midair.validation import one_of, positive
 
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike
@@ -113,6 +113,35 @@ class SlowBias:
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
 
 
+class _BiasStream:
+    """`SlowBias` frame by frame in 20 us, in memory that is allocated once; the frames before the first are like it."""
+
+    def __init__(self, bias: SlowBias, rate: float, first: Array) -> None:
+        longest, smooth = bias.lengths(rate)
+        hann = np.hanning(smooth + 2)[1:-1]
+        self._hann, self._before = hann / hann.sum(), bias.reach(rate)
+        # Each frame is written twice, so that the last ones are always contiguous.
+        flat, pulls = first.reshape(1, -1), np.maximum(-first, 0.0).reshape(1, -1)
+        self._frames = np.repeat(flat, 2 * (self._before + 1), axis=0)
+        self._pulls, self._tops = (np.repeat(pulls, 2 * length, axis=0) for length in (longest, smooth))
+        self._count = 0
+
+    def push(self, frame: Array) -> Array | None:
+        """Take the next frame; return the mapped one of `reach` frames ago, None if that is before the first."""
+        pulls = np.maximum(-frame.ravel(), 0.0)
+        recent = self._kept(self._frames, frame.ravel())
+        bias = self._hann @ self._kept(self._tops, self._kept(self._pulls, pulls).max(axis=0))
+        self._count += 1
+        return np.maximum(recent[0] + bias, 0.0).reshape(frame.shape) if self._count > self._before else None
+
+    def _kept(self, held: Array, row: Array) -> Array:
+        """The last rows with a new one, oldest first."""
+        length = len(held) // 2
+        at = self._count % length
+        held[at] = held[at + length] = row
+        return held[at + 1 : at + 1 + length]
+
+
 slow_bias = SlowBias()
 """The slow bias with a corner of 8 Hz, for a band from 20 Hz on."""
 
@@ -127,14 +156,13 @@ def mapping_of(name: str, band: tuple[float, float] | None = None) -> Callable[[
 
     Raises InputError if the name is unknown.
     """
-    if name not in MAPPINGS:
-        raise InputError(f"mapping: expected one of {', '.join(MAPPINGS)}, got {name!r}")
+    one_of(name, MAPPINGS, "mapping")
     chosen = MAPPINGS[name]
     return SlowBias.below(band) if band is not None and isinstance(chosen, SlowBias) else chosen
 
 
 class MappingStream:
-    """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording.
+    """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording, to rounding.
 
     `push` takes blocks of any length and returns the frames that are ready, `delay` frames late; `finish` returns the
     rest. `mapping` is a name in `MAPPINGS`, and `rate` is in Hz. A constant offset needs `offset` in Pa, shape (row,
@@ -155,7 +183,8 @@ class MappingStream:
         self.mapping = mapping
         self._rate, self._offset = positive(rate, "rate", "Hz"), offset
         self._bias = chosen if isinstance(chosen, SlowBias) else None
-        self._kept: Array | None = None
+        self._kept: _BiasStream | None = None
+        self._last: Array | None = None
 
     @property
     def delay(self) -> int:
@@ -167,21 +196,20 @@ class MappingStream:
         block = np.asarray(block, float)
         if block.ndim < 1 or not len(block):
             raise ShapeError(f"block: expected at least one frame, got shape {block.shape}")
-        before = np.repeat(block[:1], self.delay, axis=0) if self._kept is None else self._kept
-        have = np.concatenate([before, block])
-        # The next frame needs `delay` frames on either side.
-        self._kept = have[max(0, len(have) - 2 * self.delay) :]
+        self._last = block[-1:]
         if self._bias is not None:
-            return self._bias.lift(have, self._rate) if len(have) > 2 * self.delay else have[:0]
+            stream = self._kept = self._kept or _BiasStream(self._bias, self._rate, block[0])
+            ready = [frame for frame in map(stream.push, block) if frame is not None]
+            return np.stack(ready) if ready else block[:0]
         return half_wave(block) if self._offset is None else constant_offset(block, offset=self._offset)
 
     def finish(self) -> Array:
         """The remaining frames; the stream can then be used again."""
-        if self._kept is None:
+        if self._last is None:
             raise DeviceStateError("stream: expected at least one push before finish, got none")
-        held = np.repeat(self._kept[-1:], self.delay, axis=0)
-        rest = self.push(held) if len(held) else self._kept
-        self._kept = None
+        held = np.repeat(self._last, self.delay, axis=0)
+        rest = self.push(held) if len(held) else self._last[:0]
+        self._kept = self._last = None
         return rest
 
 

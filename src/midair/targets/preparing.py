@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from types import NoneType
-from typing import Literal, cast, get_args
+from typing import Literal, cast
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, P
 from midair.physics import SensorModel, cell_weights, sound_amplitude
 from midair.streaming import LazyFrames, each_frame
 from midair.targets.mapping import mapping_of
-from midair.validation import check_type, positive
+from midair.validation import check_type, one_of, positive
 
 
 def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:
@@ -159,8 +159,7 @@ def prepare(
     check_type(pressure, "pressure", PressureFrames)
     check_type(grid, "grid", ControlGrid, NoneType)
     to_push = mapping_of(mapping, pressure.band)
-    if interpolate not in get_args(Interpolated):
-        raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")
+    one_of(interpolate, Interpolated, "interpolate")
     gain = positive(gain, "gain of the pressure")
     grid, medium = grid or ControlGrid(), medium or Medium()
     # The gain applies to the pressure, not to the drive: amplitudes stay equal and the target gets stronger (eq. 6).

@@ -26,7 +26,7 @@ from midair.model import (
 )
 from midair.physics import transfer_matrix
 from midair.streaming import read_frames
-from midair.validation import frozen_array
+from midair.validation import frozen_array, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,9 +129,7 @@ class Channels:
 
     def check(self, channel: int) -> int:
         """Return the number of a channel; InputError if there is none."""
-        count = self.values.shape[1]
-        if not 0 <= channel < count:
-            raise InputError(f"channel: expected 0 to {count - 1}, got {channel}")
+        within(channel, "channel", 0, self.values.shape[1] - 1)
         return channel
 
     @property

@@ -56,7 +56,7 @@ def test_a_spare_channel_is_taken_out(count, shape):
         ),
         (lambda: ReferencedTake(recording=recording(), reference=reference(rate=500.0)), MismatchError, "at 500 Hz"),
         (lambda: ReferencedTake(recording=recording(), reference=reference(), cell=2), ShapeError, "0 to 1"),
-        (lambda: reference(uncertainty=2.0), InputError, "0.01 for 1 %, got 2"),
+        (lambda: reference(uncertainty=2.0), InputError, "0 to 1, got 2; 0.01 is 1 %"),
         (lambda: Reference.read(recording(), sensitivity=0.0), InputError, "other than 0"),
         (lambda: Reference.read(recording(), sensitivity=1.0, channel=2), ShapeError, "0 to 1, got 2"),
         (lambda: split_channel(recording(), 5), ShapeError, "0 to 1 of two"),

@@ -6,6 +6,7 @@ import asyncio
 import re
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -169,6 +170,23 @@ def test_a_frame_above_the_cleared_level_ends_in_silence(tap):
             put_some(put, device.units, 1, intensity=128)
         assert not device.emitting
     assert {intensity for _, _, intensity in frames_on(tap)} == {127}
+
+
+@pytest.mark.parametrize("triggered", [False, True])
+def test_sound_ends_when_the_hours_of_a_day_are_over(triggered, tap):
+    device, report = autd3_immediate(tap.address, ONE), {"duration": 0.0}
+    profile = replace(profile_named(DEFAULT_PROFILE).under(200.0), hours=2e-5)
+    with device:
+        device.simulated = False
+        admission = check_exposure_level(1.0, device, ExposureChoices(profile=profile), rate=1000.0)
+        playing = device.drives_to_come() if triggered else device.frames_to_come(admission)
+        with pytest.raises(ExposureError, match="2e-05 h of sound a day"), playing as put:
+            if triggered:
+                put, _ = put[1](admission, "x", report)
+                put_some(put, device.units, 100)
+                report["duration"] = 0.08
+            put_some(put, device.units, 200)
+        assert not device.emitting
 
 
 def test_nothing_sounds_outside(tap):

@@ -86,7 +86,7 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(cor
     """On a rig where every correction increases the error: three steps, each smaller, none kept."""
     start, tried = corrected.passes[1], []
 
-    def worse(original, asked, rig, settings, name, stage, *, step):
+    def worse(original, asked, rig, settings, name, stage, *, step, made):
         tried.append(step)
         return replace(start, step=step, comparison=replace(start.comparison, waveform_error=2.0))
 
@@ -105,7 +105,7 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(cor
 def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
     start = corrected.passes[1]
 
-    def hardly(original, asked, rig, settings, name, stage, *, step):
+    def hardly(original, asked, rig, settings, name, stage, *, step, made):
         better = start.comparison.waveform_error * 0.9999
         return replace(start, step=step, comparison=replace(start.comparison, waveform_error=better))
 

@@ -66,7 +66,7 @@ def steady(count, first=0, begin=0.02):
     return [(number, begin + number / 1000, 0.0) for number in range(first, first + count)]
 
 
-def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=None, **pace):
+def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=None, latency=None, **pace):
     """(slots of the ring, ring, frames that the units got) of a run."""
     units = units or VirtualUnits(kept=10_000)
     array = virtual_immediate(ONE, units=units)
@@ -76,7 +76,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
     with sensor, array:
         choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
         admission = check_exposure_level(0.5, array, choices, rate=1000.0)
-        touch = Touch(LiveSettings(), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
+        touch = Touch(LiveSettings(latency=latency), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
         loop = LiveLoop(
             sensor,
             touch,
@@ -98,15 +98,19 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
     return ring.since(0)[0], ring, list(units.frames), problem
 
 
-def test_every_frame_sounds_a_hold_after_it_was_taken_in_order():
-    slots, ring, frames, _ = ran(Script(steady(60)), duration=0.06)
-    assert slots["number"].tolist() == list(range(60))
+@pytest.mark.parametrize(("latency", "taken", "formed"), [(None, 60, 60), (0.2, 160, 320)])
+def test_every_frame_sounds_a_hold_after_it_was_taken_in_order(latency, taken, formed):
+    """With a latency there are two frames for each that was taken, the bias of the first after 90 ms, and they wait."""
+    slots, ring, frames, _ = ran(Script(steady(taken)), duration=taken / 1000, latency=latency, ahead=0.07)
+    assert slots["number"].tolist() == list(range(formed))
+    assert (slots["instant"] - slots["left"])[slots["left"] > 0].max() <= 70_000_000
     on_time = slots[slots["flags"] == FRAME_EMITTED]
     assert len(on_time) > 40
     assert np.abs(on_time["instant"] * 1e-9 - on_time["taken"] - 0.1).max() < 5e-3
     instants = [instant for _, intensity, instant in frames if intensity]
     assert np.all(np.diff(instants) > 0)
-    assert ring.count("played") + ring.count("late") == 60
+    silent = int((slots["flags"] == 0).sum())
+    assert ring.count("played") + ring.count("late") + silent == formed
     assert max(intensity for _, intensity, _ in frames) == 127
 
 
@@ -162,9 +166,14 @@ class Failsafe(VirtualUnits):
         self._active = False
 
 
-def test_a_run_continues_after_the_failsafe_and_the_level_rises_again():
-    slots, ring, _, problem = ran(Script(steady(200)), duration=0.2, units=Failsafe([100]), rise=0.05, quiet=1.0)
+@pytest.mark.parametrize("how", [{}, {"latency": 0.2, "ahead": 0.07}])
+def test_a_run_continues_after_the_failsafe_and_the_level_rises_again(how):
+    """Also if louder frames were waiting to be sent."""
+    units = Failsafe([100 if not how else 300])
+    slots, ring, frames, problem = ran(Script(steady(250)), duration=0.25, units=units, rise=0.05, quiet=1.0, **how)
     assert problem is None
+    sent = np.array([intensity for _, intensity, _ in frames], int)
+    assert np.diff(sent[sent.argmax() :]).max() < 20
     assert ring.count("failsafe") == 1
     level = slots["intensity"][(slots["flags"] & FRAME_LATE) == 0].astype(int)
     (last,) = np.flatnonzero(np.diff(level) < 0)

@@ -1,4 +1,5 @@
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ FOUND = LoopStarted(
     sensor=SENSOR,
     unit="V",
     rate=1000.0,
+    schedule=ORDER.schedule(1000.0),
     calibration=Calibration.flat(SENSOR, sensitivity=0.1),
     simulated=True,
     transducers=249,
@@ -46,8 +48,10 @@ def fill(ring, first, count, flags=FRAME_EMITTED):
         ring.publish()
 
 
-def taking(path, ring):
-    take = LiveTake(path, ORDER, FOUND, ring, {"object": "towel"}, every=0.005)
+def taking(path, ring, order=ORDER):
+    take = LiveTake(
+        path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring.since, {"object": "towel"}, every=0.005
+    )
     thread = threading.Thread(target=take.run)
     thread.start()
     return take, thread
@@ -77,6 +81,20 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     (step, *_) = [each for each in kept.recording.provenance.steps if each.stage == "live"]
     assert (step.settings["hold_s"], step.settings["level"]) == (0.006, 0.5)
     assert take.missed == 0
+
+
+def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
+    ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
+    take, thread = taking(tmp_path / "felt.h5", ring, ORDER.but(latency=0.2))
+    fill(ring, 0, 301)
+    fill(ring, 301, 100, FRAME_LATE)
+    take.end()
+    thread.join()
+    take.close()
+    kept, played = open_take(tmp_path / "felt.h5"), load_played(tmp_path / "felt.h5")
+    assert (kept.recording.samples == 2 * np.arange(200)[:, None, None]).all()
+    assert (played.rate, played.frames, played.state.tolist()) == (2000.0, 400, [1] * 301 + [2] * 99)
+    assert (played.phase_steps == (np.arange(400) % 256)[:, None]).all()
 
 
 def test_frames_not_read_in_time_are_counted(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from midair.calibration import CausalInverse
 from midair.errors import InputError
 from midair.model import Acoustics, Calibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
-from midair.physics import SensorModel, calibration_of, focus_amplitude, propagate
+from midair.physics import SensorModel, calibration_of, focus_amplitude, playback_response, propagate
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.touch import Touch
 from midair.targets import decouple, prepare
@@ -82,11 +82,24 @@ def test_the_causal_inverse_has_the_stated_delay_and_error():
     alone = CausalInverse(KNOWN, 1000.0, delay=0.004).push(samples.reshape(40, 4, 4))
     for sample, pressure in zip(samples, alone, strict=True):
         live.feel(sample)
-        assert live.pressure == pytest.approx(pressure.ravel())
+        assert live.pressure[0] == pytest.approx(pressure.ravel())
     assert live.delay == 0.004
     assert len(live.error) == len(live.parts) == 3
     assert touch(None).error is None
     assert touch(None).delay == 0.0
+
+
+def test_with_a_latency_two_frames_are_interpolated_and_compensated_for_playback():
+    live, taken = touch(Calibration.flat(SENSOR, unit="Pa"), latency=0.2), np.arange(1000) / 1000
+    made = []
+    for sine in np.sin(200 * np.pi * taken):
+        live.feel(np.full(16, sine))
+        made.append(live.pressure[:, 5].copy())
+    steady, times = np.concatenate(made)[1000:], np.arange(1000, 2000) / 2000
+    got = 2j * (steady * np.exp(-200j * np.pi * times)).mean()
+    late = np.exp(-200j * np.pi * live.schedule.delay)
+    assert got == pytest.approx(late / playback_response(np.array(100.0), 2000.0), abs=0.01)
+    assert live.delay + live.schedule.hold == pytest.approx(0.2, abs=0.002)
 
 
 def test_noise_below_the_threshold_is_silent():
@@ -112,7 +125,8 @@ def test_the_slow_bias_has_the_stated_delay():
 
 
 def test_a_band_beyond_the_rate_or_settings_that_make_no_sense_are_refused():
-    for wrong in ({"delay": 0.02}, {"gain": 0.0}, {"faintest": -1.0}):
+    latencies = ({"latency": 0.1}, {"latency": 0.2, "band": (8.0, 400.0)})
+    for wrong in ({"delay": 0.02}, {"gain": 0.0}, {"faintest": -1.0}, *latencies):
         with pytest.raises(InputError):
             LiveSettings(**wrong)
     slow = Calibration.flat(SENSOR)

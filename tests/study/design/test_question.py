@@ -1,7 +1,8 @@
 import pytest
 
 from midair.errors import InputError
-from midair.study.design.question import Question, QuestionKind, one_of
+from midair.study.design.question import Question, QuestionKind
+from midair.validation import one_of
 
 CHOICE = Question(name="which", kind="choice", text="?", options=("brush", "sponge", "spoon", "7"))
 TWO = Question(name="n", kind="choice", text="?", options=("2", "3", "4"))
@@ -97,7 +98,7 @@ def test_every_listed_answer_is_one():
         ({"kind": "choice", "options": ("a", "b", "a")}, "two or more different options"),
         ({"kind": "choice", "options": ("a", " b")}, "without leading or trailing spaces, got ' b'"),
         ({"kind": "choice", "options": ("a", "")}, "without leading or trailing spaces"),
-        ({"kind": "yes-no", "timeout_s": -1}, "timeout_s of 0 or more, got -1"),
+        ({"kind": "yes-no", "timeout_s": -1}, "timeout_s: expected 0 s or more, got -1"),
         ({"kind": "slider", "low": 7, "high": 7}, "low below high, got 7 and 7"),
         ({"kind": "rating", "low": 7, "high": 7}, "low below high, got 7 and 7"),
     ],

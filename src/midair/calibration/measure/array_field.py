@@ -20,7 +20,7 @@ from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, quantise_phase, radiation_pressure, transfer_matrix
-from midair.validation import positive
+from midair.validation import positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +43,7 @@ class ArrayPlan:
     def __post_init__(self) -> None:
         for name, unit in (("duration", "s"), ("top", "Pa"), ("settle", "s"), ("rate", "Hz")):
             positive(getattr(self, name), f"{name} of the codes", unit)
-        if self.group < 1:
-            raise InputError(f"group of transducers: expected 1 or more, got {self.group}")
+        within(self.group, "group of transducers", 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

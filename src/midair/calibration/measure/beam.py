@@ -38,7 +38,7 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
-from midair.validation import length, positive
+from midair.validation import length, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +66,7 @@ class BeamPlan:
         positive(self.top, "highest pressure", "Pa")
         positive(self.settle, "time to settle", "s")
         positive(self.guard, "guard", "s")
-        if self.levels < 5:
-            raise InputError(f"levels: expected 5 or more, got {self.levels}; fewer cannot show a nonlinearity")
+        within(self.levels, "levels", 5, advice="fewer cannot show a nonlinearity")
         for name in ("low", "high", "rate"):
             ratio = getattr(self, name) / positive(self.spacing, "spacing of the tones", "Hz")
             if ratio < 1 or abs(ratio - round(ratio)) > 1e-9:

@@ -10,7 +10,7 @@ from midair.array_types import Array
 from midair.dsp import Band, check_band
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model import RATE, Recording, SensorGrid
-from midair.validation import frozen_array, positive
+from midair.validation import frozen_array, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,10 +30,7 @@ class Reference:
     def __post_init__(self) -> None:
         object.__setattr__(self, "pressure", frozen_array(self.pressure, "reference", ("frame",)))
         object.__setattr__(self, "rate", positive(self.rate, "rate of the reference", "Hz"))
-        if not 0 <= self.uncertainty < 1:
-            raise InputError(
-                f"uncertainty of the reference: expected 0 to 1, such as 0.01 for 1 %, got {self.uncertainty:g}"
-            )
+        within(self.uncertainty, "uncertainty of the reference", 0, 1, advice="0.01 is 1 %")
 
     @classmethod
     def read(

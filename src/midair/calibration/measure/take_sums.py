@@ -177,13 +177,6 @@ class TakeSums:
         return line, bend_uncertainty(share, error)
 
 
-def sums_of(x: Array, recording: Recording, settings: MeasureSettings) -> BandSums:
-    """Compute `band_sums` of a pressure (frame, channel) and its recording with the settings of a measurement."""
-    step, width = check_resolution(settings.resolution, settings.width)
-    y = recording.samples.reshape(recording.frames, -1)
-    return band_sums(x, y, recording.rate, resolution=step, width=width, order=settings.order)
-
-
 def crosstalk_of(
     fits: Sequence[FrequencyResponse], counts: NDArray[np.bool_], *, repeat: Array | float = 0.0
 ) -> Crosstalk:
@@ -298,8 +291,16 @@ def measure_calibration(
     first = takes[0].recording
     if quiet is not None and source_of(quiet) != source_of(first):
         raise MismatchError(f"quiet recording: expected sensor {spelled(first)}, got {spelled(quiet)}")
+    step, width = check_resolution(settings.resolution, settings.width)
     parts = tuple(
-        sums_of(take.reference.pressure[:, None], take.recording, settings)
+        band_sums(
+            take.reference.pressure[:, None],
+            take.recording.samples.reshape(take.recording.frames, -1),
+            take.recording.rate,
+            resolution=step,
+            width=width,
+            order=settings.order,
+        )
         for take in report_progress(takes, len(takes))
     )
     alone = _pressed_alone(takes)

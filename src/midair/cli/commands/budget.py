@@ -26,7 +26,7 @@ from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, Budget
 from midair.figures import budget_figure, png_bytes
-from midair.files import atomic_file, load_array_calibration, load_laboratory, open_take
+from midair.files import load_array_calibration, load_laboratory, open_take, write_file
 from midair.pipeline import required_lead
 from midair.rig import BudgetPlan, LevelTrade, VirtualRig, band_power_share, error_budget, level_trade
 
@@ -109,8 +109,7 @@ def budget_command(
     with progress_bars(f"budget {workload_of(settings, measured.count)}", frames) as stage:
         made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
     if figure is not None:
-        with atomic_file(figure) as unfinished:
-            unfinished.write_bytes(png_bytes(budget_figure([(source.name, made)])))
+        write_file(figure, png_bytes(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
     print_budget(f"distortion of each stage, {source.name}", made)

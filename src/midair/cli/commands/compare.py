@@ -31,7 +31,7 @@ from midair.evaluate import (
     metrics_or_none,
     ratio_text,
 )
-from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take
+from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
 from midair.model import Palm, PressureFrames
 from midair.rig import (
     VirtualRig,
@@ -192,9 +192,7 @@ def _write_report(
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
         tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
-    page = show_page(shown, tables=tables, commands=(verbosity().line,))
-    with atomic_file(path) as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(path, show_page(shown, tables=tables, commands=(verbosity().line,)))
 
 
 def _played(

@@ -14,7 +14,7 @@ from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper
 from midair.cli.output import level_rows
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
-from midair.files import OpenedTake, atomic_file, check_not_recording, save, save_solution
+from midair.files import OpenedTake, check_not_recording, save, save_solution, write_file
 from midair.headroom import level_of
 from midair.model import Palm, Progress
 from midair.pipeline import calibrated_pressure, required_lead
@@ -153,8 +153,7 @@ def _write_files(
         loop, output / "report.html", commands=commands, beside=outcomes, laboratory=laboratory, progress=progress
     )
     for name, title in (("palm.png", PALM_TITLE), ("field.png", FIELD_TITLE)):
-        with atomic_file(output / name) as partial:
-            partial.write_bytes(next(each.data for each in shown if each.title == title))
+        write_file(output / name, next(each.data for each in shown if each.title == title))
 
 
 def _print(outcomes: list[Outcome], output: Path) -> None:

@@ -9,12 +9,12 @@ from midair.cli.exposure_options import AirOptions, print_check_time
 from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure
-from midair.errors import InputError
 from midair.figures import exposure_figure, png_bytes
-from midair.files import DEFAULT_PROFILE, atomic_file, load_placement, load_solution, profile_named
+from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, write_file
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import ArrayKind, array_named, array_of_kind
+from midair.validation import within
 
 
 def exposure_command(
@@ -63,8 +63,7 @@ def exposure_command(
     --------
     $ midair exposure take.drive.h5
     """
-    if repeats < 1:
-        raise InputError(f"--repeats: expected 1 or more, got {repeats}")
+    within(repeats, "--repeats", 1)
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
     chosen, room = profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
     drawn = figure is not None or not json
@@ -75,8 +74,7 @@ def exposure_command(
     print_check_time(drive, chosen, room=room)
     found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
-        with atomic_file(target) as partial:
-            partial.write_bytes(png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
+        write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
         print_json(
             _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}

@@ -32,6 +32,7 @@ from midair.files import (
     open_take,
     repair,
     save,
+    write_file,
     writer_of,
 )
 from midair.recordings import GapFill, Mending
@@ -232,12 +233,11 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
         "phase_rad": np.round(np.asarray(drive.phase), 4),
         "level": np.round(np.asarray(drive.level), 4),
     }
-    with atomic_file(output) as partial:
-        if text:
-            partial.write_text(dumps(plain, default=np.ndarray.tolist))
-        else:
-            with partial.open("wb") as file:
-                np.savez_compressed(file, **plain)
+    if text:
+        write_file(output, dumps(plain, default=np.ndarray.tolist))
+    else:
+        with atomic_file(output) as partial, partial.open("wb") as file:
+            np.savez_compressed(file, **plain)
     rows = [
         ("written", str(output)),
         ("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),

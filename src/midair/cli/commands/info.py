@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from midair.cli.console import banner, print_json, print_rows
 from midair.cli.options import Json
 from midair.cli.output import (
@@ -135,7 +133,7 @@ def _facts_of_take(source: Path) -> _FileFacts:
 def _facts_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
-    plays = np.array([status != "silent" for status in solution.status])
+    plays = solution.plays
     inside = frames_without_lead(drive.provenance, drive.frames, drive.rate)
     seconds, silent = drive.frames / drive.rate, int((~plays).sum())
     error = solution.error[inside][plays[inside]]

@@ -45,7 +45,7 @@ def live_command(
     stop_input: StopInput = None,
     json: Json = False,
 ) -> int:
-    """Play the pressure on a sensor in real time, 13 ms later.
+    """Play the pressure on a sensor in real time, 13 ms later; with --latency later and better.
 
     Suited to strokes; the delay of a tap is noticeable.
     The exposure check covers the worst case at the chosen level. The level rises over the first second.
@@ -69,6 +69,7 @@ def live_command(
     --------
     $ midair live --duration 2s
     $ midair live --sensor virtual:sponge --duration 2s --keep felt.h5 --json
+    $ midair live --latency 200ms --duration 2s
     $ midair live --device autd3 --follow leap: --tracker-latency 12ms
     $ midair live --new-key touch.key
     $ midair live --listen 0.0.0.0:5005 --key touch.key --device autd3

@@ -15,7 +15,7 @@ from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
 from midair.errors import InputError
-from midair.files import atomic_file, contents, load_solution, load_target, open_take
+from midair.files import atomic_file, contents, load_solution, load_target, open_take, write_file
 from midair.pipeline import target_amplitude
 from midair.rig import aligned_pair
 from midair.view import (
@@ -126,9 +126,7 @@ def _shown(source: Path, again: Path | None, part: Part, *, target: bool, option
 
 def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     check_size(shown)
-    page = show_page(shown)
-    with atomic_file(path) as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(path, show_page(shown))
     return []
 
 
@@ -144,8 +142,7 @@ def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
         raise InputError(f"{path}: expected a recording for a sound file, got a drive; save a page or a film")
     heard = channel_sound(shown.samples, shown.channel, shown.rate)
-    with atomic_file(path) as partial:
-        partial.write_bytes(heard.data)
+    write_file(path, heard.data)
     return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
 
 

@@ -164,7 +164,7 @@ def solve_command(
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
-    plays = np.array([status != "silent" for status in solution.status])
+    plays = solution.plays
     error = solve_error(solution, made.target)
     warn_level(level)
     if json:

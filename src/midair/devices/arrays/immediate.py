@@ -87,9 +87,9 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         The order is logged before the first frame and its end after the last; `midair stop` silences the array.
 
         Raises MismatchError or DeviceStateError if the clearance is for another array or the device is not open;
-        ExposureError from a frame that exceeds the cleared level; StoppedError from the first frame after `midair
-        stop`; TooHotError if a unit is too hot, but with `cooling` frames are dropped until all units have cooled, and
-        the error comes after its limit.
+        ExposureError from a frame that exceeds the cleared level, or once the hours of a day are over; StoppedError
+        from the first frame after `midair stop`; TooHotError if a unit is too hot, but with `cooling` frames are
+        dropped until all units have cooled, and the error comes after its limit.
         """
         admission.check_array(self)
         said: dict[str, object] = {}
@@ -121,6 +121,8 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
     def _put(self, strongest: int, phases: Bytes, intensity: int, instant: int) -> None:
         if intensity > strongest:
             raise ExposureError(f"{self.name}: expected intensities up to {strongest} of 255, got {intensity}")
+        if intensity:
+            self._check_hours()
         with self.sounding():
             if self._pause is not None:
                 if not self._pause.over():

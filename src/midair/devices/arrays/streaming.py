@@ -91,25 +91,21 @@ class FrameCapture:
         self.start: int | None = None
         self.late = self.gap = 0
         self._blocks: list[tuple[int, int]] = []
-        self._ordered = self._over = 0
+        self.ordered = self._over = 0
+        """`ordered`: number of frames that were scheduled; the next one has this index."""
         self._state: UnitsState | None = None
-
-    @property
-    def ordered(self) -> int:
-        """Number of frames that were scheduled; the next one has this index."""
-        return self._ordered
 
     def add_block(self, start: int, frames: int, *, planned: int) -> None:
         """Record that the next frames were scheduled for an instant, instead of a planned one."""
-        self._blocks.append((start, self._ordered))
-        self._ordered += frames
+        self._blocks.append((start, self.ordered))
+        self.ordered += frames
         self.start = planned if self.start is None else self.start
         if start > planned:
             self.late, self.gap = self.late + frames, self.gap + start - planned
 
     def resume(self) -> None:
         """Continue at the frame at which heat was found, after a pause."""
-        self._ordered, self._blocks, self._confirmed = self._over, [], self._banks.now()
+        self.ordered, self._blocks, self._confirmed = self._over, [], self._banks.now()
 
     def query(self) -> None:
         """Query the units; raise TooHotError, or SilentFramesError if a failsafe acted before the last frame ended."""
@@ -150,13 +146,13 @@ class FrameCapture:
 
     def _first_after(self, instant: int) -> int:
         if not self._blocks:
-            return self._ordered
-        ends = [*(first for _, first in self._blocks[1:]), self._ordered]
+            return self.ordered
+        ends = [*(first for _, first in self._blocks[1:]), self.ordered]
         for (start, first), end in zip(self._blocks, ends, strict=True):
             over = first + max(0, (instant - start) // self._period)
             if over < end:
                 return over
-        return self._ordered
+        return self.ordered
 
     def _frames_text(self, first: int) -> str:
         last, second = self._total - 1, self._period / 1e9

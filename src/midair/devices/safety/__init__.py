@@ -5,11 +5,13 @@ from .lock_files import state_folder as state_folder
 from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
 from .play_log import exposed as exposed
+from .play_log import hours_error as hours_error
 from .play_log import log_drift as log_drift
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
 from .play_log import read_log as read_log
+from .play_log import sound_left as sound_left
 from .port_guard import PortGuard as PortGuard
 from .stop_channel import Stopped as Stopped
 from .stop_channel import ordered_at as ordered_at

@@ -84,7 +84,18 @@ def log_order(
 
 def _check_hours(admission: ExposureClearance, participant: str) -> str:
     """Name of the person responsible for more hours than the profile permits; empty if there are no more."""
-    profile, drive, today = admission.exposure.profile, admission.drive, datetime.now(UTC).date().isoformat()
+    profile, drive = admission.exposure.profile, admission.drive
+    coming = 0.0 if drive is None else drive.frames * admission.repeats / drive.rate
+    if coming <= (left := sound_left(profile, participant)):
+        return ""
+    if not admission.named:
+        raise hours_error(profile, participant, 3600 * profile.hours - left, coming)
+    return admission.named
+
+
+def sound_left(profile: ExposureProfile, participant: str) -> float:
+    """Time of sound in s that a profile leaves today (UTC) to a participant, or to all who are not named."""
+    today = datetime.now(UTC).date().isoformat()
     events = [entry for entry in read_log()[0] if entry["time"].startswith(today)]
     began = {
         entry["order"]: datetime.fromisoformat(entry["time"])
@@ -93,15 +104,16 @@ def _check_hours(admission: ExposureClearance, participant: str) -> str:
     }
     ends = [entry for entry in events if entry["event"] == "end" and entry["order"] in began]
     took = [(datetime.fromisoformat(end["time"]) - began[end["order"]]).total_seconds() for end in ends]
-    spent = sum(float(end.get("duration_s", most)) for end, most in zip(ends, took, strict=True))
-    coming = 0.0 if drive is None else drive.frames * admission.repeats / drive.rate
-    if spent + coming > 3600 * profile.hours and not admission.named:
-        raise ExposureError(
-            f"exposure: expected at most {profile.hours:g} h of sound a day for {participant or 'people not named'}, "
-            f"got {spent / 3600:.3g} h today and {coming / 3600:.3g} h more, and {profile.name} holds for no longer: "
-            "go on tomorrow, or name who is responsible with --override-exposure"
-        )
-    return admission.named if spent + coming > 3600 * profile.hours else ""
+    return 3600 * profile.hours - sum(float(end.get("duration_s", at)) for end, at in zip(ends, took, strict=True))
+
+
+def hours_error(profile: ExposureProfile, participant: str, spent: float, coming: float) -> ExposureError:
+    """The error for sound of so many seconds today, and more to come, than a profile permits."""
+    return ExposureError(
+        f"exposure: expected at most {profile.hours:g} h of sound a day for {participant or 'people not named'}, got "
+        f"{spent / 3600:.3g} h today and {coming / 3600:.3g} h more, and {profile.name} holds for no longer: go on "
+        "tomorrow, or name who is responsible with --override-exposure"
+    )
 
 
 def exposed(admission: ExposureClearance) -> dict[str, object]:

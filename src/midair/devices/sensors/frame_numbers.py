@@ -48,18 +48,14 @@ class CountedFrames:
         self._dtype = dtype
         self._full = 2.0 ** (8 * dtype.itemsize if self._whole else np.finfo(dtype.name).nmant + 1)
         self._offset: int | None = None
-        self._next = 0
-
-    @property
-    def frames(self) -> int:
+        self.frames = 0
         """Number of frames so far, including lost ones."""
-        return self._next
 
     def number(self, counter: Array) -> Numbers | None:
         """Numbers of the next frames; None once a float counter has stopped, ValueError if it decreases."""
         if self._offset is None:
             self._offset = round(float(counter[0]))
-        expected = np.arange(self._next, self._next + len(counter), dtype=np.int64)
+        expected = np.arange(self.frames, self.frames + len(counter), dtype=np.int64)
         at = 0
         while True:
             ahead = self._ahead(counter[at:], expected[at:])
@@ -73,7 +69,7 @@ class CountedFrames:
                     return None
                 raise ValueError("went back")
             expected[at:] += int(ahead[off[0]])
-        self._next = int(expected[-1]) + 1
+        self.frames = int(expected[-1]) + 1
         return expected
 
     def _ahead(self, counter: Array, expected: Numbers) -> Array:
@@ -117,7 +113,8 @@ class StampedFrames:
     """
 
     def __init__(self, rate: float, *, first: int = 0, confirm: float = 0.3) -> None:
-        self._rate, self._next = rate, first
+        self._rate, self.frames = rate, first
+        """`frames`: number of frames so far, including lost ones, without those that are held back."""
         self._confirm = max(8, round(confirm * rate))
         self._part, self._parts = max(1, round(0.05 * rate)), 20
         self._earliest: list[float] = []  # per block of 1/20 s, newest last
@@ -125,11 +122,6 @@ class StampedFrames:
         self._count = 0
         self._samples: list[Samples] = []
         self._stamps = self._delays = np.zeros(0)
-
-    @property
-    def frames(self) -> int:
-        """Number of frames so far, including lost ones, without those that are held back."""
-        return self._next
 
     def add(self, samples: Samples, stamps: Array, *, arrived: float = np.nan) -> Iterator[Run]:
         """Add frames and yield those whose numbers are certain; `arrived` is a time on the clock of the stamps."""
@@ -165,7 +157,7 @@ class StampedFrames:
                 before = int((self._late() >= behind - self._limit()).argmax())
                 if before:
                     yield self._release_run(before)
-                self._next += round(behind * self._rate)
+                self.frames += round(behind * self._rate)
             elif ends:
                 yield self._release_run(len(seen))
             else:
@@ -173,8 +165,8 @@ class StampedFrames:
 
     def _late(self) -> Array:
         """Delay of the held stamps relative to the time grid, in s."""
-        belongs = min(self._earliest) if self._earliest else float(self._stamps[0] - self._next / self._rate)
-        return self._stamps - (self._next + np.arange(len(self._stamps))) / self._rate - belongs
+        belongs = min(self._earliest) if self._earliest else float(self._stamps[0] - self.frames / self._rate)
+        return self._stamps - (self.frames + np.arange(len(self._stamps))) / self._rate - belongs
 
     def _off(self, late: Array) -> NDArray[np.bool_]:
         """Frames off the time grid: late, or, once it has settled, early."""
@@ -189,14 +181,14 @@ class StampedFrames:
 
     def _release_run(self, count: int) -> Run:
         samples = np.concatenate(self._samples)
-        run = Run(first=self._next, samples=samples[:count], stamp=float(self._stamps[0]))
+        run = Run(first=self.frames, samples=samples[:count], stamp=float(self._stamps[0]))
         late = self._late()[:count]
-        places = self._stamps[:count] - (self._next + np.arange(count)) / self._rate
+        places = self._stamps[:count] - (self.frames + np.arange(count)) / self._rate
         # Single stamps that are wrong move neither the grid nor the shortest delay.
         early, off = self._off(np.minimum(late, 0)), self._off(late)
         self._update_grid(np.where(early, places - late, places), np.where(off, np.inf, self._delays[:count]))
         self._samples, self._stamps, self._delays = [samples[count:]], self._stamps[count:], self._delays[count:]
-        self._next += count
+        self.frames += count
         return run
 
     def _update_grid(self, places: Array, delays: Array) -> None:

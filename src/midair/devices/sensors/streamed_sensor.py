@@ -13,6 +13,7 @@ from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
 from midair.model import Calibration, Recording, SensorWiring
+from midair.validation import within
 
 
 class Reader:
@@ -156,8 +157,7 @@ class StreamedSensor(SensorDevice):
         """Return the next `frames` frames, or fewer up to a gap or to the loss of the source."""
         if self._reader is None or self.wiring is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
-        if frames < 1:
-            raise InputError(f"{self.name}: expected to read 1 frame or more, got {frames}")
+        within(frames, f"{self.name}: frames to read", 1)
         parts = self._parts(self._reader, frames)
         first, lost = parts[0], parts[0].first - self._next
         self._next = parts[-1].first + len(parts[-1])
@@ -283,8 +283,8 @@ class ReplaySensor(SensorDevice):
         """Do nothing: there is no device to close."""
 
 
-class _WrappedSensor(SensorDevice):
-    """Passes everything on to another sensor."""
+class WrappedSensor(SensorDevice):
+    """Passes everything on to another sensor, except its calibration and its wiring."""
 
     def __init__(self, sensor: SensorDevice) -> None:
         self._sensor = sensor
@@ -312,7 +312,7 @@ class _WrappedSensor(SensorDevice):
         return self._sensor.describe()
 
 
-class PacedSensor(_WrappedSensor):
+class PacedSensor(WrappedSensor):
     """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
 
     def __init__(self, sensor: SensorDevice) -> None:
@@ -334,7 +334,7 @@ class PacedSensor(_WrappedSensor):
         return replace(block, device_time=first, host_time=self._begin + first)
 
 
-class RemappedSensor(_WrappedSensor):
+class RemappedSensor(WrappedSensor):
     """A sensor with reordered channels, to simulate or to correct swapped wires.
 
     `wiring` assigns the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.

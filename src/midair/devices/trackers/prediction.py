@@ -29,18 +29,18 @@ class MotionModel:
     agility: float
     """Standard deviation of the noise, in 1/s^2.5 for a pose whose own standard deviation is 1."""
 
-    def transition(self, after: Array) -> Array:
-        """Matrices (time, 3, 3) from a state to the state `after` s."""
+    def transition(self, after: float) -> Array:
+        """Matrix (3, 3) from a state to the state `after` s."""
         velocity, memory = self.damping, self.memory
-        lost_v, lost_a = -np.expm1(-after / velocity), -np.expm1(-after / memory)
+        lost_v, lost_a = -math.expm1(-after / velocity), -math.expm1(-after / memory)
         mixed = velocity * memory / (velocity - memory)
-        one, none = np.ones_like(after), np.zeros_like(after)
-        rows = [
-            [one, velocity * lost_v, mixed * (velocity * lost_v - memory * lost_a)],
-            [none, 1 - lost_v, mixed * (lost_a - lost_v)],
-            [none, none, 1 - lost_a],
-        ]
-        return np.moveaxis(np.array(rows), -1, 0)
+        return np.array(
+            [
+                [1.0, velocity * lost_v, mixed * (velocity * lost_v - memory * lost_a)],
+                [0.0, 1 - lost_v, mixed * (lost_a - lost_v)],
+                [0.0, 0.0, 1 - lost_a],
+            ]
+        )
 
 
 DAMPED_VELOCITY = MotionModel(damping=0.063, memory=3.8e-3, agility=1.74e7)
@@ -52,9 +52,9 @@ def _step(model: MotionModel, ticks: int) -> tuple[Array, Array]:
     """Transition and covariance of the noise over a time in 0.1 ms."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
     after = ticks * 1e-4
-    column = model.transition((nodes + 1) * after / 2)[:, :, 2]
+    column = np.array([model.transition(each)[:, 2] for each in (nodes + 1) * after / 2])
     noise = np.einsum("i,ij,ik->jk", weights * after / 2, column, column) * model.agility**2
-    return model.transition(np.array([after]))[0], noise
+    return model.transition(after), noise
 
 
 class PosePredictor:
@@ -76,8 +76,7 @@ class PosePredictor:
         later = np.flatnonzero(poses.time > self._time)
         if not len(later):
             return
-        shown = np.array([self._shown])
-        before = self._smoothed(shown) if np.isfinite(self._shown) else None
+        before = self._smoothed(self._shown) if np.isfinite(self._shown) else None
         for at in later:
             if poses.time[at] - self._time > LONGEST:
                 self._state, self._covariance = np.zeros((3, 9)), np.diag([1.0, 1e8, 1e10])
@@ -92,8 +91,8 @@ class PosePredictor:
             self._time, self._confidence = float(poses.time[at]), float(poses.confidence[at])
         self._blend = (-np.inf, np.zeros(9), np.zeros(9))
         if before is not None:
-            after = self._smoothed(shown)
-            self._blend = (self._shown, before[0][0] - after[0][0], before[1][0] - after[1][0])
+            after = self._smoothed(self._shown)
+            self._blend = (self._shown, before[0] - after[0], before[1] - after[1])
 
     def at(self, times: Array) -> PalmPath:
         """Predicted poses at increasing times; the prediction ends 100 ms after the newest pose and holds.
@@ -103,34 +102,28 @@ class PosePredictor:
         if not np.isfinite(self._time):
             raise DeviceStateError("prediction of the palm: expected a pose first, got none")
         times = np.atleast_1d(np.asarray(times, np.float64))
-        rows, _ = self._smoothed(times)
+        rows = np.array([self._smoothed(float(each))[0] for each in times])
         self._shown = float(times[-1])
         normal = rows[:, 3:6] / np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
         fingers = rows[:, 6:9] - (rows[:, 6:9] * normal).sum(axis=1, keepdims=True) * normal
-        return PalmPath(
-            time=times,
-            centre=rows[:, :3],
-            normal=normal,
-            fingers=fingers / np.linalg.norm(fingers, axis=1, keepdims=True),
-            confidence=np.full(len(times), self._confidence),
-        )
+        fingers /= np.linalg.norm(fingers, axis=1, keepdims=True)
+        confidence = np.full(len(times), self._confidence)
+        return PalmPath.from_rows(np.column_stack([times, rows[:, :3], normal, fingers, confidence]))
 
-    def _smoothed(self, times: Array) -> tuple[Array, Array]:
-        """Values (time, 9) and their rates, with the rest of the last correction."""
-        after = np.clip(times - self._time, -LONGEST, LONGEST)
-        moved = self.model.transition(np.maximum(after, 0.0))
+    def _smoothed(self, time: float) -> tuple[Array, Array]:
+        """Values (9,) at a time and their rates, with the rest of the last correction."""
+        after = min(max(time - self._time, -LONGEST), LONGEST)
+        values, rates, _ = self.model.transition(max(after, 0.0)) @ self._state
         # The model's decay would grow without end before the newest pose, so that the motion is linear there.
-        rows = moved[:, 0] @ self._state + np.minimum(after, 0.0)[:, None] * self._state[1]
-        rates = moved[:, 1] @ self._state
-        rates = np.where((times - self._time < LONGEST)[:, None], rates, 0.0)
+        values += min(after, 0.0) * self._state[1]
+        rates *= time - self._time < LONGEST
         begin, offset, slope = self._blend
-        if self.smoothing and np.isfinite(begin):
+        if self.smoothing and math.isfinite(begin):
             # Cubic Hermite from the offset and its rate to zero and zero.
-            part = np.clip((times - begin) / self.smoothing, 0.0, 1.0)[:, None]
-            rest = (1 - part) ** 2
-            rows = rows + rest * (1 + 2 * part) * offset + rest * part * self.smoothing * slope
-            rates = rates - 6 * part * (1 - part) / self.smoothing * offset + (1 - part) * (1 - 3 * part) * slope
-        return rows, rates
+            part = min(max((time - begin) / self.smoothing, 0.0), 1.0)
+            values += (1 - part) ** 2 * ((1 + 2 * part) * offset + part * self.smoothing * slope)
+            rates += (1 - part) * ((1 - 3 * part) * slope - 6 * part / self.smoothing * offset)
+        return values, rates
 
 
 class ReplaySource:
@@ -140,9 +133,7 @@ class ReplaySource:
 
     def __init__(self, palm: PalmPath, *, latency: float = 0.0) -> None:
         self.clock: Callable[[], float] = time.monotonic
-        self._times, self._latency = palm.time, latency
-        self._rows = np.column_stack([palm.centre, palm.normal, palm.fingers])
-        self._confidence = palm.confidence
+        self._times, self._rows, self._latency = palm.time, palm.rows, latency
         self.begin(math.inf)
 
     def begin(self, at: float) -> None:
@@ -163,10 +154,8 @@ class ReplaySource:
         end = int(np.searchsorted(self._times, self.clock() - self._zero - self._latency, "right"))
         first, self._next = self._next, max(end, self._next)
         return [
-            RawPose(
-                stamp=float(self._zero + self._times[at]), values=self._rows[at], confidence=float(self._confidence[at])
-            )
-            for at in range(first, self._next)
+            RawPose(stamp=float(self._zero + row[0]), values=row[1:10], confidence=float(row[10]))
+            for row in self._rows[first : self._next]
         ]
 
     def close(self) -> None:

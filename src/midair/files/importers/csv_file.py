@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError, NonFiniteError
-from midair.files.atomic import atomic_file
+from midair.files.atomic import atomic_file, write_file
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.text_files import is_number, read_text, without_formulas
@@ -311,9 +311,8 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
 
 def save_palm_path(palm: PalmPath, path: str | os.PathLike[str]) -> None:
     """Write poses atomically, all numbers without loss. Raises FileError if the file cannot be written."""
-    with atomic_file(Path(path)) as partial:
-        lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
-        Path(partial).write_text("\n".join(lines) + "\n", encoding="ascii")
+    lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
+    write_file(path, "\n".join(lines) + "\n")
 
 
 def _unit(vectors: Array) -> Array:

@@ -190,13 +190,6 @@ def played_values(array: TransducerArray, rate: float, provenance: Provenance) -
     }
 
 
-def write_played(group: "h5py.Group", played: PlayedTouch) -> None:
-    """Write the whole group into a new file."""
-    known = {name: getattr(played, name) for name in PLAYED[1:]}
-    values = played_values(played.array, played.rate, played.provenance)
-    write_group(group, "played", {**values, "time": np.arange(played.frames) / played.rate, **known})
-
-
 def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
     """Read the live touch that was played during a recording; None if there was none.
 
@@ -260,7 +253,10 @@ def write_recording(
             }
             write_group(file.create_group("pressure"), "pressure", stored)
         if played is not None:
-            write_played(file.create_group("played"), played)
+            stored = played_values(played.array, played.rate, played.provenance)
+            stored |= {"time": np.arange(played.frames) / played.rate}
+            stored |= {name: getattr(played, name) for name in PLAYED[1:]}
+            write_group(file.create_group("played"), "played", stored)
     return ()
 
 

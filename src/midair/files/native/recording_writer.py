@@ -77,6 +77,7 @@ class RecordingWriter:
         staged: bool = False,
         stored: Stored = "f8",
         array: TransducerArray | None = None,
+        played_each: int = 1,
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -87,8 +88,9 @@ class RecordingWriter:
         self.interval = positive(interval, "interval", "s")
         self.reserve, self.expected, self.staged = reserve, expected, staged
         self.stored: Stored = stored
-        self.array = array
-        self._frames = self._safe = 0
+        self.array, self.played_each = array, played_each
+        self.frames = self._safe = 0
+        """`frames`: number of frames so far."""
         # Rows of events and of stage positions: all, and those flushed.
         self._rows = {"event": 0, "stage": 0}
         self._safe_rows = dict(self._rows)
@@ -100,11 +102,6 @@ class RecordingWriter:
         self._raised = False
         # Raises an error for a wrong unit or sensor before the file is created.
         Recording(samples=np.zeros((1, *sensor.shape)), rate=self.rate, sensor=sensor, unit=unit)
-
-    @property
-    def frames(self) -> int:
-        """Number of frames so far."""
-        return self._frames
 
     def __enter__(self) -> Self:
         self._check_room((np.dtype(self.stored).itemsize * self.sensor.count + 8) * self.expected)
@@ -129,14 +126,14 @@ class RecordingWriter:
             if self.calibration is not None:
                 write_calibration(file.create_group("calibration"), self.calibration)
             if self.array is not None:
-                begun = played_values(self.array, self.rate, self.provenance)
+                begun = played_values(self.array, self.played_each * self.rate, self.provenance)
                 write_group(file.create_group("played"), "played", begun, live=True)
         self._live = LiveFile(self.path, image.getvalue())
         return self
 
     def __exit__(self, _: object, wrong: BaseException | None, __: object) -> None:
         self.close()
-        if wrong is not None and self._frames == 0:
+        if wrong is not None and self.frames == 0:
             self.path.unlink(missing_ok=True)
 
     @staticmethod
@@ -147,9 +144,9 @@ class RecordingWriter:
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
         """Append frames in the unit of the recording, shape (frame, row, column).
 
-        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
-        `PlayedTouch`. An invalid block raises InputError and nothing is written. Raises FileError if the file is
-        closed, or the disk is full or fails.
+        With `array`, `played` holds ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, or of
+        `played_each` for each of them, as in `PlayedTouch`. An invalid block raises InputError and nothing is written.
+        Raises FileError if the file is closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:
@@ -162,17 +159,19 @@ class RecordingWriter:
         with self._lock:
             file = self._opened()
             self._check_room()
-            start, stop = self._frames, self._frames + len(samples)
+            start, stop = self.frames, self.frames + len(samples)
             with self._disk_errors():
                 self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
                 self._extend(stored_dataset(file, "samples"), start, samples)
-                beside = {} if played is None else {"time": np.arange(start, stop) / self.rate, **played}
-                for name, values in beside.items():
-                    self._extend(stored_dataset(file, f"played/{name}"), start, values)
-                self._frames = stop
+                if played is not None:
+                    each = self.played_each
+                    times = np.arange(each * start, each * stop) / (each * self.rate)
+                    for name, values in {"time": times, **played}.items():
+                        self._extend(stored_dataset(file, f"played/{name}"), each * start, values)
+                self.frames = stop
                 # Otherwise a timer, as the next block may be late.
                 waited = time.monotonic() - self._flushed
-                if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
+                if waited >= self.interval or self.frames - self._safe >= self.interval * self.rate:
                     self._flush()
                 elif self._timer is None:
                     self._timer = threading.Timer(self.interval - waited, self._flush_later)
@@ -217,7 +216,7 @@ class RecordingWriter:
                 self._add_checksums(live.file, last=True)
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
-                if self._frames:
+                if self.frames:
                     note_written_file(self.path)
             except (OSError, RuntimeError) as wrong:
                 # After an earlier failure the file has its last commit; closing was only an attempt.
@@ -237,7 +236,7 @@ class RecordingWriter:
     def _check_room(self, more: int = 0) -> None:
         free = shutil.disk_usage(self.path.parent).free
         if free < self.reserve + more:
-            far = f"the {self._frames} frames so far are safe, free some space and continue under another name"
+            far = f"the {self.frames} frames so far are safe, free some space and continue under another name"
             near = "free some space, record for a shorter time, or use another disk"
             raise FileError(
                 f"{self.path}: expected {(self.reserve + more) / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} "
@@ -255,7 +254,7 @@ class RecordingWriter:
             raise self._disk_error() from wrong
 
     def _record_failure(self, wrong: Exception) -> None:
-        self._failure, self._frames, self._rows = wrong, self._safe, dict(self._safe_rows)
+        self._failure, self.frames, self._rows = wrong, self._safe, dict(self._safe_rows)
 
     def _disk_error(self) -> FileError:
         why = "" if self._failure is None else reason(self._failure)
@@ -271,8 +270,9 @@ class RecordingWriter:
 
     def _lengths(self) -> dict[str, int]:
         """Number of complete rows of each dataset that grows."""
-        lengths = dict.fromkeys(("time", "samples"), self._frames)
-        lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
+        lengths = dict.fromkeys(("time", "samples"), self.frames)
+        names = (f"played/{name}" for name in PLAYED) if self.array is not None else ()
+        lengths |= dict.fromkeys(names, self.played_each * self.frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
         return lengths | dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
 
@@ -291,4 +291,4 @@ class RecordingWriter:
         if self._live is not None and self._failure is None:
             self._add_checksums(self._live.file)
             self._live.commit()
-            self._safe, self._safe_rows = self._frames, dict(self._rows)
+            self._safe, self._safe_rows = self.frames, dict(self._rows)

@@ -15,6 +15,7 @@ import numpy as np
 from midair.errors import BrokenFileError, InputError
 from midair.files.text_files import LARGEST_TOML, read_text, read_toml, toml_of
 from midair.physics import ExposureProfile, Place
+from midair.validation import one_of
 
 Sheet = TypeVar("Sheet")
 Made = TypeVar("Made")
@@ -156,8 +157,7 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
     """One exposure profile; raises InputError if none has that name."""
     profiles = load_profiles(path)
-    if name not in profiles:
-        raise InputError(f"exposure profile: expected one of {', '.join(profiles)}, got {name!r}")
+    one_of(name, profiles, "exposure profile")
     return profiles[name]
 
 

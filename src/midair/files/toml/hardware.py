@@ -72,7 +72,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.files.atomic import atomic_file
+from midair.files.atomic import write_file
 from midair.files.toml.exposure_profiles import read_sheet, to_plain
 from midair.model import Heading, Palm, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
 from midair.validation import Declared, check_settings, positive, setting
@@ -125,7 +125,7 @@ def save_sensor(sensor: SensorWiring, path: PathLike) -> None:
     )
     head = tomli_w.dumps({name: value for name, value in to_plain(keys).items() if name != "order"})
     rows = "".join(f"  {', '.join(map(str, row))},\n" for row in np.reshape(sensor.order, grid.shape).tolist())
-    _write(path, f"{head}# Channel of the source for each cell, row by row.\norder = [\n{rows}]\n")
+    write_file(path, f"{head}# Channel of the source for each cell, row by row.\norder = [\n{rows}]\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +231,7 @@ def save_tracker(placement: TrackerPlacement, path: PathLike) -> None:
         f"offset_mm = [{', '.join(f'{1e3 * place:.4f}' for place in placement.offset)}]",
         f"uncertainty_mm = {1e3 * placement.uncertainty:.4f}",
     ]
-    _write(path, "\n".join(lines) + "\n")
+    write_file(path, "\n".join(lines) + "\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,12 +264,7 @@ def save_laboratory(laboratory: Laboratory, path: PathLike) -> None:
     """Write the uncertainties of a laboratory atomically, each with its meaning. Raises FileError if it fails."""
     lines = [f"{one.name} = {getattr(laboratory, one.name)!r}  # {one.metadata['help']}" for one in fields(laboratory)]
     head = "# Standard uncertainties (k = 1) of a laboratory, for midair budget --lab. Replace what you know better."
-    _write(path, "\n".join([head, *lines]) + "\n")
-
-
-def _write(path: PathLike, text: str) -> None:
-    with atomic_file(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_file(path, "\n".join([head, *lines]) + "\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,7 @@ from midair.calibration import (
 from midair.dsp import resample
 from midair.errors import BandError, FileError, InputError, MismatchError, UnitError, UnknownFormatError
 from midair.figures import Picture, calibration_figure, png_bytes, render_page
-from midair.files import atomic_file, open_take, save
+from midair.files import open_take, save, write_file
 from midair.model import BAND, RATE, Calibration, Progress, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, sense
 
@@ -140,9 +140,7 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
     """Write the figure page of a calibration to NAME.png or NAME.html; UnknownFormatError for other names."""
     check_page_name(path)
     html = path.suffix.lower() == ".html"
-    page = render_calibration(calibration).encode() if html else png_bytes(calibration_figure(calibration), dpi=100)
-    with atomic_file(path) as partial:
-        partial.write_bytes(page)
+    write_file(path, render_calibration(calibration) if html else png_bytes(calibration_figure(calibration), dpi=100))
 
 
 def check_page_name(path: Path) -> None:

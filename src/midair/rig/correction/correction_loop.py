@@ -28,7 +28,7 @@ from midair.rig.opening import OpenRig, open_rig
 from midair.rig.playing import rerecord
 from midair.settings import MODES, Mode, Settings
 from midair.targets import add_lead, remove_lead
-from midair.validation import check_type
+from midair.validation import check_type, one_of
 
 LONGEST = 1.0
 """Duration of the part of a recording that gives the expected gain, in s."""
@@ -73,12 +73,6 @@ def cell_points(sensor: SensorGrid, grid: ControlGrid) -> ControlGrid:
         height=grid.height,
         centre=grid.centre,
     )
-
-
-def played_part(frequency: float, settings: Settings) -> float:
-    """Factor, 0 to 1, by which hold and transducers attenuate a change of this frequency."""
-    dynamics = settings.compensation.dynamics
-    return float(np.abs(playback_response(np.array([frequency]), settings.target.rate, dynamics=dynamics))[0])
 
 
 def _expected_reading(part: PressureFrames, settings: Settings) -> Array:
@@ -174,8 +168,11 @@ def beam_test(
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
     # Half peak to peak, as in `sine_amplitude`, of the cell's reading: a cell is wider than the focus.
-    on_cell = focus_on_cell(transducers, sensor.grid, channel, settings) * played_part(frequency, settings)
-    commanded = on_cell * drives**2 / 2
+    on_cell = focus_on_cell(transducers, sensor.grid, channel, settings)
+    # Hold and transducers attenuate the beat.
+    dynamics, frames = settings.compensation.dynamics, settings.target.rate
+    played = float(np.abs(playback_response(np.array([frequency]), frames, dynamics=dynamics))[0])
+    commanded = on_cell * played * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
@@ -228,8 +225,8 @@ def loop(
     ExposureError
         If a drive exceeds the profile without an override.
     """
-    if isinstance(settings, str) and settings not in MODES:
-        raise InputError(f"mode: expected one of {', '.join(MODES)}, got {settings!r}")
+    if isinstance(settings, str):
+        one_of(settings, MODES, "mode")
     chosen = MODES[settings]() if isinstance(settings, str) else settings
     if isinstance(original, str | Path):
         original = open_take(original)

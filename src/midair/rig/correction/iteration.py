@@ -65,24 +65,13 @@ def play_pass(
     stage: Stage,
     *,
     step: float | None = None,
+    made: Reproduction | None = None,
 ) -> Pass:
-    """Solve for a target, play it, re-record it, and compare with the original as a perfect rig would return it."""
-    made = reproduce(asked, rig.transducers, settings, progress=stage(f"solve, {name}"))
-    return play_made(original, asked, made, rig, settings, name, stage, step=step)
+    """Solve for a target, play it, re-record it, and compare with the original as a perfect rig would return it.
 
-
-def play_made(
-    original: PressureFrames,
-    asked: PressureFrames,
-    made: Reproduction,
-    rig: OpenRig,
-    settings: Settings,
-    name: str,
-    stage: Stage,
-    *,
-    step: float | None = None,
-) -> Pass:
-    """Do the same with an existing reproduction."""
+    A reproduction that is `made` already is not solved again.
+    """
+    made = made or reproduce(asked, rig.transducers, settings, progress=stage(f"solve, {name}"))
     progress = stage(f"play and re-record, {name}")
     admission = check_exposure(made.solution.drive, rig.array, rig.exposure)
     sensor = rig.listening()
@@ -159,10 +148,10 @@ def run_iterations(
                 best.reproduction.solution.drive, louder.pressure.reshape(louder.frames, -1), weights, grid
             )
             made = replace(best.reproduction, solution=replace(best.reproduction.solution, drive=drive))
-            tried = play_made(original, best.asked, made, rig, settings, name, stage, step=step)
+            asked = best.asked
         else:
-            asked = _next_target(original, best, rig, settings, correction, step, delay)
-            tried = play_pass(original, asked, rig, settings, name, stage, step=step)
+            made, asked = None, _next_target(original, best, rig, settings, correction, step, delay)
+        tried = play_pass(original, asked, rig, settings, name, stage, step=step, made=made)
         before, after = (each.comparison.waveform_error for each in (passes[-1], tried))
         if after >= before:
             taken_back, step = taken_back + 1, step * correction.shrink

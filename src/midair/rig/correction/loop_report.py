@@ -32,7 +32,7 @@ from midair.figures import (
     spectra_figure,
     traces_figure,
 )
-from midair.files import atomic_file
+from midair.files import write_file
 from midair.headroom import level_of
 from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
@@ -69,8 +69,7 @@ def write_report(
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
     palms += [] if laboratory is None else [laboratory_picture(laboratory)]
     page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
-    with atomic_file(path) as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(path, page)
     return [*palms, *shown]
 
 
@@ -159,7 +158,7 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     this = loop.passes[number]
     solution, target = this.reproduction.solution, this.reproduction.target
     # Silent frames have no error and would bias the mean.
-    plays = np.array([status != "silent" for status in solution.status])
+    plays = solution.plays
     # In the lead the target is almost zero, so the relative error there has no meaning.
     inside = frames_without_lead(target.provenance, target.frames, target.rate)
     plays[: inside.start] = plays[inside.stop :] = False

@@ -128,8 +128,7 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
             "",
         )
     # A silent frame has the error 0.
-    plays = np.array([status != "silent" for status in made.solution.status])[inside]
-    error = made.solution.error[inside][plays]
+    error = made.solution.error[inside][made.solution.plays[inside]]
     rows["E as the solver measures it, mean"] = (f"{100 * float(error.mean()) if len(error) else 0.0:.1f}", "%")
     solver = outcome.loop.settings.solver
     rows["solver, frames"] = (f"{solver.name}, {made.target.frames} at {made.target.rate:g} Hz", "")

@@ -224,7 +224,7 @@ def run_checks(device: str | None = None) -> list[Check]:
     An array (`array_named`) is opened, queried and closed, and stays silent; a live sensor (`sensor_named`) is read for
     half a second.
     """
-    live = device is not None and is_live_sensor(device)
+    live = device is not None and device.partition(":")[0] in SENSORS
     looks: list[Callable[[], Sequence[Check]]] = [
         lambda: [ok("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}")],
         lambda: [_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")],
@@ -321,11 +321,6 @@ def _kernel() -> Check:
 def sensor_findings() -> list[Check]:
     """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
     return [ok("virtual sensor", "always available, as is replay:FILE"), *(_kind(kind) for kind in SENSORS)]
-
-
-def is_live_sensor(name: str) -> bool:
-    """Whether a name is that of a live sensor rather than of an array."""
-    return name.partition(":")[0] in SENSORS
 
 
 def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Check]:

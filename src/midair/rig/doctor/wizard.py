@@ -26,7 +26,7 @@ from midair.devices import (
     state_folder,
 )
 from midair.errors import ExposureError, InputError
-from midair.files import atomic_file
+from midair.files import write_file
 from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 from midair.rig.bench import tone_answers
@@ -236,8 +236,7 @@ def store_checkup(device: str, checks: list[Check]) -> Path:
     """Store the dated report of an array in the state folder; return its path. Raises FileError if it cannot."""
     path, now = make_state_folder() / _name(device), datetime.now(UTC).isoformat(timespec="seconds")
     report = {"device": device, "time": now, "checks": [asdict(each) for each in checks]}
-    with atomic_file(path) as partial:
-        partial.write_text(json.dumps(report, indent=2), encoding="utf-8")
+    write_file(path, json.dumps(report, indent=2))
     return path
 
 

@@ -1,10 +1,12 @@
 """The loop of live touch: read a frame, process it, compute phases, send them with their instant.
 
 One thread runs the loop, and only the sensor blocks it. A frame that is ready after its instant is not played: the
-previous frame stays, and the late frame is counted. Missing frames end in silence.
+previous frame stays, and the late frame is counted. Missing frames end in silence. With a latency several frames are
+formed for one of the sensor; they wait in the ring until the units can queue them.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -67,6 +69,8 @@ class Pace:
 
     hold: float
     """Delay from sampling a frame to emitting it."""
+    ahead: float = np.inf
+    """Longest time by which a frame is sent ahead of its instant."""
     enough: float = 0.0015
     """Time that a frame needs for computing and sending; a frame with less time left is skipped."""
     quiet: float = 0.02
@@ -103,11 +107,13 @@ class LiveLoop:
     ) -> None:
         self._sensor, self._touch, self._array, self._ring, self._pace = sensor, touch, array, ring, pace
         self._strongest, self._level, self._check = strongest, level, check
-        self._period = round(_NS / sensor.rate / TICK) * TICK
+        self._formed = touch.schedule.formed
+        self._period = round(_NS / (self._formed * sensor.rate) / TICK) * TICK
         self._times = Timetable(self._period, round(pace.hold * _NS))
         self._steering = steering
         self._phases = touch.phases if steering is None else steering.phases
-        self._by_unit = self._phases.reshape(array.placement.units, -1)
+        # Frames of the ring that are not sent yet: number in the ring and instant.
+        self._waiting: deque[tuple[int, int]] = deque()
         self._frame = np.zeros(sensor.grid.count)
         self._next, self._meter = 0, RateMeter()
         # Slots of the frames that were sent, until the time of their sending is known.
@@ -139,41 +145,49 @@ class LiveLoop:
                     for back in range(lost, 0, -1):
                         self._ring.miss("lost", self._next / self._sensor.rate)
                         self._touch.feel(self._frame)
-                        self._write(block.host_time - back / self._sensor.rate, 0, FRAME_REPEATED)
+                        for at in range(self._formed):
+                            self._write(at, block.host_time - back / self._sensor.rate, 0, FRAME_REPEATED)
                         self._next += 1
                 self._frame[:] = block.samples.reshape(-1)
                 self._meter.add(block.first, block.host_time)
                 self._ring.put("timed", self._meter.frames)
                 self._ring.put("span_us", round(1e6 * self._meter.span))
-                self._play(put, block.host_time, 0)
+                self._touch.feel(self._frame)
+                for at in range(self._formed):
+                    self._play(put, at, block.host_time + at / (self._formed * self._sensor.rate))
                 self._next = block.first + 1
             # While no frame arrives: fade, then send silent frames that keep the failsafe of the units from acting.
+            self._send_waiting(put)
             now = time.monotonic()
             if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
                 self._fade(put)
                 self._ring.miss("gaps", self._next / self._sensor.rate)
             if self._rising is None and now - self._last_sent > self._pace.word:
                 self._intensity = 0
-                self._send(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
+                self._send(put, self._phases, 0, self._array.units.now() + round(self._pace.hold * _NS), -1)
+        while self._waiting:
+            self._check()
+            self._send_waiting(put)
+            time.sleep(5e-4)
         self._fade(put)
         time.sleep(self._pace.hold)
         self._collect_sending_times()
 
-    def _play(self, put: Put, taken: float, flags: int) -> None:
+    def _play(self, put: Put, at: int, taken: float) -> None:
+        """Form and send the frame `at` of those of a sensor frame; it was sampled at `taken`."""
         began = time.monotonic()
         if began - self._asked > 0.5:
             self._asked = began
             self._ahead = self._array.units.now() - time.monotonic_ns()
-        self._touch.feel(self._frame)
         if self._rising is None:
             # Silence hides the step to a new grid, which the delay of a network may require.
             self._times.restart()
-        instant = self._times.instant(self._next, round(taken * _NS) + self._ahead)
-        slot = self._ring.count("head")
+        instant = self._times.instant(self._formed * self._next + at, round(taken * _NS) + self._ahead)
+        flags = 0
         left = (instant - time.monotonic_ns() - self._ahead) / _NS
         if left <= self._pace.enough:
             self._ring.miss("late", self._next / self._sensor.rate)
-            self._write(taken, instant, flags | FRAME_LATE)
+            self._write(at, taken, instant, FRAME_LATE)
             return
         if self._rising is None:
             self._rising = taken
@@ -182,7 +196,7 @@ class LiveLoop:
             # Units are too hot: the frame is dropped, and the level rises again afterwards.
             self._intensity, self._rising = 0, None
             self._ring.add("hot")
-        elif self._touch.form(hurried=hurried):
+        elif self._touch.form(at, hurried=hurried):
             self._ring.add("hurried", int(hurried))
             gain = self._level_rise(taken) * min(1.0, self._level())
             if self._steering is not None:
@@ -191,16 +205,36 @@ class LiveLoop:
             flags |= FRAME_EMITTED if self._intensity else 0
         else:
             self._intensity = 0
-        if time.monotonic_ns() + self._ahead >= instant:
-            self._ring.miss("late", self._next / self._sensor.rate)
-            flags |= FRAME_LATE
-        else:
-            if not self._send(put, instant, slot):
-                flags &= ~FRAME_EMITTED
-            self._latest = began
-        self._write(taken, instant, flags)
+        self._waiting.append((self._ring.count("head"), instant))
+        self._write(at, taken, instant, flags)
+        self._send_waiting(put)
         self._ring.time("work", time.monotonic() - began)
         self._collect_sending_times()
+
+    def _send_waiting(self, put: Put) -> None:
+        """Send the frames that the units can queue now."""
+        while self._waiting:
+            number, instant = self._waiting[0]
+            left = (instant - time.monotonic_ns() - self._ahead) / _NS
+            if left > self._pace.ahead:
+                return
+            slot = self._ring.slots[number % self._ring.shape.slots]
+            if left <= 0:
+                self._ring.miss("late", self._next / self._sensor.rate)
+                self._ring.add("played", -int(slot["flags"] & FRAME_EMITTED > 0))
+                slot["flags"] |= FRAME_LATE
+            elif self._send(put, slot["phases"], int(slot["intensity"]), instant, number) and not self._array.paused:
+                self._latest = time.monotonic()
+            else:
+                self._silence_waiting()
+            self._waiting.popleft()
+
+    def _silence_waiting(self) -> None:
+        """Take the sound from frames that are not sent, since the level rises again."""
+        for number, _ in self._waiting:
+            slot = self._ring.slots[number % self._ring.shape.slots]
+            self._ring.add("played", -int(slot["flags"] & FRAME_EMITTED > 0))
+            slot["flags"], slot["intensity"] = int(slot["flags"]) & ~FRAME_EMITTED, 0
 
     def _level_rise(self, taken: float) -> float:
         """Fraction of the level's rise at a frame, 0 to 1; with jitter a time stamp may precede the first."""
@@ -208,10 +242,10 @@ class LiveLoop:
             return 1.0
         return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
 
-    def _send(self, put: Put, instant: int, slot: int) -> bool:
-        """Send the current phases and store the frame's slot of the ring; return False if the units are silent."""
+    def _send(self, put: Put, phases: NDArray[np.uint8], intensity: int, instant: int, slot: int) -> bool:
+        """Send phases and store the frame's number in the ring; return False if the units are silent."""
         try:
-            put(self._by_unit, self._intensity, instant)
+            put(phases.reshape(self._array.placement.units, -1), intensity, instant)
         except SilentFramesError as silenced:
             self._resume(silenced)
             return False
@@ -230,12 +264,13 @@ class LiveLoop:
         self._array.resume()
         self._intensity, self._rising = 0, None
 
-    def _write(self, taken: float, instant: int, flags: int) -> None:
+    def _write(self, at: int, taken: float, instant: int, flags: int) -> None:
         ring = self._ring
         slot = ring.next_slot()
-        slot["number"], slot["taken"], slot["instant"], slot["left"] = self._next, taken, instant, 0
+        slot["number"], slot["taken"] = self._formed * self._next + at, taken
+        slot["instant"], slot["left"] = instant, 0
         count = len(self._frame)
-        slot["samples"][:count], slot["pressure"][:count] = self._frame, self._touch.pressure
+        slot["samples"][:count], slot["pressure"][:count] = self._frame, self._touch.pressure[at]
         slot["flags"], slot["intensity"] = flags, self._intensity if flags & FRAME_EMITTED else 0
         slot["phases"] = self._phases
         ring.publish()
@@ -262,13 +297,15 @@ class LiveLoop:
 
     def _fade(self, put: Put) -> None:
         """Fade to silence; the level rises again afterwards."""
+        self._silence_waiting()
+        self._waiting.clear()
         loud, steps = self._intensity, max(1, round(self._pace.fade * _NS / self._period))
-        soon = self._array.units.now() + round(self._pace.hold * _NS / 2)
+        soon = self._array.units.now() + round(min(self._pace.hold, self._pace.ahead) * _NS / 2)
         # After all frames that the units still hold.
         begin = max(soon, self._last_instant + self._period)
         for step in range(1, steps + 1):
             self._intensity = loud * (steps - step) // steps
-            if not self._send(put, begin + (step - 1) * self._period, -1):
+            if not self._send(put, self._phases, self._intensity, begin + (step - 1) * self._period, -1):
                 break
             time.sleep(self._period / _NS)
         self._rising = None

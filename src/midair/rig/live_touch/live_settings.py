@@ -13,6 +13,7 @@ from midair.model import (
     BAND,
     HEIGHT,
     HEIGHTS,
+    RATE,
     Acoustics,
     ArrayCalibration,
     Calibration,
@@ -23,6 +24,7 @@ from midair.model import (
 )
 from midair.rig.names import array_calibration_named
 from midair.rig.playing import check_follow, default_exposure
+from midair.targets import MappingStream
 from midair.validation import Declared, check_settings, documented, setting
 
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
@@ -90,6 +92,14 @@ class LiveSettings(Declared):
         limits=(0.002, 0.01),
         stored="filter_delay_s",
     )
+    latency: float | None = setting(
+        None,
+        "Total latency for better quality, 120 to 300 ms: 2000 frames a second with slow bias, compensated for the "
+        "transducers; it replaces --delay, --hold and --mapping. [default: 13 ms, as these set it]",
+        unit="s",
+        limits=(0.12, 0.3),
+        stored="latency_s",
+    )
     mapping: LiveMapping = setting(
         "half-wave",
         "How signed pressure is made positive: half-wave; constant-offset (needs --offset); "
@@ -142,6 +152,10 @@ class LiveSettings(Declared):
                 "offset: expected a value in Pa for constant-offset and none for other mappings, got "
                 f"{'none' if self.offset is None else 'one'} for {self.mapping}; measure it on an earlier recording"
             )
+        if self.latency is not None:
+            if self.listen is not None or self.offset is not None:
+                raise InputError("latency: expected neither --listen nor --offset, got one; leave it out")
+            self.schedule(RATE)
         if self.sensor.startswith("audio:"):
             raise InputError(
                 "live: expected a sensor without long buffers, got a sound card, whose buffers delay by 64 ms; "
@@ -154,6 +168,20 @@ class LiveSettings(Declared):
                     "--new-key FILE"
                 )
             host_and_port(self.listen, "--listen")
+
+    def schedule(self, rate: float) -> "LiveSchedule":
+        """Share out the latency for a sensor of a rate in Hz; InputError if it is too short for the band."""
+        if self.latency is None:
+            return LiveSchedule(delay=self.delay, hold=self.hold, ahead=self.hold, mapping=self.mapping, formed=1)
+        formed, hold = max(1, int(FINE / rate)), 0.02
+        bias = MappingStream("slow-bias", formed * rate, band=self.band).delay / (formed * rate)
+        rest = self.latency - hold - bias - RISE - self.height / self.acoustics.medium.speed
+        if rest < 0.005:
+            least = f"{1e3 * (self.latency - rest) + 5:.0f} ms for a band from {self.band[0]:g} Hz"
+            raise InputError(f"latency: expected at least {least}, got {1e3 * self.latency:g} ms; give a longer one")
+        # A unit queues 7 frames.
+        ahead = min(hold, 6 / (formed * rate))
+        return LiveSchedule(delay=rest, hold=hold, ahead=ahead, mapping="slow-bias", formed=formed)
 
     @property
     def source(self) -> str:
@@ -171,6 +199,28 @@ class LiveSettings(Declared):
         air = {"sound_m_s": medium.speed, "temperature_c": medium.temperature, "humidity": medium.humidity}
         kept = {one.metadata["stored"]: getattr(self, one.name) for one in fields(self) if "stored" in one.metadata}
         return {**kept, **air, "air_stated": self.exposure.room is not None}
+
+
+FINE = 2000.0
+"""Frames a second of the array where a latency is given, in Hz; at 4 kHz a frame lasts shorter than its solution."""
+
+RISE = 0.4e-3
+"""Rise time of the transducers in s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveSchedule:
+    """Times of live touch in s, and the mapping that they allow."""
+
+    delay: float
+    """Delay of the filter that inverts the sensor."""
+    hold: float
+    """Delay from sampling a frame to emitting it, without filter and mapping."""
+    ahead: float
+    """Longest time by which a frame is sent ahead of its instant."""
+    mapping: LiveMapping
+    formed: int
+    """Frames of the array for each frame of the sensor."""
 
 
 def host_and_port(text: str, option: str) -> tuple[str, int]:

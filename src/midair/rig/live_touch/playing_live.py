@@ -160,7 +160,7 @@ def live(
     report: Callable[[str], object] | None = None,
     **changes: Any,
 ) -> LiveSession:
-    """Play a sensor's signal on an array, 13 ms later; a context manager that is silent after leaving.
+    """Play a sensor's signal on an array, 13 ms later by default; a context manager that is silent after leaving.
 
     It runs in a separate process. A script has to start it below ``if __name__ == "__main__":``, since that process
     imports the script as well. Raises InputError if a value is out of range, or a sensor is too slow for live touch.
@@ -221,7 +221,7 @@ def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureCleara
     override.
     """
     array = array_for(order, rate)
-    return check_exposure_level(order.level, array, order.exposure, rate=rate)
+    return check_exposure_level(order.level, array, order.exposure, rate=order.schedule(rate).formed * rate)
 
 
 @contextmanager

@@ -29,7 +29,7 @@ from midair.errors import DeviceError, DeviceStateError, InputError, MidairError
 from midair.model import Calibration, SensorGrid, SensorWiring, Unit
 from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
-from midair.rig.live_touch.live_settings import LiveSettings, host_and_port
+from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings, host_and_port
 from midair.rig.live_touch.receiving import NetworkSource
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
@@ -121,7 +121,9 @@ class LoopStarted:
     unit: Unit
     """Unit of the samples: "V", "count" or "Pa"."""
     rate: float
-    """Frame rate in Hz."""
+    """Frame rate of the sensor in Hz."""
+    schedule: LiveSchedule
+    """Times, mapping, and frames of the array for each of the sensor."""
     calibration: Calibration | None
     """Calibration of the sensor; None if frames arrive in Pa over a network."""
     simulated: bool
@@ -227,27 +229,30 @@ def _play(
     with sensor:
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
+        schedule = order.schedule(sensor.rate)
+        rate = schedule.formed * sensor.rate
         with array_for(order, sensor.rate) as array, ExitStack() as opened:
             if order.cooling_limit is not None:
                 array.cooling = Cooling(limit=order.cooling_limit, report=note)
             array.participant = order.participant
-            admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
+            admission = check_exposure_level(order.level, array, order.exposure, rate=rate)
             kept = array_calibration_for(order.device, order.array_calibration)
             solved = array.array if kept is None else kept.known.applied(array.array)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, admission.level)
             if source is not None:
                 touch.delay += source.delay
-            rehearsal = touch.rehearse(sensor.rate, order.hold)
+            rehearsal = touch.rehearse(rate, schedule.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
             for _ in range(2):
                 if rehearsal.late:
-                    rehearsal = touch.rehearse(sensor.rate, order.hold)
+                    rehearsal = touch.rehearse(rate, schedule.hold)
             known = "" if kept is None else kept.described(Settings().but(acoustics=order.acoustics, grid=order.grid))
             told.send(
                 LoopStarted(
                     sensor=sensor.grid,
                     unit=sensor.unit,
                     rate=sensor.rate,
+                    schedule=schedule,
                     calibration=calibration,
                     simulated=sensor.simulated or array.simulated,
                     transducers=array.array.count,
@@ -266,14 +271,14 @@ def _play(
             steering = None
             if order.follow is not None:
                 tracker = opened.enter_context(open_tracker(tracker_name(order.follow, order.tracker_latency)))
-                steering = LiveSteering(tracker, array.array, sensor.rate, order, note)
+                steering = LiveSteering(tracker, array.array, rate, order, note)
                 tracker.begin(time.monotonic())
             loop = LiveLoop(
                 sensor,
                 touch,
                 array,
                 ring,
-                pace=Pace(hold=order.hold),
+                pace=Pace(hold=schedule.hold, ahead=schedule.ahead),
                 strongest=admission.strongest,
                 level=lambda: permit.level,
                 check=_lease_check(permit, leave, array.name),
@@ -341,6 +346,7 @@ def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration 
 
 
 def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
-    """The array of the settings, not yet open."""
+    """The array of the settings for a sensor of a rate in Hz, not yet open."""
+    schedule = order.schedule(rate)
     played = PlaySettings(device=order.device, placement=order.placement, silencer=order.silencer)
-    return immediate_array(played, rate, hold=order.hold)
+    return immediate_array(played, schedule.formed * rate, hold=schedule.ahead)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,26 +15,18 @@ from numpy.typing import NDArray
 from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Placement, Provenance
-from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.process import LoopEnded, LoopNote, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
 from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
 
 
-class TouchFrames(Protocol):
-    """Source of the frames of a take."""
-
-    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
-        """As `TouchRing.since`."""
-        ...
-
-
 class LiveTake:
     """Writes the ring to a file in a thread of the parent program, so that no disk can delay the loop.
 
-    `opened` is the state of the opened devices, `ring` the ring of the loop, or stored frames of it,
-    which is read every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
+    `opened` is the state of the opened devices, `since` that of the loop's `TouchRing`, or as it for stored frames,
+    called every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
     """
 
     def __init__(
@@ -42,15 +34,15 @@ class LiveTake:
         path: Path,
         order: LiveSettings,
         opened: LoopStarted,
-        ring: TouchFrames,
+        since: Callable[[int], tuple[NDArray[Any], int, int]],
         notes: Mapping[str, str],
         *,
         every: float = 0.05,
     ) -> None:
         self.problem: MidairError | None = None
         self.missed = 0
-        self._ring, self._count, self._every = ring, opened.sensor.count, every
-        self._grid, self._seen = opened.sensor, 0
+        self._since, self._count, self._every = since, opened.sensor.count, every
+        self._grid, self._seen, self._formed = opened.sensor, 0, opened.schedule.formed
         self._over = threading.Event()
         self._writer = RecordingWriter(
             path,
@@ -61,6 +53,9 @@ class LiveTake:
                 "live",
                 order.stored()
                 | {
+                    "hold_s": opened.schedule.hold,
+                    "filter_delay_s": opened.schedule.delay,
+                    "mapping": opened.schedule.mapping,
                     "delay_s": opened.delay,
                     "level": opened.level,
                     "exposure": opened.exposure,
@@ -72,6 +67,7 @@ class LiveTake:
             ),
             calibration=opened.calibration,
             array=(order.placement or Placement.grid()).array(),
+            played_each=self._formed,
         )
         self._writer.__enter__()
 
@@ -100,8 +96,13 @@ class LiveTake:
             raise self.problem
 
     def _write(self) -> None:
-        found, self._seen, missed = self._ring.since(self._seen)
-        if missed:
+        found, seen, missed = self._since(self._seen)
+        # Only whole frames of the sensor; the rest is read next time, or was overwritten in part.
+        first = int(-found["number"][0]) % self._formed if len(found) else 0
+        rest = (len(found) - first) % self._formed
+        found, self._seen = found[first : len(found) - rest], seen - rest
+        if missed + first:
+            missed = (missed + first) // self._formed
             self._writer.note([Event(kind="lost", frame=self._writer.frames, frames=missed)])
             self.missed += missed
         if not len(found):
@@ -109,8 +110,9 @@ class LiveTake:
         kinds: tuple[tuple[EventKind, int], ...] = (("lost", FRAME_REPEATED), ("late", FRAME_LATE))
         for kind, flag in kinds:
             for begin, end in _runs((found["flags"] & flag) > 0):
-                self._writer.note([Event(kind=kind, frame=self._writer.frames + begin, frames=end - begin)])
-        samples = found["samples"][:, : self._count].reshape(-1, *self._grid.shape)
+                first, last = begin // self._formed, -(-end // self._formed)
+                self._writer.note([Event(kind=kind, frame=self._writer.frames + first, frames=last - first)])
+        samples = found["samples"][:: self._formed, : self._count].reshape(-1, *self._grid.shape)
         played = {
             "phase_steps": found["phases"],
             "intensity": found["intensity"],
@@ -128,10 +130,6 @@ def _runs(true: np.ndarray) -> list[tuple[int, int]]:
 
 CHANNELS = 64
 """Maximum number of channels of a live sensor."""
-
-RISE = 0.4e-3
-"""Rise time of the transducers in s."""
-
 
 COUNTS = ("frames", "played", "lost", "late", "hot", "hurried", "unanswered", "gaps", "failsafe")
 """Counts of `LiveStatistics`, in the ring under the same names."""
@@ -250,7 +248,7 @@ class LiveSession:
         parts = {
             "filter": opened.delay - sum(among.values()),
             **among,
-            "hold": order.hold,
+            "hold": opened.schedule.hold,
             "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
         return LiveStatistics(
@@ -263,7 +261,7 @@ class LiveSession:
             stated_rate=opened.rate,
             # The times of received frames are those of the jitter buffer; the sender measures the sensor's rate.
             rate=None if order.listen else measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
-            over_time=ring.over_time(ring.count("frames") / opened.rate),
+            over_time=ring.over_time(ring.count("frames") / (opened.schedule.formed * opened.rate)),
         )
 
     @property
@@ -301,7 +299,7 @@ class LiveSession:
                 self._receive(0.1)
             self._raise()
             if self._keep is not None:
-                self._take = LiveTake(self._keep, self.order, self.opened, self.ring, self._notes)
+                self._take = LiveTake(self._keep, self.order, self.opened, self.ring.since, self._notes)
                 self._start("take", self._take.run)
         except BaseException:
             self._end()

@@ -19,7 +19,7 @@ from midair.devices import (
     state_folder,
 )
 from midair.errors import InputError, UnknownDeviceError
-from midair.files import ARRAY_SUFFIX, atomic_file, load_array_calibration, load_board, save_array_calibration
+from midair.files import ARRAY_SUFFIX, load_array_calibration, load_board, save_array_calibration, write_file
 from midair.model import ArrayCalibration, Board, Medium, Placement, PressureFrames, TransducerArray, array_of_boards
 from midair.registry import Registry
 from midair.rig.names.sensor_names import split_name
@@ -180,8 +180,7 @@ def keep_array_calibration(device: str, known: ArrayCalibration) -> Path:
 def keep_array_check(device: str, result: str) -> None:
     """Store the result of a check, one line, beside the calibration of the array, if it has one."""
     if (path := _path(device)).exists():
-        with atomic_file(_checked(path)) as partial:
-            partial.write_text(f"{datetime.now(UTC).date().isoformat()}: {result}\n", encoding="utf-8")
+        write_file(_checked(path), f"{datetime.now(UTC).date().isoformat()}: {result}\n")
 
 
 def kept_array_calibration(device: str) -> KeptCalibration | None:

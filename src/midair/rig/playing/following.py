@@ -27,7 +27,7 @@ from midair.devices import (
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
-from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase, wavenumber
+from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase
 from midair.rig.names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.signals import signals_end_the_program
@@ -83,8 +83,6 @@ class Follower:
         self._phase = np.zeros(drive.array.count)
         self._fit = PalmFit(drive.array, drive.acoustics, grid) if self.rules.fit else None
         self._fitted = np.full(drive.array.count, self._fit is not None, np.complex64)
-        self._columns = np.ascontiguousarray(drive.array.position.T)
-        self._k = wavenumber(drive.array, drive.acoustics.medium)
 
     def steered(self, frames: slice, times: Array) -> tuple[Drive, PalmPath | None]:
         """Consecutive frames, steered to the palm at their times on the tracker's clock, and the pose at their end.
@@ -102,7 +100,8 @@ class Follower:
         begin = self._phase
         if followed:
             self._pose = pose
-            self._phase = self._steering(pose, self._aims[frames.stop - 1])
+            aim, medium = self._aims[frames.stop - 1], self._drive.acoustics.medium
+            self._phase = steering_phase(self._drive.array, medium, self.solved, pose, aim=aim)[0]
             begin = begin if gain[0] > 1 / (self._drive.rate * self.rules.fade) else self._phase
         # Linear from the end of the block before, so that there is no step.
         share = (np.arange(len(times)) + 1.0)[:, None] / len(times)
@@ -140,17 +139,15 @@ class Follower:
             return
         frames = slice(0, min(max(1, round(self.rules.block * self._drive.rate)), self._drive.frames))
         part = replace(self._drive, phase=self._drive.phase[frames], level=self._drive.level[frames])
-        down, ahead = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 1.0, 0.0]])
-        centre, zero = self.solved[None], np.zeros(1)
-        still = PalmPath(time=zero, centre=centre, normal=down, fingers=ahead, confidence=np.ones(1))
+        still = PalmPath.from_rows(np.concatenate([[0.0], self.solved, [0, 0, -1, 0, 1, 0, 1]])[None])
         spent = []
         for _ in range(3):
             begin = time.perf_counter()
-            self._pose = still
+            self._pose, self._fit.pose = still, None
             self._beside(self._fit, part.phase)
             admission.steered(part, still)
             spent.append(time.perf_counter() - begin)
-        self._pose, self._fitted = None, np.ones_like(self._fitted)
+        self._pose, self._fit.pose, self._fitted = None, None, np.ones_like(self._fitted)
         if min(spent) > self.rules.block * 2 / 3:
             self.steer_alone()
 
@@ -159,14 +156,6 @@ class Follower:
         if self._fit is not None:
             self._fit = None
             self._report("follow: this computer is too slow to fit frames to the tilt of the palm; they are steered")
-
-    def _steering(self, pose: PalmPath, aim: Array) -> Array:
-        """`steering_phase` of one pose, ten times as fast."""
-        y, z, away = pose.fingers[0], -pose.normal[0], aim - self.solved
-        x = np.array([y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0]])
-        here = pose.centre[0] + away[0] * x + away[1] * y + away[2] * z
-        now, before = (np.sqrt(((self._columns - each[:, None]) ** 2).sum(axis=0)) for each in (here, aim))
-        return self._k * (before - now)
 
     def _predicted(self, at: Array) -> PalmPath | None:
         new = self._tracker.poses(self.newest)
@@ -313,12 +302,10 @@ def clear_followed(
     turn = rng.uniform(0, 2 * np.pi, samples)
     level = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
     ahead = level - (level * down).sum(axis=1, keepdims=True) * down
-    poses = PalmPath(
-        time=np.arange(samples, dtype=float),
-        centre=solved + rng.uniform(-0.5, 0.5, (samples, 3)) * box.size,
-        normal=down,
-        fingers=ahead / np.linalg.norm(ahead, axis=1, keepdims=True),
-        confidence=np.ones(samples),
+    ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    centre = solved + rng.uniform(-0.5, 0.5, (samples, 3)) * box.size
+    poses = PalmPath.from_rows(
+        np.column_stack([np.arange(samples, dtype=float), centre, down, ahead, np.ones(samples)])
     )
     aims = aims_of(drive, grid)[frames]
     some = replace(drive, phase=drive.phase[frames], level=drive.level[frames])

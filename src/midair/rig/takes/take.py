@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.devices import FrameBlock, GapFiller, SensorDevice, make_state_folder, state_folder
 from midair.errors import DeviceError, FileError, InputError, MidairError, MissingFileError
-from midair.files import RecordingBuffer, RecordingWriter, atomic_file
+from midair.files import RecordingBuffer, RecordingWriter, write_file
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.meters import Meters, PreRoll, Trigger
 from midair.rig.takes.take_state import (
@@ -405,5 +405,4 @@ def last_subject() -> Subject:
 def store_subject(subject: Subject) -> None:
     """Store the subject as the default of later prompts; FileError if it cannot be stored."""
     path = make_state_folder() / "subject.json"
-    with atomic_file(path) as partial:
-        partial.write_text(json.dumps(asdict(subject)), encoding="utf-8")
+    write_file(path, json.dumps(asdict(subject)))

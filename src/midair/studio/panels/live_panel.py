@@ -28,6 +28,7 @@ class CheckLive(Arguments):
     mapping: LiveMapping = "half-wave"
     delay_ms: float = declared(LiveSettings, "delay", 1e3)
     hold_ms: float = declared(LiveSettings, "hold", 1e3)
+    total_ms: float | None = declared(LiveSettings, "latency", 1e3)
     gain: float = declared(LiveSettings, "gain")
     height_mm: float = declared(LiveSettings, "height", 1e3)
     level: float = declared(LiveSettings, "level")
@@ -113,6 +114,7 @@ class LivePanel(Panel):
             "array_calibration": self._context.array_calibration,
             "delay": 1e-3 * order.delay_ms,
             "hold": 1e-3 * order.hold_ms,
+            "latency": None if order.total_ms is None else 1e-3 * order.total_ms,
             "height": 1e-3 * order.height_mm,
             "follow": order.follow.strip() or None,
             "tracker_latency": None if order.latency_ms is None else 1e-3 * order.latency_ms,

@@ -15,7 +15,7 @@ from pydantic import Field
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 from midair.model import Medium
 from midair.studio.importing import run_words
-from midair.studio.jobs import StudioJob
+from midair.studio.jobs import StudioJob, Work
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import stamp_of
@@ -130,6 +130,10 @@ class Reason(Arguments):
     reason: str = Field(max_length=200)
 
 
+ASKED = ("text", "kind", "answers", "low_label", "high_label", "low", "high")
+"""Attributes of a question that the page shows."""
+
+
 class StudyPanel(Panel):
     """Studies of the folder, and the running session."""
 
@@ -178,36 +182,29 @@ class StudyPanel(Panel):
         if takes and (len(takes) < 2 or not order.questions):
             got = f"{len(takes)} and {len(order.questions)}"
             raise InputError(f"study: expected two or more takes and one or more questions, got {got}")
-        request = StudyRequest(
-            path=str(path),
-            template=order.template,
-            participants=order.participants,
-            takes=takes,
-            questions=order.questions,
-            repetitions=order.repetitions,
-        )
-        job = self._context.jobs.add(
-            f"draw the study {order.name}", draw_study, request, room="study", ended=self._drawn
-        )
-        return {"job": job.number}
+        request = StudyRequest(path=str(path), takes=takes, **order.model_dump(exclude={"name", "takes"}))
+        return self._job(f"draw the study {order.name}", draw_study, request)
 
     def analyse(self, _: Page, order: StudyNamed) -> dict[str, int]:
         """Analyse a study and write its report, as a job."""
-        path = self._folder.find(order.study)
-        title = f"analyse the study {order.study}"
-        job = self._context.jobs.add(title, run_words, ("study", "analyse", str(path)), room="study", ended=self._drawn)
-        return {"job": job.number}
+        words = ("study", "analyse", str(self._folder.find(order.study)))
+        return self._job(f"analyse the study {order.study}", run_words, words)
 
     def simulate(self, _: Page, order: StudyNamed) -> dict[str, int]:
         """Simulate the answers of all participants of a study without answers, as a job."""
         path = self._folder.find(order.study)
         if any(state.trials for state in StudyFolder(path).sessions()):
             raise InputError(f"{order.study}: expected a study without answers; draw another plan and simulate that")
-        words, title = ("study", "run", str(path), "--simulate"), f"simulate participants of {order.study}"
-        return {"job": self._context.jobs.add(title, run_words, words, room="study", ended=self._drawn).number}
+        words = ("study", "run", str(path), "--simulate")
+        return self._job(f"simulate participants of {order.study}", run_words, words)
 
-    def _drawn(self, _: StudioJob) -> None:
-        self._later(lambda: self._store.put(studies=self._studies()))
+    def _job(self, title: str, work: Work, order: Any) -> dict[str, int]:
+        """Add a job that changes a study; the list of studies is sent again at its end."""
+
+        def ended(_: StudioJob) -> None:
+            self._later(lambda: self._store.put(studies=self._studies()))
+
+        return {"job": self._context.jobs.add(title, work, order, room="study", ended=ended).number}
 
     async def begin(self, _: Page, order: BeginSession) -> bool:
         """Begin a participant's session, or resume an interrupted one."""
@@ -442,25 +439,10 @@ class StudyPanel(Panel):
             session={
                 **{name: value for name, value in self._about.items() if name != "consent"},
                 "step": {
-                    "kind": step.kind,
+                    **{name: getattr(step, name) for name in ("kind", "text", "code", "number", "total", "rest_s")},
                     "turn": self._turn,
                     "consent": bool(step.text) and step.text == self._about["consent"],
-                    "text": step.text,
-                    "code": step.code,
-                    "number": step.number,
-                    "total": step.total,
-                    "rest_s": step.rest_s,
-                    "question": None
-                    if question is None
-                    else {
-                        "text": question.text,
-                        "kind": question.kind,
-                        "answers": list(question.answers),
-                        "low_label": question.low_label,
-                        "high_label": question.high_label,
-                        "low": question.low,
-                        "high": question.high,
-                    },
+                    "question": question and {name: getattr(question, name) for name in ASKED},
                 },
             }
         )

@@ -84,6 +84,7 @@ export default class Live {
     this.source = choice([...known, ["", "other (enter its name)"]], known.some(([value]) => value === sensor) ? sensor : "", () => { this.named.hidden = this.source.value !== ""; given.sensor = this.source.value || this.named.value; this._unchecked(); });
     this.calibration = choice([["", "of the sensor"]], "", set("calibration", false));
     this.form = make("div.column", {}, field("Sensor", this.source), this.named, field("Calibration", this.calibration), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false))),
+      field("Latency", choice([["", "13 ms"], ["150", "150 ms, better quality"], ["200", "200 ms, better quality"]], "", ({ target }) => { if (target.value === "") delete given.total_ms; else given.total_ms = Number(target.value); this._unchecked(); })),
       field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms"))), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms"))),
       field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") })),
       field("Height, mm", make("input", { type: "number", min: 20, max: 1000, step: 10, value: "200", onchange: set("height_mm") })),
@@ -354,8 +355,8 @@ export default class Live {
   }
   _code() {
     const g = this.given, device = this.link.state.player?.device ?? "virtual";
-    const words = [`--sensor "${g.sensor}"`, `--device ${device}`, `--height ${g.height_mm}mm`, `--gain ${g.gain}`, `--level ${g.level}`, `--hold ${g.hold_ms}ms`, `--delay ${g.delay_ms}ms`, `--mapping ${g.mapping}`, ...(g.follow ? [`--follow "${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`--tracker-latency ${g.latency_ms}ms`])] : []), "--duration 2s", "--keep felt.h5"];
-    const named = [`height=${g.height_mm / 1000}`, `gain=${g.gain}`, `level=${g.level}`, `hold=${g.hold_ms / 1000}`, `delay=${g.delay_ms / 1000}`, `mapping="${g.mapping}"`, ...(g.follow ? [`follow="${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`tracker_latency=${g.latency_ms / 1000}`])] : [])];
+    const words = [`--sensor "${g.sensor}"`, `--device ${device}`, `--height ${g.height_mm}mm`, `--gain ${g.gain}`, `--level ${g.level}`, `--hold ${g.hold_ms}ms`, `--delay ${g.delay_ms}ms`, `--mapping ${g.mapping}`, ...(g.total_ms ? [`--latency ${g.total_ms}ms`] : []), ...(g.follow ? [`--follow "${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`--tracker-latency ${g.latency_ms}ms`])] : []), "--duration 2s", "--keep felt.h5"];
+    const named = [`height=${g.height_mm / 1000}`, `gain=${g.gain}`, `level=${g.level}`, `hold=${g.hold_ms / 1000}`, `delay=${g.delay_ms / 1000}`, `mapping="${g.mapping}"`, ...(g.total_ms ? [`latency=${g.total_ms / 1000}`] : []), ...(g.follow ? [`follow="${g.follow}"`, ...(g.latency_ms === undefined ? [] : [`tracker_latency=${g.latency_ms / 1000}`])] : [])];
     this.studio.code("Live touch", `midair live ${words.join(" ")}`,
       `import midair\n\nif __name__ == "__main__":\n    how = dict(${named.join(", ")})\n    with midair.live("${g.sensor}", "${device}", duration=2.0, **how) as session:\n        session.wait()\n    print(session.statistics.plain())\n`);
   }

@@ -17,6 +17,7 @@ from midair.array_types import Array
 from midair.errors import InputError
 from midair.study.design.question import both_orders, right_answer
 from midair.study.design.study_design import Block, Design
+from midair.validation import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +117,7 @@ def balanced_latin_square(count: int) -> list[list[int]]:
     The design of Williams (1949): each row is 0, 1, n-1, 2, n-2, ... plus the row number, so `count` rows; for an odd
     count above 1 the reversed rows are added.
     """
-    if count < 1:
-        raise InputError(f"Latin square: expected 1 condition or more, got {count}")
+    within(count, "conditions of a Latin square", 1)
     first = [(place + 1) // 2 if place % 2 else (count - place // 2) % count for place in range(count)]
     square = [[(value + row) % count for value in first] for row in range(count)]
     return square + [row[::-1] for row in square] if count % 2 and count > 1 else square

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Literal
 
 from midair.errors import InputError
+from midair.validation import one_of, within
 
 QuestionKind = Literal["choice", "rating", "magnitude", "yes-no", "same-different", "slider", "text"]
 """One of several options; an integer on a scale; any number of 0 or more; yes or no; same or different; a number
@@ -46,8 +47,7 @@ class Question:
             raise InputError(
                 f"question {self.name!r}: expected options without leading or trailing spaces, got {blank[0]!r}"
             )
-        if not 0 <= self.timeout_s < float("inf"):
-            raise InputError(f"question {self.name!r}: expected timeout_s of 0 or more, got {self.timeout_s:g}")
+        within(self.timeout_s, f"question {self.name!r}: timeout_s", 0, unit="s")
         if self.kind == "choice" and (len(set(self.options)) < 2 or len(set(self.options)) < len(self.options)):
             raise InputError(f"question {self.name!r}: expected two or more different options, got {self.options}")
         if self.kind in ("rating", "slider") and not self.low < self.high:
@@ -99,12 +99,6 @@ class Question:
         if self.kind != "rating" and len(begun) == 1 and (self.numbered or not given.isdecimal()):
             return begun[0]
         raise InputError(f"answer: expected one of {', '.join(self.answers)}, got {given!r}")
-
-
-def one_of(value: str, kinds: Any, what: str) -> None:
-    """Raise InputError if a value is not one of those of a Literal."""
-    if value not in get_args(kinds):
-        raise InputError(f"{what}: expected one of {', '.join(get_args(kinds))}, got {value!r}")
 
 
 def _number(given: str, low: float, high: float, expected: str) -> str:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from midair.errors import InputError, MismatchError
-from midair.study.design.question import Question, Stimulus, one_of
+from midair.study.design.question import Question, Stimulus
+from midair.validation import one_of
 
 Incomplete = Literal["leave out", "refuse"]
 """Participants who lack a cell of the analysis of variance: leave them out, or refuse the analysis."""

@@ -132,9 +132,7 @@ def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
         foils = sorted({*foils, *data.options} - set(labels))
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
-    limits = None
-    if len(confusion.participants) >= 5:
-        limits = f_limits(confusion.by_person)
+    limits = f_limits(confusion.by_person) if len(confusion.participants) >= 5 else None
     return Choices(name=name, confusion=confusion, f_limits=limits, left_out=left_out)
 
 
@@ -164,8 +162,7 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
     table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:
         table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
-    table = note_last(table)
-    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
+    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=note_last(table))]
 
 
 def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:

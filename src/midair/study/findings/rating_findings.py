@@ -1,5 +1,7 @@
 """Report on ratings, and on thresholds: psychometric functions over all people, and adaptive blocks of each."""
 
+from collections import Counter
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -35,18 +37,14 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
         raise InputError("ratings: expected a table of ratings, got none")
     if data.incomplete == "refuse":
         return ratings, ""
-    filled = {
-        (row[0], row[1:])
-        for row in zip(*(ratings[name].tolist() for name in ["participant", *data.within]), strict=True)
-    }
-    cells = len({cell for _, cell in filled})
-    people = list(dict.fromkeys(ratings["participant"].tolist()))
-    many = {who: sum(one == who for one, _ in filled) for who in people}
-    short = [who for who in people if many[who] < cells]
+    filled = ratings.drop_duplicates(["participant", *data.within])
+    cells = len(filled.drop_duplicates(list(data.within)))
+    many = Counter(filled["participant"].tolist())
+    short = {who: count for who, count in many.items() if count < cells}
     if not short:
         return ratings, ""
-    named = ", ".join(f"{who} ({many[who]} of {cells} cells)" for who in short)
-    rest = ratings.loc[~ratings["participant"].isin(short)]
+    named = ", ".join(f"{who} ({count} of {cells} cells)" for who, count in short.items())
+    rest = ratings.loc[~ratings["participant"].isin(list(short))]
     if rest.empty:
         raise InputError(f"ratings: expected a participant with an answer in every cell, got none: {named}")
     return rest, f" Left out, as planned, because cells have no answer: {named}."

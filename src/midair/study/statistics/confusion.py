@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -12,6 +12,7 @@ from pandas import DataFrame
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
+from midair.validation import one_of
 
 Scale = Literal["plain", "share", "positive", "correlation"]
 """Unbounded values; between 0 and 1; above 0; between -1 and 1."""
@@ -109,8 +110,7 @@ def limits_over_people(
     `independent` answers have a binomial variance where few are wrong. The interval has the shape of the statistic; its
     limits are NaN if the statistic is at its bound or equal without any participant.
     """
-    if scale not in get_args(Scale):
-        raise InputError(f"scale: expected one of {', '.join(get_args(Scale))}, got {scale!r}")
+    one_of(scale, Scale, "scale")
     people = len(by_person)
     if people < 5:
         raise InputError(

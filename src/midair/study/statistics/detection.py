@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.confusion import Interval, cohen_kappa, f_measure, limits_over_people, wilson
+from midair.validation import within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +57,7 @@ def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
     The integral of phi(x - d') Phi(x)^(m - 1) over x, with the shape of `d_prime`, the distance of the correct
     alternative from the m - 1 others in standard deviations: 1/m at 0, and 0.634 at 1 with three alternatives.
     """
-    if alternatives < 2:
-        raise InputError(f"alternatives: expected 2 or more, got {alternatives}")
+    within(alternatives, "alternatives", 2)
     node, weight = _nodes()
     inside = scipy.special.ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
     # The quadrature weight is exp(-x^2 / 2), that is phi without its constant factor.

@@ -16,6 +16,7 @@ from midair.study.statistics.anova import noncentral_t_limits
 from midair.study.statistics.confusion import Chance, Confusion, chance_macro_f, f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice, proportion_correct
 from midair.study.statistics.paired import bayes_factor, equivalence, holm
+from midair.validation import within
 
 Experiment = Callable[[int, np.random.Generator], float]
 """Function of the number of participants and a random generator that returns the p-value of the planned test."""
@@ -39,8 +40,7 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
 
     `d_z` is the true mean difference over the standard deviation of the differences, `alpha` the significance level.
     """
-    if participants < 2:
-        raise InputError(f"participants: expected two or more, got {participants}")
+    within(participants, "participants", 2)
     edge = float(scipy.stats.t.ppf(1 - alpha / 2, participants - 1))
     shift = abs(d_z) * participants**0.5
     # A two-sided test also rejects on the opposite side, which matters for small effects.
@@ -66,8 +66,7 @@ def simulated_power(
     experiment: Experiment, participants: int, *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
 ) -> Power:
     """Share of simulated studies whose planned test has p < alpha."""
-    if runs < 1:
-        raise InputError(f"runs: expected 1 or more, got {runs}")
+    within(runs, "runs", 1)
     found = sum(experiment(participants, rng) < alpha for _ in report_progress(range(runs), runs))
     low, high = wilson(found, runs)
     return Power(power=found / runs, low=float(low), high=float(high), participants=participants, runs=runs)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
+from midair.validation import one_of
 
 CurveShape = Literal["logistic", "normal", "weibull"]
 
@@ -32,8 +33,7 @@ class Psychometric:
     """Shape of F."""
 
     def __post_init__(self) -> None:
-        if self.shape not in get_args(CurveShape):
-            raise InputError(f"shape: expected one of {', '.join(get_args(CurveShape))}, got {self.shape!r}")
+        one_of(self.shape, CurveShape, "shape")
         if min(self.guess, self.lapse) < 0 or self.guess + self.lapse >= 1:
             raise InputError(f"guess and lapse: expected 0 or more, together below 1, got {self.guess}, {self.lapse}")
 

@@ -13,7 +13,7 @@ from midair.cli.console import banner, confirmed, out, print_note, progress_bars
 from midair.cli.options import Force, Study
 from midair.errors import InputError
 from midair.figures import png_bytes
-from midair.files import atomic_file, read_text
+from midair.files import read_text, write_file
 from midair.progress import report_progress
 from midair.settings import Mode
 from midair.study import (
@@ -43,6 +43,7 @@ from midair.study import (
     threshold_cautions,
     withdraw,
 )
+from midair.validation import within
 
 
 def new_command(
@@ -89,8 +90,8 @@ def new_command(
     $ midair study new touch --participants 3
     $ midair study new dry --drives none
     """
-    if participants is not None and participants < 1:
-        raise InputError(f"--participants: expected 1 or more, got {participants}")
+    if participants is not None:
+        within(participants, "--participants", 1)
     if trials is not None and source is None:
         raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
     table = "" if trials is None else read_text(trials, "the table of trials")
@@ -146,8 +147,7 @@ def plan_command(study: Study, output: Path | None = None, /, *, runs: int = 500
     if target.exists() and not force:
         raise InputError(f"{target}: already exists; give another name, or --force to overwrite it")
     page = plan_page(plan, runs=runs)
-    with atomic_file(target) as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(target, page)
     out().print(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
 
 
@@ -293,6 +293,5 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
     drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
     for name, figure in report_progress(drawn.items(), len(drawn)):
-        with atomic_file(output / name) as partial:
-            partial.write_bytes(png_bytes(figure))
+        write_file(output / name, png_bytes(figure))
     out().print(f"{output}: paper-chance.png, paper-power.png")

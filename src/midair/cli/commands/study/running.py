@@ -31,6 +31,7 @@ from midair.study import (
     stop_on_signals,
     withdrawn,
 )
+from midair.validation import within
 
 
 def run_command(
@@ -183,8 +184,7 @@ def markers_command(study: Study, /, *, count: int = 500, serial: str = "") -> i
     --------
     $ midair study markers touch
     """
-    if count < 10:
-        raise InputError(f"--count: expected 10 or more, got {count}")
+    within(count, "--count", 10)
     with open_markers(StudyFolder(study).plan(), serial=serial) as markers:
         if markers is None:
             raise InputError(f"{study}: expected a plan with [markers], got none; add lsl or serial to it")

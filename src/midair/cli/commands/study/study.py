@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from midair.cli.console import out, warn_simulated
 from midair.cli.options import Json, Study
 from midair.errors import InputError
-from midair.files import atomic_file
+from midair.files import write_file
 from midair.study import (
     Incomplete,
     StudyFolder,
@@ -122,12 +122,9 @@ def analyse_command(
     if (source / "plan.json").exists():
         for file in (target, target.with_suffix(".ipynb")):
             log_derived_file(StudyFolder(source), file, "report")
-    page = report_page(report, title=title, within=data.within)
+    write_file(target, report_page(report, title=title, within=data.within), private=True)
     notebook = analysis_notebook(data, loading, title=title, seed=seed, draws=draws)
-    for file, text in ((target, page), (target.with_suffix(".ipynb"), notebook)):
-        with atomic_file(file) as partial:
-            partial.chmod(0o600)
-            partial.write_text(text, encoding="utf-8")
+    write_file(target.with_suffix(".ipynb"), notebook, private=True)
     if json:
         print(report_json(report))  # noqa: T201
         return
