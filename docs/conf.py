@@ -70,7 +70,7 @@ myst_substitutions = {
     "live_table": reference.declared_table(LiveSettings),
     "header_table": as_markdown(HEADER),
     "touches_table": reference.touches_table(TOUCHES),
-    "sets_table": reference.sets_table(PUBLIC_SETS),
+    "sets_list": reference.sets_list(PUBLIC_SETS),
     "netcdf_table": as_markdown(NETCDF),
     **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},
 }
