@@ -281,11 +281,7 @@ class _Player:
             if simulated:
                 drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
                 repeats = 1
-        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
-        choices = ExposureChoices(
-            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
-        )
-        solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
+        choices = _choices(order)
         try:
             if simulated:
                 admission = check_exposure(drive, array, choices, repeats=repeats)
@@ -294,33 +290,20 @@ class _Player:
                 admission, self.followed = clear_followed(drive, array, how, grid_of(drive)), (drive, how)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
-            found = measure_exposure(drive, array.array, profile, room=room)
-            return {"number": 0, "refused": str(wrong), **solved, **exposed(found)}
-        self.number += 1
+            found = measure_exposure(drive, array.array, choices.profile, room=room)
+            solved = round(drive.acoustics.medium.degrees, 2)
+            return {"number": 0, "refused": str(wrong), "solved_c": solved, **exposed(found)}
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
+        found = self._found(admission, repeats * drive.frames / drive.rate, drive.acoustics)
         self.admitted[self.number] = (admission, path, room)
-        found = {
-            "number": self.number,
-            "outcome": admission.outcome,
-            "verdict": admission.verdict(),
-            "by": admission.by,
-            "duration_s": repeats * drive.frames / drive.rate,
-            "refused": "",
-            **solved,
-            **exposed(admission.exposure),
-        }
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
 
     def _admit_unsolved(self, order: Mapping[str, Any], path: Path, room: Medium | None) -> dict[str, Any]:
         """Begin to solve a take for this array; every part is checked ahead of its sound."""
         transducers, settings, pressure = led_pressure(order["solve"])
-        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
-        choices = ExposureChoices(
-            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
-        )
-        how = PlaySettings(device=self.device, exposure=choices, repeats=order["repeats"])
+        how = PlaySettings(device=self.device, exposure=_choices(order), repeats=order["repeats"])
         if self.device == "virtual":
             like = {"height": settings.target.grid.height, "cells": pressure.sensor, "band": settings.calibration.band}
             array: Any = open_rig(settings=how.but(**like, acoustics=settings.acoustics, seed=self.seed)).array
@@ -329,17 +312,22 @@ class _Player:
             array = self.array
         solving = SolvedAhead(pressure, transducers, array, settings, how, path)
         admission = self.solver.enter_context(solving).first_part()
-        self.number += 1
         # The drive does not exist yet.
-        self.admitted = {self.number: (solving, Path(order["solve"].take), room)}
+        self.admitted = {self.number + 1: (solving, Path(order["solve"].take), room)}
+        found = self._found(admission, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
+        return found | {"verdict": f"first part: {found['verdict']}; each part is checked before it sounds"}
+
+    def _found(self, admission: Any, duration: float, solved: Acoustics) -> dict[str, Any]:
+        """Return a clearance for the page, with the next number."""
+        self.number += 1
         return {
             "number": self.number,
             "outcome": admission.outcome,
-            "verdict": f"first part: {admission.verdict()}; each part is checked before it sounds",
+            "verdict": admission.verdict(),
             "by": admission.by,
-            "duration_s": order["repeats"] * pressure.frames / pressure.rate,
+            "duration_s": duration,
             "refused": "",
-            "solved_c": round(settings.acoustics.medium.degrees, 2),
+            "solved_c": round(solved.medium.degrees, 2),
             **exposed(admission.exposure),
         }
 
@@ -381,12 +369,11 @@ class _Player:
             if not isinstance(found[0], SolvedAhead):
                 return self._let_sound(order, *found)
             solving, path, room = found
-
-            def told(text: str) -> None:
-                self.pipe.send("solves", text=text)
-
             with self.solver:
-                ready = solving.in_time(told, lambda: self.permit.check(order["leave"], self.device))
+                ready = solving.in_time(
+                    lambda text: self.pipe.send("solves", text=text),
+                    lambda: self.permit.check(order["leave"], self.device),
+                )
                 report = self._let_sound(order, ready, path, room)
                 solving.finish()
                 return report
@@ -435,6 +422,12 @@ class _Player:
                 self.pipe.send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress
+
+
+def _choices(order: Mapping[str, Any]) -> ExposureChoices:
+    profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
+    asked = {"attenuate": order["attenuate"], "override": order["override"] or None, "room": order.get("room")}
+    return ExposureChoices(profile=profile, **asked)
 
 
 def exposed(found: Any) -> dict[str, Any]:

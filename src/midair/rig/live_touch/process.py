@@ -152,13 +152,6 @@ class LoopStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopNote:
-    """Line for the user: begin or end of a pause while units are too hot, or of following the palm."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopEnded:
     """End of a run."""
 
@@ -186,7 +179,7 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    `told` receives one `LoopStarted`, then a `LoopNote` for each begin and end of a pause, and one `LoopEnded`.
+    `told` receives one `LoopStarted`, then a line for each begin and end of a pause or of following, and a `LoopEnded`.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -222,7 +215,7 @@ def _play(
         nonlocal notes
         # A program that reads no lines must not stop the loop.
         if (notes := notes + 1) <= NOTES:
-            told.send(LoopNote(text=text))
+            told.send(text)
 
     # Before the SDK starts its threads, which inherit the priority.
     granted = request_realtime(order.priority)
