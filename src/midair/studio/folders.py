@@ -5,19 +5,24 @@ import re
 import shutil
 import tempfile
 import time
+import zipfile
 from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from midair.errors import DeviceStateError, InputError, MissingFileError
-from midair.files import FORMATS, atomic_file, lock_or_raise
+from midair.files import FORMATS, atomic_file, lock_or_raise, parse_errors
 from midair.rig import Subject
+from midair.studio.jobs import Progressed
 
-LARGEST = 256 * 2**20
-"""Largest upload in bytes."""
+BIN, EXPORTS = "bin", "exports"
+"""Folders, in the studio's, of takes that were deleted and of files that were exported."""
 
-READABLE = (*FORMATS, ".json", ".html")
+LARGEST, PROJECT = 256 * 2**20, 4 * 2**30
+"""Largest upload of a recording and of a project in bytes."""
+
+READABLE = (*FORMATS, ".json", ".zip", ".html")
 """Endings of files that may be uploaded or downloaded."""
 
 
@@ -61,18 +66,38 @@ class StudioFolder:
             raise InputError(f"{name}: expected a name inside the studio's folder, got one that leads out of it")
         return path
 
+    def name_of(self, path: Path) -> str:
+        """Name of a path in the folder."""
+        return path.relative_to(self.path).as_posix()
+
     def names(self, ending: str) -> list[str]:
         """Names of the files with an ending, newest first, without hidden ones and links that lead out."""
-        found: list[tuple[float, str]] = []
-        for path in self.path.iterdir():
-            if not path.name.endswith(ending) or path.name.startswith("."):
+        return [name for name in self.stamps() if name.endswith(ending)]
+
+    def stamps(self, *, within: bool = False) -> dict[str, str]:
+        """Modification time of each file as in `take_data.stamp_of`, newest first; hidden ones are left out.
+
+        With `within`, also of the files in its folders, except the bin, exports and studies.
+        """
+        found: list[tuple[int, str]] = []
+        folders = [""]
+        with os.scandir(self.path) as listed:
+            folders += [f"{one.name}/" for one in listed if within and one.is_dir() and one.name not in (BIN, EXPORTS)]
+        for folder in folders:
+            if folder.startswith(".") or (folder and (self.path / folder / "plan.json").exists()):
                 continue
-            try:
-                if path.is_file() and self.place(path.name):
-                    found.append((path.stat().st_mtime, path.name))
-            except (OSError, InputError):
-                continue
-        return [name for _, name in sorted(found, reverse=True)]
+            with suppress(OSError), os.scandir(self.path / folder) as listed:
+                found += [(one.stat().st_mtime_ns, folder + one.name) for one in listed if self._shown(one)]
+        return {name: f"{time_ns:x}" for time_ns, name in sorted(found, reverse=True)}
+
+    def _shown(self, one: os.DirEntry[str]) -> bool:
+        """Whether a file is listed: not a hidden one, and no link that leads out."""
+        try:
+            if one.is_symlink():
+                self.place(self.name_of(Path(one.path)))
+            return one.is_file() and not one.name.startswith(".")
+        except (OSError, InputError):
+            return False
 
     def free(self, stem: str, ending: str) -> Path:
         """Return an unused path for a name that a page sent; characters other than letters and digits are replaced."""
@@ -98,6 +123,40 @@ class StudioFolder:
                     )
                 file.write(part)
         return path
+
+
+def pack_folder(target: str, progress: Progressed) -> str:
+    """Write the files of a studio's folder, except hidden ones, the bin and exports, into a ZIP file in `exports`."""
+    folder = Path(target).parents[1]
+    named = {path: path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file()}
+    kept = [path for path, name in named.items() if name.parts[0] not in (BIN, EXPORTS) and "/." not in f"/{name}"]
+    with atomic_file(target) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number, path in enumerate(kept):
+            progress("packing", number, len(kept))
+            archive.write(path, named[path])
+    return target
+
+
+def unpack_folder(order: tuple[str, str], progress: Progressed) -> list[str]:
+    """Write the files of such a ZIP file into a studio's folder; returns their names.
+
+    Raises InputError before the first one if a name leads out or exists, or the disk is too small for them, and
+    BrokenFileError if it is damaged.
+    """
+    source, folder = Path(order[0]), StudioFolder(Path(order[1]))
+    with parse_errors(source, "a project"), zipfile.ZipFile(source) as archive:
+        files = {one: folder.place(one.filename) for one in archive.infolist() if not one.is_dir()}
+        taken = [path.name for path in files.values() if path.exists()]
+        size, free = sum(one.file_size for one in files), shutil.disk_usage(folder.path).free
+        if taken or size > free:
+            what = f"{taken[0]} exists already" if taken else f"{size / 1e6:.3g} MB for {free / 1e6:.3g} MB of disk"
+            raise InputError(f"project: expected free names and room for its files, got {what}; open another folder")
+        for number, (one, path) in enumerate(files.items()):
+            progress("unpacking", number, len(files))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_file(path) as partial, archive.open(one) as packed, partial.open("wb") as file:
+                shutil.copyfileobj(packed, file)
+    return [folder.name_of(path) for path in files.values()]
 
 
 PREFIX = "midair-studio-"
