@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
 from midair.studio.demo_stroke import DemoStroke
-from midair.studio.folders import LARGEST, PROJECT, StudioFolder, unpack_folder
+from midair.studio.folders import StudioFolder, unpack_folder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
@@ -281,8 +281,7 @@ class Studio:
             own = suffix in (".h5", ".json")
             # A file of another program waits in the session's folder for what it does not state.
             folder = self.folder if own else StudioFolder.at(self.takes.samples / "incoming")
-            largest = PROJECT if suffix == ".zip" else LARGEST
-            path = await folder.receive(name[:200], request.stream(), largest=largest)
+            path = await folder.receive(name[:200], request.stream())
             if suffix == ".zip":
                 await self.reading.result("unpacking a project", unpack_folder, (str(path), str(self.folder.path)))
                 path.unlink()

@@ -80,24 +80,16 @@ class StudioFolder:
         With `within`, also of the files in its folders, except the bin, exports and studies.
         """
         found: list[tuple[int, str]] = []
-        folders = [""]
         with os.scandir(self.path) as listed:
-            folders += [f"{one.name}/" for one in listed if within and one.is_dir() and one.name not in (BIN, EXPORTS)]
-        for folder in folders:
-            if folder.startswith(".") or (folder and (self.path / folder / "plan.json").exists()):
-                continue
+            inner = [one.name for one in listed if within and one.is_dir(follow_symlinks=False)]
+        inner = [name for name in inner if name not in (BIN, EXPORTS) and not (self.path / name / "plan.json").exists()]
+        for folder in ("", *(f"{name}/" for name in inner if not name.startswith("."))):
             with suppress(OSError), os.scandir(self.path / folder) as listed:
-                found += [(one.stat().st_mtime_ns, folder + one.name) for one in listed if self._shown(one)]
+                for one in (one for one in listed if not one.name.startswith(".")):
+                    with suppress(OSError, InputError):  # a link that leads out or nowhere
+                        if one.is_file() and (not one.is_symlink() or self.place(folder + one.name)):
+                            found.append((one.stat().st_mtime_ns, folder + one.name))
         return {name: f"{time_ns:x}" for time_ns, name in sorted(found, reverse=True)}
-
-    def _shown(self, one: os.DirEntry[str]) -> bool:
-        """Whether a file is listed: not a hidden one, and no link that leads out."""
-        try:
-            if one.is_symlink():
-                self.place(self.name_of(Path(one.path)))
-            return one.is_file() and not one.name.startswith(".")
-        except (OSError, InputError):
-            return False
 
     def free(self, stem: str, ending: str) -> Path:
         """Return an unused path for a name that a page sent; characters other than letters and digits are replaced."""
@@ -107,13 +99,13 @@ class StudioFolder:
             number += 1
         return path
 
-    async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int = LARGEST) -> Path:
+    async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int | None = None) -> Path:
         """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""
         ending = Path(name).suffix.lower()
         if ending not in READABLE or ending == ".html":
             raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")
         path = self.free(Path(name).stem, ending)
-        size = 0
+        size, largest = 0, largest or (PROJECT if ending == ".zip" else LARGEST)
         with atomic_file(path) as partial, partial.open("wb") as file:
             async for part in parts:
                 size += len(part)
@@ -137,8 +129,8 @@ def pack_folder(target: str, progress: Progressed) -> str:
     return target
 
 
-def unpack_folder(order: tuple[str, str], progress: Progressed) -> list[str]:
-    """Write the files of such a ZIP file into a studio's folder; returns their names.
+def unpack_folder(order: tuple[str, str], progress: Progressed) -> None:
+    """Write the files of such a ZIP file into a studio's folder.
 
     Raises InputError before the first one if a name leads out or exists, or the disk is too small for them, and
     BrokenFileError if it is damaged.
@@ -151,12 +143,8 @@ def unpack_folder(order: tuple[str, str], progress: Progressed) -> list[str]:
         if taken or size > free:
             what = f"{taken[0]} exists already" if taken else f"{size / 1e6:.3g} MB for {free / 1e6:.3g} MB of disk"
             raise InputError(f"project: expected free names and room for its files, got {what}; open another folder")
-        for number, (one, path) in enumerate(files.items()):
-            progress("unpacking", number, len(files))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_file(path) as partial, archive.open(one) as packed, partial.open("wb") as file:
-                shutil.copyfileobj(packed, file)
-    return [folder.name_of(path) for path in files.values()]
+        progress("unpacking", 0, len(files))
+        archive.extractall(folder.path)
 
 
 PREFIX = "midair-studio-"

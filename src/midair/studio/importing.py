@@ -97,9 +97,5 @@ def _course(path: str, columns: int = 400) -> dict[str, Any]:
     parts = [block.reshape(len(block), -1) for block in blocks(samples, size)]
     least, greatest = (np.array([getattr(part, name)(axis=0) for part in parts]) for name in ("min", "max"))
     channel = int((greatest.max(axis=0) - least.min(axis=0)).argmax())
-    return {
-        "channel": channel,
-        "seconds": recording.duration,
-        "least": least[:, channel].tolist(),
-        "greatest": greatest[:, channel].tolist(),
-    }
+    ends = {"least": least[:, channel].tolist(), "greatest": greatest[:, channel].tolist()}
+    return {"channel": channel, "seconds": recording.duration, **ends}

@@ -33,6 +33,9 @@ Stamps = Mapping[str, str]
 _LABEL = re.compile(rf"(.+)([@.])((?:{'|'.join(MODES)})(?:-\d+)?)")
 """A name with the label of a further drive: ``NAME@paper`` of a take, ``NAME.paper`` of the files beside it."""
 
+SAMPLES = ("towel", "brush", "sponge")
+"""Samples in the order in which they are shown."""
+
 _IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
 """Endings of takes of other programs."""
 
@@ -60,7 +63,7 @@ class TakesList:
         if self.is_pending(SAMPLE + FIRST):
             none = {**dict.fromkeys(_NOT_YET, False), "sample": True, "stamp": "first", "drives": []}
             rows.append({**none, "name": SAMPLE + FIRST})
-        labels, samples = _labels(session), [path.name for path in self._sample_files()]
+        labels, samples = _labels(session), [name for name in (f"{each}.h5" for each in SAMPLES) if name in session]
         return [*rows, *(self._row(SAMPLE + name[:-3], name, session, session, labels) for name in samples)]
 
     def drives(self, name: str) -> list[str]:
@@ -86,7 +89,8 @@ class TakesList:
         """Return the path of a recording; InputError or MissingFileError if the name is not valid."""
         name = take_of(name)
         if name.startswith(SAMPLE):
-            found = {SAMPLE + path.stem: path for path in self._sample_files()}
+            paths = [self.samples / f"{each}.h5" for each in SAMPLES]
+            found = {SAMPLE + path.stem: path for path in paths if path.exists()}
             if name not in found:
                 raise InputError(f"take: expected one of {', '.join(found) or 'no samples yet'}, got {name[:80]!r}")
             return found[name]
@@ -141,9 +145,8 @@ class TakesList:
 
     def delete(self, name: str) -> str:
         """Move a take and the files beside it into a folder of the bin; returns the name of that folder."""
-        files, number = self.family(name), 1
-        while (place := self.folder.path / BIN / f"{Path(take_of(name)).stem}-{number:02d}").exists():
-            number += 1
+        files = self.family(name)
+        place = StudioFolder.at(self.folder.path / BIN).free(Path(take_of(name)).stem, "")
         for file in files:
             (target := place / self.folder.name_of(file)).parent.mkdir(parents=True, exist_ok=True)
             file.rename(target)
@@ -210,11 +213,6 @@ class TakesList:
 
         further = [drive_row(f"{name}@{label}", f"{stem}.{label}") for label in sorted(labels.get(stem, []))]
         return {**drive_row(name, stem), "sample": name.startswith(SAMPLE), "drives": further}
-
-    def _sample_files(self) -> list[Path]:
-        order = {"towel": 0, "brush": 1, "sponge": 2}
-        files = [path for path in self.samples.glob("*.h5") if not path.name.endswith(_ENDINGS)]
-        return sorted((path for path in files if path.stem in order), key=lambda path: order[path.stem])
 
 
 def take_of(name: str) -> str:

@@ -35,18 +35,12 @@ class NewName(TakeNamed):
     name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*(/\w[\w -]*)?$")
 
 
-class Mark(Arguments):
-    """A time of a take, and its name."""
-
-    time_s: float = Field(ge=0)
-    name: str = Field(default="", max_length=100)
-
-
 class Notes(Arguments):
     """What a person writes about a take."""
 
     text: str = Field(default="", max_length=10_000)
-    marks: list[Mark] = Field(default=[], max_length=1000)
+    marks: dict[float, Annotated[str, Field(max_length=100)]] = Field(default={}, max_length=1000)
+    """Names by time in s."""
 
 
 class NotesForm(TakeNamed, Notes):

@@ -202,7 +202,7 @@ export default class Reproduce {
   }
   /** Keep what is written about the take, a moment after the last letter. */
   _note() {
-    const name = takeOf(this.take.name), notes = { text: this.text.value, marks: this.transport.marks.map((mark) => ({ time_s: mark / this.transport.rate, name: this.names.get(mark) ?? "" })) };
+    const name = takeOf(this.take.name), notes = { text: this.text.value, marks: Object.fromEntries(this.transport.marks.map((mark) => [mark / this.transport.rate, this.names.get(mark) ?? ""])) };
     for (const view of this.views.values()) view.facts.written = notes;
     clearTimeout(this.noting);
     this.noting = setTimeout(() => { if (this.link.controls) tried(this.link.order("reproduce", "note", { take: name, ...notes })); }, 600);
@@ -289,7 +289,7 @@ export default class Reproduce {
     this._pictures(inferno, twilight);
     this._about();
     const { written: notes } = facts;
-    if (!same) { this.names = new Map(notes.marks.map((mark) => [Math.round(mark.time_s * transport.rate), mark.name])); transport.marks = [...this.names.keys()].sort((a, b) => a - b); this.marked = undefined; this.text.value = notes.text; }
+    if (!same) { this.names = new Map(Object.entries(notes.marks).map(([time, name]) => [Math.round(time * transport.rate), name])); transport.marks = [...this.names.keys()].sort((a, b) => a - b); this.marked = undefined; this.text.value = notes.text; }
     this._marks();
     transport.addEventListener("change", () => { this._marks(); if (!transport.playing) this._address(); this._frame(); });
     transport.run((state) => this._draw(state));
