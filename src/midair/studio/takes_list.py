@@ -22,7 +22,7 @@ _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Endings of files that are not takes."""
 
 NOTES = ".notes.json"
-"""Ending of the file of a take with what a person wrote about it."""
+"""Ending of the file with the notes on a take."""
 
 _BESIDE = (".drive.h5", ".rerecorded.h5", ".report.html", NOTES)
 """Endings of the files that are made from a take."""

@@ -36,7 +36,7 @@ class NewName(TakeNamed):
 
 
 class Notes(Arguments):
-    """What a person writes about a take."""
+    """Text and named marks that a person adds to a take."""
 
     text: str = Field(default="", max_length=10_000)
     marks: dict[float, Annotated[str, Field(max_length=100)]] = Field(default={}, max_length=1000)
@@ -44,7 +44,7 @@ class Notes(Arguments):
 
 
 class NotesForm(TakeNamed, Notes):
-    """A take, and what a person writes about it."""
+    """A take, and the notes on it."""
 
 
 class SolveForm(Arguments):
