@@ -13,7 +13,7 @@ import typing
 from pathlib import Path
 
 import midair
-from midair.settings import format_value
+from midair.settings import CHOICES, MODES, format_value
 
 ROOT = Path(__file__).parents[1]
 CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
@@ -161,6 +161,31 @@ def declared_table(kind, typed=None):
         default = "" if one.default in (None, "", dataclasses.MISSING) else format_value(one.default, known["unit"])
         rows.append(f"| `{one.name}` | {shown} | {default} | {known['help'].replace(chr(10), ' ')} |")
     return "\n".join(rows)
+
+
+def choices_table():
+    """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
+
+    A cell is empty where best equals the paper's value, and where another mode equals best.
+    """
+    lines = ["| option, in `Settings` | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
+    for choice in CHOICES:
+        paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
+        said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
+        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
+    return "\n".join(lines)
+
+
+def as_markdown(entries):
+    """Table of entries in Markdown, for the docs."""
+    lines = ["| name | stored as | dimensions | type | unit | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+    for entry in entries:
+        stored = "attribute" if entry.dimensions is None else "dataset"
+        name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
+        axes = ", ".join(entry.dimensions or ())
+        kind = f"{entry.dtype} or f4" if entry.single else entry.dtype
+        lines.append(f"| {name} | {stored} | {axes} | {kind} | {entry.unit} | {entry.what} |")
+    return "\n".join(lines)
 
 
 def touches_table(touches):

@@ -3,6 +3,7 @@
 import dataclasses
 import doctest
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from tests.printed import not_printed
 
 from midair.cli import run
 from midair.cli.commands import COMMANDS, FOLDERS
-from midair.settings import CHOICES, MODES, Settings, choices_table
+from midair.settings import CHOICES, MODES, Settings
 from midair.study import (
     Design,
     SilentPresenter,
@@ -226,7 +227,7 @@ def test_every_command_of_the_page_on_studies_prints_what_it_shows(folder, capsy
 
 
 def test_the_table_of_settings_has_every_choice_in_every_mode():
-    table = choices_table()
+    table = runpy.run_path(str(ROOT / "docs" / "reference.py"))["choices_table"]()
     assert len(table.splitlines()) == len(CHOICES) + 2
     assert all(f"`--{choice.name}`" in table for choice in CHOICES)
     assert "`--rate`<br>`target.rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |  |" in table

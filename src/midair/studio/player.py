@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -368,13 +369,11 @@ class _Player:
         with self.noise.over(order["masked"]):
             if not isinstance(found[0], SolvedAhead):
                 return self._let_sound(order, *found)
-            solving, path, room = found
+            solving: SolvedAhead = found[0]
+            wait = partial(self.permit.check, order["leave"], self.device)
             with self.solver:
-                ready = solving.in_time(
-                    lambda text: self.pipe.send("solves", text=text),
-                    lambda: self.permit.check(order["leave"], self.device),
-                )
-                report = self._let_sound(order, ready, path, room)
+                ready = solving.in_time(lambda text: self.pipe.send("solves", text=text), wait)
+                report = self._let_sound(order, ready, *found[1:])
                 solving.finish()
                 return report
 
@@ -426,8 +425,8 @@ class _Player:
 
 def _choices(order: Mapping[str, Any]) -> ExposureChoices:
     profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
-    asked = {"attenuate": order["attenuate"], "override": order["override"] or None, "room": order.get("room")}
-    return ExposureChoices(profile=profile, **asked)
+    room, override = order.get("room"), order["override"] or None
+    return ExposureChoices(profile=profile, attenuate=order["attenuate"], override=override, room=room)
 
 
 def exposed(found: Any) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from midair.devices import (
     Cooling,
     ImmediateArray,
     SensorDevice,
+    Source,
     Stream,
     StreamedSensor,
     check_exposure_level,
@@ -41,7 +42,7 @@ from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
 
-class RepeatedSource:
+class RepeatedSource(Source):
     """Repeats `samples`, shape (frame, channel), in real time, in blocks of `block` frames as a converter does."""
 
     def __init__(self, samples: NDArray[np.float64], stream: Stream, *, block: int = 2) -> None:
@@ -70,12 +71,6 @@ class RepeatedSource:
         # Time stamp of the end of the frame.
         taken = self._begin + (first + 1) / rate
         return Chunk(samples=self._samples[at], first=first, device_time=first / rate, host_time=taken)
-
-    def stop(self) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
 
     def describe(self) -> dict[str, str]:
         """Duration of the period."""

@@ -58,15 +58,9 @@ class SolveForm(Arguments):
 
     def choices(self) -> tuple[tuple[str, Any], ...]:
         """Return the settings that differ from the mode, in their own units."""
-        given = {
-            "mapping": self.mapping,
-            "method": self.method,
-            "level": self.level,
-            "gain": self.gain,
-            "ears": self.ears_db,
-            "height": None if self.height_mm is None else self.height_mm * 1e-3,
-            "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
-        }
+        given = self.model_dump(include={"mapping", "method", "level", "gain"}) | {"ears": self.ears_db}
+        for name, length in (("height", self.height_mm), ("guard", self.guard_mm)):
+            given[name] = None if length is None else length * 1e-3
         return tuple((name, value) for name, value in given.items() if value is not None)
 
 
