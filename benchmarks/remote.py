@@ -18,6 +18,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -84,18 +85,18 @@ def wire(tap: UdpProxy, since: int, *, loud: bool, patience: float = 1.0) -> tup
 class Here:
     """A server in a thread of this program, on virtual units that keep their frames, or on others."""
 
-    def __init__(self, folder, units, *, force=20, **settings):
+    def __init__(self, folder, units, *, force=20, serve=None, **settings):
         self.units, self.lines, ready = units, [], threading.Event()
         (folder / "tap.toml").write_text(PATTERN.format(seconds=0.1, rate=1000, force=force), encoding="utf-8")
 
-        def note(tcp, udp):
+        def note(tcp, udp=0):
             self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
-            self.url, self.osc = f"ws://127.0.0.1:{tcp}/?key=", ("127.0.0.1", udp)
+            self.url, self.osc = f"ws://127.0.0.1:{tcp}/?key=", ("127.0.0.1", udp or 9)
             ready.set()
 
         how = {"settings": PlaySettings(**settings), "report": self.lines.append, "ready": note}
         self._pool = ThreadPoolExecutor(1)
-        self.end = self._pool.submit(remote.serve, folder, key=KEY, ports=(0, 0), **how)
+        self.end = self._pool.submit(serve or partial(remote.serve, folder, key=KEY, ports=(0, 0)), **how)
         assert ready.wait(20), self.end
 
     def close(self):
@@ -107,8 +108,8 @@ class Here:
         """Whether the newest frame has sound."""
         return bool(self.units.frames) and self.units.frames[-1][1] > 0
 
-    def client(self, key=KEY):
-        return connect(self.url + key, max_queue=None, close_timeout=0.2)
+    def client(self, key=KEY, origin=None):
+        return connect(self.url + key, max_queue=None, close_timeout=0.2, origin=origin)
 
     @contextmanager
     def playing(self):
@@ -131,8 +132,36 @@ def state(client):
 HUGE = ["1e308", "-1", "NaN", "Infinity", "9" * 400, "[]", "null", '"1"', "true", "{}"]
 FIELDS = [f'{{"do": "{do}", "{name}": {each}}}' for do in MESSAGES for name in ("file", "level") for each in HUGE]
 FILES = [f'{{"do": "load", "file": "{file}"}}' for file in ("../../etc/passwd", "a\\u0000.toml", "/etc/passwd")]
-HOSTILE = [*FIELDS, *FILES, *HUGE, "[" * 20_000, '{"do":' * 5000, '{"do": "play", "file": "tap.toml", "gain": 2}']
+UPDATES = ("update_pattern", "update_playstart", "update_parameters", "update_tracking", "update_device")
+DATA = [f'{{"cmd": "{cmd}", "data": {each}}}' for cmd in UPDATES for each in HUGE]
+DATA += [f'{{"cmd": "update_pattern", "data": {{"pattern_json": {json.dumps(each)}}}}}' for each in [*HUGE, "[" * 9000]]
+HOSTILE = [
+    *FIELDS,
+    *DATA,
+    *FILES,
+    *HUGE,
+    "[" * 20_000,
+    '{"do":' * 5000,
+    '{"do": "play", "file": "tap.toml", "gain": 2}',
+]
 """Messages that are none."""
+
+
+def designer(client: ClientConnection, cmd: str, **data: object) -> dict:
+    """Send a message as the AdapTics Designer does; return its answer."""
+    client.send(json.dumps({"cmd": cmd, "data": data}))
+    while True:
+        found = json.loads(client.recv(30))
+        if found["cmd"] == "ignoreme" and found["data"]["to"] in (cmd, "stop", ""):
+            return found["data"]
+
+
+def design(client: ClientConnection, pattern: str, **values: float) -> None:
+    """Play a pattern from its beginning as the Designer does."""
+    designer(client, "update_pattern", pattern_json=pattern)
+    asked = {"time": 0.0, "user_parameters": values, "geometric_transform": np.eye(4).tolist()}
+    designer(client, "update_parameters", evaluator_params=asked)
+    designer(client, "update_playstart", playstart=1.0, playstart_offset=0.0)
 
 
 def trigger_times(tap: UdpProxy, client: ClientConnection, count: int) -> list[float]:
@@ -194,7 +223,8 @@ def attack(served: Here, count: int) -> int:
                     osc.sendto(raw[:5000], served.osc)
                     osc.sendto(remote.osc_packet(f"/midair/{each % 3}", KEY, 1e9, "x" * 50), served.osc)
                 while answers < number + 100:
-                    answers += "error" in json.loads(bad.recv(10)).get("answer", {})
+                    found = json.loads(bad.recv(10))
+                    answers += "error" in found.get("answer", found.get("data", {}))
     return answers
 
 

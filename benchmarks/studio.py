@@ -2,6 +2,7 @@
 
 ``python -m benchmarks.studio --seconds 10`` starts a server on the virtual rig in a separate process, and Chromium
 without a GPU, both on this machine. Every figure has a reference from the same browser in the same run.
+``--takes 1000 --part reproduce delays memory`` does so with a folder of 1000 takes.
 """
 
 import argparse
@@ -14,8 +15,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
+import numpy as np
 import psutil
+
+from midair.files import save
+from midair.model import Recording
 
 PARTS = ("start", "reproduce", "record", "delays", "live", "deaths", "memory")
 
@@ -55,11 +61,16 @@ def measured(page, server, seconds, drawn):
 
 
 @contextlib.contextmanager
-def opened():
-    """Start a studio and a page; yields the page, the server's process, and the durations."""
+def opened(takes=0):
+    """Start a studio with some takes and a page; yields the page, the server's process, and the durations."""
     from playwright.sync_api import sync_playwright
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        if takes:
+            noise = np.random.default_rng(0).normal(size=(300, 4, 4))
+            save(Recording(samples=noise, rate=1000, unit="Pa"), first := Path(folder) / "take-0001.h5")
+            for number in range(2, takes + 1):
+                shutil.copyfile(first, first.with_name(f"take-{number:04d}.h5"))
         # The browser is started before, like that of a user.
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1440, "height": 900})
@@ -76,6 +87,8 @@ def opened():
             page.goto(link, wait_until="commit")
             until(page, "globalThis.studio?.link?.page > 0")
             took["page_answers_s"] = round(time.monotonic() - at, 2)
+            until(page, f"document.querySelectorAll('.takes a').length > {takes}")
+            took["takes_listed_s"] = round(time.monotonic() - at, 2)
             until(page, "(globalThis.studio?.drawn ?? 0) > 0")
             took["first_picture_s"] = round(time.monotonic() - at, 2)
             until(page, "!!studio.room.played && studio.room.take.played.last > 0")
@@ -98,12 +111,13 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="observation time of each panel in s")
     parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS[:-1], help="only these parts")
+    parser.add_argument("--takes", type=int, default=0, help="number of takes in the folder")
     parser.add_argument("--minutes", type=float, default=10.0, help="duration of the part memory in minutes")
     given = parser.parse_args()
     figures = {"load": [round(each, 1) for each in os.getloadavg()]}
     if set(given.part) - {"deaths"}:
-        with opened() as (page, server, took):
-            figures |= took
+        with opened(given.takes) as (page, server, took):
+            figures |= took | found_takes(page)
             for part, measure in ROOMS.items():
                 if part in given.part:
                     figures[part] = measure(page, server, given.seconds)
@@ -116,6 +130,17 @@ def main():
         from benchmarks.studio_deaths import deaths
 
         deaths()
+
+
+def found_takes(page):
+    """Time of a search in the list of takes, until the page is laid out again."""
+    took = page.evaluate(
+        """() => { const began = performance.now(), search = document.querySelector('input[type=search]');
+        search.value = '99'; search.dispatchEvent(new Event('input')); document.body.offsetHeight;
+        const ended = performance.now(); search.value = ''; search.dispatchEvent(new Event('input'));
+        return ended - began; }"""
+    )
+    return {"search_ms": round(took, 1)}
 
 
 def reproduce(page, server, seconds):

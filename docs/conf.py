@@ -13,9 +13,8 @@ from sphinx_gallery.scrapers import figure_rst
 from midair import __version__
 from midair.cli.commands.solve_play import PlayOptions
 from midair.datasets import PUBLIC_SETS, TOUCHES
-from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
+from midair.files.native.schema import HEADER, NETCDF, TABLE
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
-from midair.settings import choices_table
 
 sys.path.insert(0, str(Path(__file__).parent))
 import reference
@@ -64,15 +63,15 @@ html_static_path = ["touches"]
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
 myst_substitutions = {
-    "settings_table": choices_table(),
+    "settings_table": reference.choices_table(),
     "record_table": reference.declared_table(RecordSettings),
     "play_table": reference.declared_table(PlaySettings, PlayOptions),
     "live_table": reference.declared_table(LiveSettings),
-    "header_table": as_markdown(HEADER),
+    "header_table": reference.as_markdown(HEADER),
     "touches_table": reference.touches_table(TOUCHES),
-    "sets_table": reference.sets_table(PUBLIC_SETS),
-    "netcdf_table": as_markdown(NETCDF),
-    **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},
+    "sets_list": reference.sets_list(PUBLIC_SETS),
+    "netcdf_table": reference.as_markdown(NETCDF),
+    **{f"{kind}_table": reference.as_markdown(entries) for kind, entries in TABLE.items()},
 }
 myst_heading_anchors = 3
 

@@ -3,16 +3,19 @@
 import ast
 import contextlib
 import dataclasses
+import functools
 import importlib
 import inspect
 import io
 import pkgutil
+import re
 import typing
 from pathlib import Path
 
 import midair
-from midair.settings import format_value
+from midair.settings import CHOICES, MODES, format_value
 
+ROOT = Path(__file__).parents[1]
 CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
 """Internal modules without a reference page."""
 
@@ -46,13 +49,73 @@ def exports(module):
 
 
 def directive(full, value):
-    """Sphinx directive for one name."""
-    if is_class(value):
-        return [f".. autoclass:: {full}", "   :members:", ""]
-    if inspect.isroutine(value):
-        return [f".. autofunction:: {full}", ""]
+    """Sphinx directive for one name, with the classes that a function takes and returns, and where it is used."""
+    if is_class(value) or inspect.isroutine(value):
+        links = see_also(full.rpartition(".")[2], value)
+        also = [f"   .. seealso:: {', '.join(links)}", ""] if links else []
+        if is_class(value):
+            return [f".. autoclass:: {full}", "   :members:", "", *also]
+        return [f".. autofunction:: {full}", "", *also]
     text = repr(value) if typing.get_origin(value) else type(value).__name__
     return [f".. py:data:: {full}", "", f"   ``{' '.join(text.split())[:300]}``", ""]
+
+
+def see_also(name, value):
+    """Links to the classes in the signature of a function, to examples and to pages that use the name."""
+    hints = {}
+    if not is_class(value):
+        with contextlib.suppress(NameError):  # of types that are imported for checks only
+            hints = typing.get_type_hints(inspect.unwrap(value))
+    classes = dict.fromkeys(each for hint in hints.values() for each in parts_of(hint))
+    homes = {each: home_of(each, each.__name__) for each in classes}
+    links = [f":py:class:`~{home}.{each.__name__}`" for each, home in homes.items() if home]
+    return [*links, *(f":doc:`{title} </{place}>`" for place, title in users().get(name, {}).items())]
+
+
+def parts_of(hint):
+    """Classes of midair in an annotation."""
+    if is_class(hint):
+        return [hint] if hint.__module__.startswith("midair.") else []
+    return [each for inner in typing.get_args(hint) for each in parts_of(inner)]
+
+
+@functools.cache
+def users():
+    """For each name, the examples and pages whose Python uses it: their place and title."""
+    found = {}
+    examples = {f"gallery/{path.stem}": path for path in sorted((ROOT / "examples").glob("plot_*.py"))}
+    for place, path in (examples | {path.stem: path for path in sorted((ROOT / "docs").glob("*.md"))}).items():
+        text = path.read_text(encoding="utf-8")
+        title = re.search(r"^# (.+)$" if path.suffix == ".md" else r'^"""\n?(.+)$', text, re.MULTILINE)
+        code = (
+            "\n".join(re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
+            if path.suffix == ".md"
+            else text
+        )
+        for name in names_in(code):
+            found.setdefault(name, {})[place] = title[1].strip('". ')
+    return found
+
+
+def names_in(code):
+    """Names of midair that Python code imports or reads from the package."""
+    try:
+        tree = ast.parse(code)
+    except SyntaxError:  # fragments of a page
+        return set()
+    nodes = list(ast.walk(tree))
+    imported = {
+        alias.name
+        for each in nodes
+        if isinstance(each, ast.ImportFrom) and (each.module or "").startswith("midair")
+        for alias in each.names
+    }
+    read = {
+        each.attr
+        for each in nodes
+        if isinstance(each, ast.Attribute) and isinstance(each.value, ast.Name) and each.value.id == "midair"
+    }
+    return imported | read
 
 
 def is_class(value):
@@ -83,7 +146,7 @@ def home_of(value, name):
     if not is_class(value):
         return ""
     parts = value.__module__.split(".")
-    homes = (".".join(parts[:count]) for count in range(2, len(parts) + 1))
+    homes = (".".join(parts[:count]) for count in range(2, len(parts) + 1) if parts[1] not in CLOSED)
     return next((home for home in homes if getattr(importlib.import_module(home), name, None) is value), "")
 
 
@@ -100,11 +163,37 @@ def declared_table(kind, typed=None):
     return "\n".join(rows)
 
 
+def choices_table():
+    """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
+
+    A cell is empty where best equals the paper's value, and where another mode equals best.
+    """
+    lines = ["| option, in `Settings` | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
+    for choice in CHOICES:
+        paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
+        said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
+        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
+    return "\n".join(lines)
+
+
+def as_markdown(entries):
+    """Table of entries in Markdown, for the docs."""
+    lines = ["| name | stored as | dimensions | type | unit | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+    for entry in entries:
+        stored = "attribute" if entry.dimensions is None else "dataset"
+        name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
+        axes = ", ".join(entry.dimensions or ())
+        kind = f"{entry.dtype} or f4" if entry.single else entry.dtype
+        lines.append(f"| {name} | {stored} | {axes} | {kind} | {entry.unit} | {entry.what} |")
+    return "\n".join(lines)
+
+
 def touches_table(touches):
     """Table of the touches of the gallery: film, words, picture and sound."""
     rows = ["| film | touch | picture | sound |", "|---|---|---|---|"]
     for name, one in touches.items():
-        sound = f'<audio controls preload="none" src="_static/{name}.wav" aria-label="sound of {name}"></audio>'
+        given = f'style="width: 9em" src="_static/{name}.wav" aria-label="sound of {name}"'
+        sound = f'<audio controls preload="none" {given}></audio>'
         film, picture = (
             f"![{what} of {name}](touches/{name}.{kind})" for what, kind in (("film", "gif"), ("picture", "png"))
         )
@@ -112,21 +201,15 @@ def touches_table(touches):
     return "\n".join(rows)
 
 
-def sets_table(sets):
-    """Table of public sets of recordings."""
-    rows = ["| name | set | content | licence | size | reader |", "|---|---|---|---|---|---|"]
+def sets_list(sets):
+    """List of public sets of recordings."""
+    lines = []
     for name, one in sets.items():
         fetched = "fetched on request" if one.archive else "not fetched"
-        words = [
-            f"`{name}`",
-            f"[{one.title}]({one.place})",
-            one.holds,
-            f"{one.licence}; {fetched}",
-            one.size,
-            one.reader,
-        ]
-        rows.append(f"| {' | '.join(words)} |")
-    return "\n".join(rows)
+        reader = f"`{one.reader}`" if one.reader.startswith("midair") else one.reader
+        lines.append(f"- [{one.title}]({one.place}) (`{name}`): {one.holds}. Size: {one.size}.")
+        lines.append(f"  Licence: {one.licence}; {fetched}. Reader: {reader}")
+    return "\n".join(lines)
 
 
 def commands():

@@ -3,6 +3,7 @@
 import dataclasses
 import doctest
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -11,10 +12,11 @@ from shutil import copyfile
 
 import numpy as np
 import pytest
+from tests.printed import not_printed
 
 from midair.cli import run
 from midair.cli.commands import COMMANDS, FOLDERS
-from midair.settings import CHOICES, MODES, Settings, choices_table
+from midair.settings import CHOICES, MODES, Settings
 from midair.study import (
     Design,
     SilentPresenter,
@@ -153,11 +155,12 @@ def test_the_page_on_seeing_hearing_and_watching_runs(folder):
 
 
 @pytest.mark.slow
-def test_every_command_of_the_tutorial_runs_in_its_order(folder):
+def test_every_command_of_the_tutorial_prints_what_the_page_shows(folder, capsys):
     typed = commands("docs/tutorial.md")
     assert len(typed) > 8
     for words in typed:
         assert run(words) == 0, words
+    assert not_printed("docs/tutorial.md", capsys.readouterr().out) == []
 
 
 def parts_of_a_plan(page):
@@ -204,7 +207,7 @@ def test_the_runner_of_the_page_on_studies_runs(folder):
 
 
 @pytest.mark.slow
-def test_every_command_of_the_page_on_studies_runs_in_its_order(folder):
+def test_every_command_of_the_page_on_studies_prints_what_it_shows(folder, capsys):
     """But for the sessions at the keys, which `test_running` types; of old data, those of a study that was exported."""
     typed = [words for words in commands("docs/study.md") if words[2] not in ("touch", "weak")]
     assert len(typed) > 8
@@ -220,10 +223,11 @@ def test_every_command_of_the_page_on_studies_runs_in_its_order(folder):
     (folder / "old.csv").write_text("\n".join([names, *rows]) + "\n")
     for words in typed:
         assert run(words) == 0, words
+    assert not_printed("docs/study.md", capsys.readouterr().out) == []
 
 
 def test_the_table_of_settings_has_every_choice_in_every_mode():
-    table = choices_table()
+    table = runpy.run_path(str(ROOT / "docs" / "reference.py"))["choices_table"]()
     assert len(table.splitlines()) == len(CHOICES) + 2
     assert all(f"`--{choice.name}`" in table for choice in CHOICES)
     assert "`--rate`<br>`target.rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |  |" in table
@@ -244,7 +248,7 @@ def test_every_option_that_a_page_names_is_one(page, capsys):
     for line in re.findall(r"(?:`|^\$ |^)(midair [a-z][^`\n]*)", text, re.MULTILINE):
         words = line.split()[1:]
         name = [word for word in words[:2] if re.fullmatch(r"[a-z]+", word)]
-        names = name if name[:1] and name[0] in ("calibrate", "log", "study", "sweep") else name[:1]
+        names = name if name[:1] and name[0] in FOLDERS else name[:1]
         if not names or names[0] not in OFFERED:
             continue
         key = tuple(names)

@@ -12,6 +12,7 @@ from shutil import copyfile
 import numpy as np
 import pytest
 import soundfile
+from tests.printed import not_printed
 
 from midair.cli import run
 from midair.files import (
@@ -35,43 +36,8 @@ PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "
 HERE = ("docs/live.md", "docs/show.md", "docs/start.md", "docs/study.md", "docs/tutorial.md")
 """Pages whose commands tests/test_docs.py runs in their order."""
 
-NEEDS = {
-    "make demo": "an environment of its own: .ci/run, and every fresh machine",
-    "make test": "an environment of its own: .ci/run",
-    "py -3 -m venv": "Windows",
-    ".venv\\Scripts\\": "Windows",
-    "source .venv/bin/activate": "an environment of its own",
-    "python -m venv .venv": "an environment of its own",
-    "python -m pip install": "an environment of its own",
-    "git clone": "a network",
-    "MIDAIR_GRBL": "sources of Grbl: tests/devices/motion_stages/test_grbl_firmware.py",
-    "MIDAIR_OPENMPD": "sources of the board: tests/devices/arrays/test_openmpd_vhdl.py",
-    "uv tool install": "an environment of its own",
-    "pipx install": "an environment of its own",
-    "pip install": "an environment of its own",
-    'eval "$(midair completion bash)"': "a shell: tests/cli/test_help.py",
-    "midair record lsl:Skin": "a sensor over LSL",
-    'midair record "udp:5005': "a package of its own: tests/test_plugin.py",
-    "midair import counts.int16": "a package of its own: tests/test_plugin.py",
-    "midair doctor --device autd3 --wizard": "an array: tests/rig/doctor/test_wizard.py",
-    "midair identify lsl:Skin": "a sensor over LSL",
-    "midair play take.drive.h5 --device autd3": "an array and a tracker: tests/rig/playing/test_following.py",
-    "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
-    "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
-    "midair calibrate tracker leap:": "a tracker and an array: tests/rig/bench/test_array_bench.py",
-    "midair studio": "a browser: tests/studio",
-    "midair serve": "clients: tests/rig/test_remote.py",
-    "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",
-    "midair study run touch": "a person: tests/cli/commands/study/test_running.py",
-    "midair study analyse touch": "the session before it",
-    "midair sweep patterns all.zarr": "hours: tests/sweep run smaller ones",
-    "midair sweep report all.zarr": "the sweep before it",
-    "midair sweep patterns all.zarr --scheduler": "a cluster",
-    "openssl": "a cluster",
-    "T=": "a cluster",
-    "dask": "a cluster",
-    "export DASK": "a cluster",
-}
+ROWS_OF_NEEDS = Path(__file__).with_name("docs_needs.txt").read_text(encoding="utf-8").splitlines()
+NEEDS = dict(row.split(" | ") for row in ROWS_OF_NEEDS if row and not row.startswith("#"))
 """Beginnings of lines that no test types, and what they need."""
 
 SHORTER = {"--duration 1s": "--duration 20ms", "calibrate bench lab": "calibrate bench lab --duration 6s"}
@@ -256,10 +222,11 @@ AFTERWARDS = {"midair calibrate bench lab": of_the_lab}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
-def test_every_command_of_a_page_runs_in_its_order(page, tmp_path, monkeypatch, capsys):
+def test_every_command_of_a_page_prints_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     if PREPARED[page] is not None:
         PREPARED[page]()
+    printed = ""
     for line in typed(page):
         if needed(line):
             continue
@@ -268,8 +235,11 @@ def test_every_command_of_a_page_runs_in_its_order(page, tmp_path, monkeypatch, 
             short = short.replace(long, instead)
         words = chain.from_iterable(sorted(glob.glob(word)) or [word] for word in shlex.split(short)[1:])
         status = run(list(words))
-        assert status == 0, (line, capsys.readouterr().err)
+        said = capsys.readouterr()
+        assert status == 0, (line, said.err)
+        printed += said.out
         AFTERWARDS.get(line, lambda: None)()
+    assert not_printed(page, printed) == []
 
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ import inspect
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -101,41 +102,11 @@ def stages():
     }
 
 
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        ("calibrate(cal, rec)", "recording: expected Recording, got Calibration"),
-        ("calibrate('t.h5')", "got str; call midair.open_take on the file"),
-        ("calibrate(take)", "got OpenedTake; use its .recording"),
-        ("calibrate(rec, 't.calibration.h5')", "expected Calibration or None, got str; call midair.load_calibration"),
-        ("calibrate(rec, cal, band=(470, 20))", "expected 0 <= low < high"),
-        ("prepare(rec)", "pressure: expected PressureFrames, got Recording; call calibrate first"),
-        ("prepare(pressure, grid=200)", "grid: expected ControlGrid or None, got int"),
-        ("prepare(pressure, gain='2')", "gain of the pressure: expected a number, got '2'"),
-        ("solve(pressure, array)", "target: expected AmplitudeFrames, got PressureFrames; call prepare first"),
-        ("solve(array, target)", "target: expected AmplitudeFrames, got TransducerArray"),
-        ("solve(target, 'autd3')", "expected TransducerArray, got str; call midair.TransducerArray.autd3()"),
-        ("solve(target, array, method='lmm')", "method: expected one of lm"),
-        ("compare(pressure, rec)", "reproduced: expected PressureFrames, got Recording; call calibrate first"),
-        ("compare(pressure, target)", "use the pressure that it was prepared from"),
-        ("play(target)", "drive: expected Drive, got AmplitudeFrames; call solve first"),
-        ("play('t.drive.h5')", "got str; call midair.load on the file"),
-        ("save('x.h5', rec)", "path, the second argument: expected str or PathLike, got Recording"),
-        ("save(pressure, 'x.h5')", "recording: expected Recording, got PressureFrames"),
-        ("load(rec)", "path: expected str or PathLike, got Recording"),
-        ("record('virtual:towel', '1s')", "duration: expected a number in s, got '1s'"),
-        ("record(5)", "sensor: expected str or SensorDevice, got int; give its name"),
-        ("loop(rec)", "original: expected PressureFrames, got Recording; call calibrate first"),
-        ("loop(rec, 'bset')", "mode: expected one of paper, best, quick, finest, quiet, got 'bset'"),
-        ("ControlGrid(height=200)", "lengths are in metres, 200 mm is 0.2"),
-        ("ControlGrid(height='200mm')", "height: expected a number in m, got '200mm'"),
-        ("ControlGrid(rows='4')", "rows: expected a number, got '4'"),
-        ("ControlGrid(rows=4000, columns=4000)", "3.67 mm pitch, 14.7 x 14.7 m; use at most 272 x 272"),
-        ("TransducerArray.autd3(columns=1.5)", "units: expected whole numbers"),
-        ("TransducerArray.autd3(columns='2')", "columns of units: expected a number, got '2'"),
-        ("TransducerArray.autd3(columns=3000, rows=1000)", "expected at most 10000 in an array, got 3000 x 1000"),
-    ],
-)
+ROWS = Path(__file__).with_name("mistakes_python.txt").read_text(encoding="utf-8").splitlines()
+MISTAKES = [row.split(" | ") for row in ROWS if row and not row.startswith("#")]
+
+
+@pytest.mark.parametrize(("call", "said"), MISTAKES)
 def test_a_wrong_call_names_what_came_and_the_next_step(call, said, stages):
     with pytest.raises(midair.errors.InputError, match=re.escape(said)):
         eval(f"midair.{call}", stages)

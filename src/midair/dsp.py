@@ -174,6 +174,14 @@ def band_energies(x: Array, rate: float, bands: Sequence[Band], *, resolution: f
     return np.array([density[each].sum(axis=0) * rate / segment for each in inside], np.float64)
 
 
+def strongest_window(power: Array, frames: int) -> int:
+    """First of the `frames` frames with the largest sum of `power`, shape (frame,); 0 if it is no longer than that."""
+    if len(power) <= frames:
+        return 0
+    so_far = np.concatenate([[0.0], power.cumsum()])
+    return int(np.argmax(so_far[frames:] - so_far[:-frames]))
+
+
 def resample(x: Array, rate: float, new_rate: float) -> Array:
     """The same band-limited signal at another rate; frame 0 stays at time 0.
 

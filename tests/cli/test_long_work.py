@@ -19,58 +19,11 @@ from midair.files import atomic, save
 from midair.model import Calibration, Recording, SensorGrid
 
 QUICK = "--mode paper --method naive --points 6 --pitch 11mm --lead 0s --duration 0.03s"
-NOTHING = "nothing was written"
-
-LINES = {
-    "import song.wav song.h5 --unit V --layout 4x4:11mm": NOTHING,
-    "import song.csv song.h5 --unit V": NOTHING,
-    "mend song.wav song.h5 --unit V --layout 4x4:11mm": NOTHING,
-    "repair take.h5": NOTHING,
-    "info take.h5": NOTHING,
-    "info take.drive.h5": NOTHING,
-    "show take.h5 --save take.html --no-browser": NOTHING,
-    "show take.h5 --save take.gif --duration 0.02s": NOTHING,
-    "cut take.h5 part.h5 --start 0.1s": NOTHING,
-    "trim take.h5 part.h5": NOTHING,
-    "join take.h5 take.h5 both.h5": NOTHING,
-    "gain take.h5 loud.h5 --by 2": NOTHING,
-    "fade take.h5 soft.h5 --start 0.1s": NOTHING,
-    "mask take.h5 masked.h5 --channels 3": NOTHING,
-    "resample take.h5 slow.h5 --rate 500Hz": NOTHING,
-    "export take.h5 take.csv": NOTHING,
-    "export take.h5 take.wav": NOTHING,
-    "export take.h5 take.mat": NOTHING,
-    "calibrate take.h5 --sensitivity 20mV/Pa": NOTHING,
-    "calibrate measure long.h5 --reference-channel 0 --reference-sensitivity 50mV/Pa": NOTHING,
-    "calibrate beam": NOTHING,
-    "calibrate array --duration 4s": NOTHING,
-    "calibrate bench bench --duration 1s": NOTHING,
-    "draw circle.toml x.drive.h5 --duration 0.1s": NOTHING,
-    f"solve take.h5 x.drive.h5 {QUICK}": NOTHING,
-    "exposure take.drive.h5": NOTHING,
-    "play take.drive.h5": NOTHING,
-    f"loop take.h5 loop.html {QUICK}": NOTHING,
-    "compare take.h5 take.h5": NOTHING,
-    "compare take.h5 take.drive.h5": NOTHING,
-    f"budget take.h5 budget.png {QUICK}": NOTHING,
-    f"demo out {QUICK.replace('--lead 0s ', '')}": "kept out/stroke.h5",
-    "paper figures --figure 3": NOTHING,
-    "paper figures --figure 9": NOTHING,
-    "paper figures --figure 4 --mode paper --duration 0.08s": NOTHING,
-    "paper figures --fidelity --mode paper --things noise --duration 0.04s --iterate 0": NOTHING,
-    "doctor": NOTHING,
-    "sweep patterns s.zarr --count 4 --curves 0 --workers 1": (
-        "the results so far are stored; run the same command again to resume"
-    ),
-    f"sweep recordings r.zarr take.h5 --workers 1 {QUICK.replace('--lead 0s ', '')}": (
-        "the results so far are stored; run the same command again to resume"
-    ),
-    "sweep report done.zarr": NOTHING,
-    "study plan touch --runs 20": NOTHING,
-    "study power rating --effect 0.5 --runs 2": NOTHING,
-    "study paper figures": "kept figures/paper-chance.png",
-    "study analyse touch --draws 50": NOTHING,
-}
+OPTIONS = {"QUICK_ALONE": QUICK.replace("--lead 0s ", ""), "QUICK": QUICK}
+ROWS = Path(__file__).with_name("long_work.txt").read_text(encoding="utf-8")
+for name, options in OPTIONS.items():
+    ROWS = ROWS.replace(f" {name} |", f" {options} |")
+LINES = dict(row.split(" | ") for row in ROWS.splitlines() if row and not row.startswith("#"))
 """Command lines, and their message after Ctrl-C at the first progress bar."""
 
 SLOW = (
@@ -90,6 +43,7 @@ NO_BAR = {
     "record": "has meters, with the seconds of how many; Ctrl-C keeps the take (tests/cli/commands/test_record.py)",
     "live": "has a line of its own until Ctrl-C",
     "serve": "runs until Ctrl-C",
+    "serve adaptics": "runs until Ctrl-C",
     "gallery": "lists, or writes one file; draws all in seconds",
     "identify": "asks for each tap, with its number of how many",
     "stop": "has the array's answer at once",
@@ -110,7 +64,7 @@ NO_BAR = {
 def offered():
     """Every command, with the folder that it is in."""
     below = {f"{name} {sub}" for name in FOLDERS for sub in app[name] if not sub.startswith("-")}
-    return {*COMMANDS, *below, "completion", "calibrate"}
+    return {*COMMANDS, *below, "completion", "calibrate", "serve"}
 
 
 def name_of(line):

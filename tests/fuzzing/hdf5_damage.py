@@ -12,73 +12,12 @@ import numpy as np
 
 from midair.files.native.hdf5_recovery import checksum
 
-SIGNED = (
-    b"OHDR",
-    b"OCHK",
-    b"FRHP",
-    b"FHIB",
-    b"BTHD",
-    b"BTLF",
-    b"BTIN",
-    b"FAHD",
-    b"FADB",
-    b"EAHD",
-    b"EAIB",
-    b"EASB",
-    b"EADB",
-)
-KINDS = (
-    0x0,
-    0x1,
-    0x2,
-    0x3,
-    0x4,
-    0x5,
-    0x6,
-    0x7,
-    0x8,
-    0x9,
-    0xA,
-    0xB,
-    0xC,
-    0xD,
-    0xE,
-    0xF,
-    0x10,
-    0x11,
-    0x12,
-    0x13,
-    0x14,
-    0x15,
-    0x16,
-)
-EDGES = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    16,
-    31,
-    32,
-    33,
-    64,
-    127,
-    128,
-    255,
-    256,
-    1000,
-    65535,
-    2**31 - 1,
-    2**32 - 1,
-    2**63,
-    2**64 - 1,
-)
+SIGNED = tuple(b"OHDR OCHK FRHP FHIB BTHD BTLF BTIN FAHD FADB EAHD EAIB EASB EADB".split())
+"""Letters with which blocks of metadata begin."""
+KINDS = tuple(range(0x17))
+"""Kinds of messages."""
+EDGES = (*range(10), 16, 31, 32, 33, 64, 127, 128, 255, 256, 1000, 65535, 2**31 - 1, 2**32 - 1, 2**63, 2**64 - 1)
+"""Numbers at the edges of types and sizes."""
 
 
 @dataclass(frozen=True)

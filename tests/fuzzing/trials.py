@@ -89,38 +89,19 @@ ONE_CHANNEL = import_or_open("--unit", "V", "--layout", "1x1:7mm", unit="V", sen
 SAYS_RATE = import_or_open("--unit", "V", "--layout", "2x3:7mm", unit="V", sensor=GRID)
 
 
-TARGETS: dict[str, tuple[Callable[[Path], object], ...]] = {
-    "own.h5": (INFO, OWN),
-    "killed.h5": (INFO, OWN),
-    "own.nc": (INFO,),
-    "own.calibration.h5": (INFO,),
-    "own.drive.h5": (INFO,),
-    "own.csv": (OWN,),
-    "own.wav": (OWN,),
-    "own.npz": (OWN,),
-    "own.mat": (OWN,),
-    "foreign.wav": (BRING,),
-    "foreign.ulaw.wav": (BRING,),
-    "foreign.float.wav": (BRING,),
-    "foreign.w64": (BRING,),
-    "foreign.rf64": (BRING,),
-    "foreign.npz": (BRING,),
-    "foreign.mat": (BRING,),
-    "packed.mat": (BRING,),
-    "four.mat": (BRING,),
-    "seven.mat": (BRING,),
-    "denim.csv": (OWN,),
-    "stamped.csv": (STAMPED,),
-    "a.xdf": (SAYS_UNIT,),
-    "a.tdms": (SAYS_UNIT,),
-    "json.mcap": (SAYS_RATE,),
-    "ros.mcap": (SAYS_RATE,),
-    "own.hjif": (SAYS_RATE,),
-    "foreign.hjif": (SAYS_RATE,),
-    "own.ahap": (ONE_CHANNEL,),
-    "own.haptic": (ONE_CHANNEL,),
-    "foreign.ahap": (ONE_CHANNEL,),
-    **{name: (reader,) for name, reader in FOLDER_TARGETS.items()},
+FOREIGN = ("wav", "ulaw.wav", "float.wav", "w64", "rf64", "npz", "mat")
+READ_BY: dict[tuple[Callable[[Path], object], ...], tuple[str, ...]] = {
+    (INFO, OWN): ("own.h5", "killed.h5"),
+    (INFO,): ("own.nc", "own.calibration.h5", "own.drive.h5"),
+    (OWN,): ("own.csv", "own.wav", "own.npz", "own.mat", "denim.csv"),
+    (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat", "seven.mat"),
+    (STAMPED,): ("stamped.csv",),
+    (SAYS_UNIT,): ("a.xdf", "a.tdms"),
+    (SAYS_RATE,): ("json.mcap", "ros.mcap", "own.hjif", "foreign.hjif"),
+    (ONE_CHANNEL,): ("own.ahap", "own.haptic", "foreign.ahap"),
+}
+TARGETS = {name: readers for readers, names in READ_BY.items() for name in names} | {
+    name: (reader,) for name, reader in FOLDER_TARGETS.items()
 }
 """By the name of a specimen."""
 

@@ -9,23 +9,38 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.live_outside import frames_on
-from benchmarks.remote import KEY, Here, OscClient, ask, attack, flood, hold_palm, state, trigger_times
+from benchmarks.remote import (
+    KEY,
+    Here,
+    OscClient,
+    ask,
+    attack,
+    design,
+    designer,
+    flood,
+    hold_palm,
+    state,
+    trigger_times,
+)
 from tests.waiting import wait_until
 from websockets.exceptions import InvalidStatus
 
 from midair.devices import VirtualUnits, read_log, stop_playing, virtual_immediate
 from midair.errors import StoppedError
 from midair.model import Acoustics, Medium, TransducerArray
+from midair.patterns import load_adaptics
 from midair.physics import focus_phase
 from midair.rig import default_exposure, dose_report, remote
 from midair.rig.remote import MESSAGES
 
-ARRAY = TransducerArray.autd3()
+ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
+CIRCLE = Path(__file__).parents[1] / "patterns" / "adaptics" / "circle-grow.adaptics"
 PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="utf-8")
 
 
@@ -83,9 +98,9 @@ def test_the_next_pass_takes_a_parameter_without_a_step(served):
             found = ask(client, "parameter", file="tap.toml", name="force", value=value)
             assert found["parameters"] == {"force": value}
             wait_until(lambda value=value: abs(served.units.frames[-1][1] - loud * np.sqrt(value / 20)) < 2)
-        # 5 ms from full level to silence, at 1000 frames a second, and steps of 1 of 255.
+        # 5 frames from full level to silence, two of which a busy computer may leave out, and steps of 1 of 255.
         levels = np.array([intensity for _, intensity, _ in list(served.units.frames)[begin:]])
-        assert np.abs(np.diff(levels)).max() <= levels.max() / 5 + 1
+        assert (levels.min(), np.abs(np.diff(levels)).max() <= 3 * levels.max() / 5 + 1) == (0, True)
         for name, value, said in (("force", 81.0, "force: expected 0.01 to 80, got 81"), ("f", 1.0, "one of force")):
             assert said in ask(client, "parameter", file="tap.toml", name=name, value=value)["error"]
         assert ask(client, "list")["loaded"][0]["parameters"] == {"force": 80.0}
@@ -129,18 +144,55 @@ def test_midair_stop_ends_the_server(served):
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
-def test_hostile_messages_make_no_sound_and_few_lines(served, count):
-    with served.client() as good:
-        ask(good, "load", file="tap.toml")
-        ask(good, "release")
-        assert attack(served, count) == count
+@pytest.mark.parametrize("kind", ["served", "designed"])
+def test_hostile_messages_make_no_sound_and_few_lines(request, kind, count):
+    served = request.getfixturevalue(kind)
+    if kind == "served":
+        with served.client() as good:
+            ask(good, "load", file="tap.toml")
         for key in ("", "wrong", "%00%ff"):
             with pytest.raises(InvalidStatus):
                 served.client(key)
-        assert len(ask(good, "list")["loaded"]) == 1
+    assert attack(served, count) == count
     assert not any(intensity for _, intensity, _ in served.units.frames)
     assert len(served.lines) == 20
     assert all(len(line) < 500 and "\n" not in line for line in served.lines)
+
+
+@pytest.fixture
+def designed(tmp_path, monkeypatch):
+    units = VirtualUnits(kept=100_000)
+    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    with closing(Here(tmp_path, units, serve=partial(remote.serve_adaptics, port=0))) as one:
+        yield one
+
+
+@pytest.mark.parametrize("way", ["stops", "goes", "sends another", "is no page of this computer"])
+def test_the_designer_plays_its_pattern_until_it(designed, way):
+    if way.startswith("is"):
+        with pytest.raises(InvalidStatus):
+            designed.client(origin="https://example.org")
+        return
+    with designed.client(origin="http://localhost:8123") as client:
+        design(client, CIRCLE.read_text(encoding="utf-8"), grow=1.0)
+        wait_until(designed.sounds)
+        found = []
+        while len(found) < 200:
+            found += json.loads(client.recv(10))["data"].get("evals", [])
+        phases = next(phases for phases, intensity, _ in reversed(list(designed.units.frames)) if intensity)
+        told = np.array([[one["ul_control_point"]["coords"][axis] for axis in "xyz"] for one in found])
+        places = np.array([load_adaptics(CIRCLE, {}).evaluate(one["pattern_time"]).place for one in found])
+        assert told == pytest.approx(places)
+        exact = np.stack([focus_phase(ARRAY, 1e-3 * place, acoustics=AIR) for place in places])
+        off = np.exp(1j * (phases.ravel() * np.pi / 128 - exact))
+        assert np.abs(np.angle(off / off.mean(axis=1, keepdims=True))).max(axis=1).min() < 0.05
+        if way == "stops":
+            designer(client, "update_playstart", playstart=0, playstart_offset=0.0)
+        elif way == "goes":
+            client.socket.shutdown(socket.SHUT_RDWR)
+        else:
+            assert "expected a pattern" in designer(client, "update_pattern", pattern_json="{}")["error"]
+        wait_until(lambda: not designed.sounds())
 
 
 def test_the_page_names_every_message_and_field():
@@ -175,7 +227,7 @@ def test_frames_follow_the_palm_that_clients_report(served):
         for x in (0.0, 0.01):
             hold_palm(client, x)
             assert served.sounds()
-            exact = focus_phase(ARRAY, np.array([x, 0.0, 0.2]), acoustics=Acoustics(medium=Medium.at()))
+            exact = focus_phase(ARRAY, np.array([x, 0.0, 0.2]), acoustics=AIR)
             off = np.exp(1j * (served.units.frames[-1][0].ravel() * np.pi / 128 - exact))
             assert np.abs(np.angle(off / off.mean())).max() < 0.2
         wait_until(lambda: not served.sounds())  # no more poses

@@ -38,18 +38,13 @@ class TouchView:
     sound: bytes
     """WAV file of the place that vibrates most."""
 
-    @property
-    def picture(self) -> Array:
-        """Rms over the whole touch, shape (row, column), in Pa."""
-        return np.sqrt((self.pictures**2).mean(axis=0))
-
     def write(self, folder: Path) -> None:
         """Write ``TITLE.png`` (rms), ``TITLE.gif`` (a film in real time) and ``TITLE.wav`` into a folder."""
         from PIL import Image
 
         side, top = 192, float(self.pictures.max())
-        shown = self.picture / max(float(self.picture.max()), 1e-12)
-        colours = colour_table("inferno")[np.rint(255 * shown).astype(int)]
+        rms = np.sqrt((self.pictures**2).mean(axis=0))
+        colours = colour_table("inferno")[np.rint(255 * rms / max(float(rms.max()), 1e-12)).astype(int)]
         picture = Image.fromarray(colours).resize((side, side), Image.Resampling.NEAREST)
         facts = ViewData(title=self.title, rate=PICTURES, frames=len(self.pictures), simulated=self.simulated)
         width = self.pitch * self.pictures.shape[1]

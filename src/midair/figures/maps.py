@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.array_types import Array
-from midair.dsp import welch
+from midair.dsp import strongest_window, welch
 from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
 from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
@@ -289,7 +289,5 @@ def strongest_moment(frames: PressureFrames, window: float) -> tuple[tuple[int, 
     """Return row and column of the strongest cell, and the start in s of the window with its largest power."""
     power = (frames.pressure**2).reshape(frames.frames, -1)
     cell = int(power.sum(axis=0).argmax())
-    length = min(round(window * frames.rate), frames.frames)
-    over = np.convolve(power[:, cell], np.ones(length), mode="valid")
-    row, column = divmod(cell, frames.sensor.columns)
-    return (row, column), float(frames.time[int(over.argmax())])
+    begin = strongest_window(power[:, cell], round(window * frames.rate))
+    return divmod(cell, frames.sensor.columns), begin / frames.rate

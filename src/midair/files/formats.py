@@ -1,6 +1,7 @@
 """Supported file formats by file name suffix, and the functions `open_take`, `load`, `save` and `contents`."""
 
 import os
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
@@ -39,34 +40,8 @@ Place = str | os.PathLike[str]
 Given = ParamSpec("Given")
 Taken = TypeVar("Taken")
 
-FORMATS: Registry[Format] = Registry(
-    "midair.formats",
-    {
-        ".h5": "midair.files.native:HDF5",
-        ".hdf5": "midair.files.native:HDF5",
-        ".csv": "midair.files.importers.csv_file:CSV",
-        ".wav": "midair.files.importers.sound_file:WAV",
-        ".npz": "midair.files.importers.mat_file:NPZ",
-        ".mat": "midair.files.importers.mat_file:MAT",
-        ".nc": "midair.files.native:NETCDF4",
-        ".npy": "midair.files.importers.mat_file:NPY",
-        ".w64": "midair.files.importers.sound_file:WAVE64",
-        ".rf64": "midair.files.importers.sound_file:RF64",
-        ".flac": "midair.files.importers.sound_file:FLAC",
-        ".aiff": "midair.files.importers.sound_file:AIFF",
-        ".aif": "midair.files.importers.sound_file:AIFF",
-        ".ogg": "midair.files.importers.sound_file:OGG",
-        ".mp3": "midair.files.importers.sound_file:MP3",
-        ".xdf": "midair.files.importers.xdf_file:XDF",
-        ".tdms": "midair.files.importers.tdms_file:TDMS",
-        ".mcap": "midair.files.importers.mcap_file:MCAP",
-        ".hjif": "midair.files.effects:HJIF",
-        ".ahap": "midair.files.effects:AHAP",
-        ".haptic": "midair.files.effects:HAPTIC",
-        ".txt": "midair.files.importers.csv_file:TXT",
-        ".xml": "midair.files.importers.hatt_file:HATT",
-    },
-)
+_STORED = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
+FORMATS: Registry[Format] = Registry("midair.formats", _STORED)
 """File formats by the ending of a name, in small letters."""
 
 OTHERS: Mapping[str, str] = {

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from midair.datasets import probe_signal
+from midair.dsp import strongest_window
 from midair.errors import InputError
 from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png_bytes
@@ -128,12 +127,8 @@ def strongest_part(pressure: PressureFrames, duration: float) -> PressureFrames:
 
 def strongest_begins(pressure: PressureFrames, duration: float) -> float:
     """Start of the part that `strongest_part` selects, in s."""
-    frames = round(duration * pressure.rate)
-    if pressure.frames <= frames:
-        return 0.0
     power = (in_band(pressure.pressure, pressure.rate, BAND) ** 2).sum(axis=(1, 2))
-    so_far = np.concatenate([[0.0], power.cumsum()])
-    return int(np.argmax(so_far[frames:] - so_far[:-frames])) / pressure.rate
+    return strongest_window(power, round(duration * pressure.rate)) / pressure.rate
 
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:

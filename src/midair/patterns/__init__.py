@@ -1,7 +1,9 @@
 """Patterns of moving foci as a source of drives, beside recordings."""
 
 from .adaptics import AdapticsPattern as AdapticsPattern
+from .adaptics import Evaluated as Evaluated
 from .adaptics import load_adaptics as load_adaptics
+from .adaptics import read_adaptics as read_adaptics
 from .drawing import Foci as Foci
 from .drawing import check_reach as check_reach
 from .drawing import draw as draw

@@ -24,6 +24,7 @@ REVISIONS = ("0.0.10-alpha.1", "0.1.0-alpha.2", "0.1.0-alpha.3")
 LONGEST = 20.0
 """Longest pattern without a stated duration, in s."""
 
+_EXPECTED = "a pattern of the AdapTics Designer"
 _DEEPEST = 50  # nesting of a formula
 _OPERATIONS = {"add": add, "subtract": sub, "multiply": mul, "divide": truediv}
 _COMPARISONS = {"lt": lt, "lt_eq": le, "gt": gt, "gt_eq": ge}
@@ -178,23 +179,32 @@ def load_adaptics(path: str | os.PathLike[str], values: Values, *, pressure: flo
 
     Raises MissingFileError, or BrokenFileError if the file is no pattern; InputError if it has no such parameter.
     """
-    expected = "a pattern of the AdapTics Designer"
-    text = read_text(path, expected)
+    return read_adaptics(read_text(path, _EXPECTED), values, pressure=pressure, source=path, others=False)
+
+
+def read_adaptics(
+    text: str, values: Values, *, pressure: float = 50.0, source: object = "pattern", others: bool = True
+) -> AdapticsPattern:
+    """Read the text of an ``.adaptics`` file, named `source` in errors; `others` allows unknown parameters.
+
+    Raises BrokenFileError and InputError as `load_adaptics` does.
+    """
     try:
-        return _pattern_of(json_of(text), values, pressure)
+        content = json_of(text)
+        if not others:
+            check_parameters(values, content["user_parameter_definitions"])
+        return _pattern_of(content, values, pressure)
     except InputError as wrong:
-        raise InputError(f"{path}: {wrong}") from wrong
+        raise InputError(f"{source}: {wrong}") from wrong
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as wrong:
-        raise BrokenFileError(f"{path}: expected {expected}, got: {type(wrong).__name__} {wrong}") from wrong
+        raise BrokenFileError(f"{source}: expected {_EXPECTED}, got: {type(wrong).__name__} {wrong}") from wrong
 
 
 def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPattern:
     if content["$DATA_FORMAT"] != "MidAirHapticsAnimationFileFormat" or content["$REVISION"] not in REVISIONS:
         raise ValueError(f"revision {content['$REVISION']!r}; known are {', '.join(REVISIONS)}")
-    known = content["user_parameter_definitions"]
-    check_parameters(values, known)
-    chosen: dict[str, float] = {}
-    for name, one in known.items():
+    chosen = dict(values)
+    for name, one in content["user_parameter_definitions"].items():
         least, most = (far if one.get(end) is None else _finite(one[end]) for end, far in (("min", -inf), ("max", inf)))
         chosen[name] = min(max(values.get(name, _finite(one["default"])), least), most)
     keys = tuple(sorted((_key(one, chosen) for one in content["keyframes"]), key=lambda key: key.time))

@@ -5,7 +5,6 @@ The options of the command line, the provenance of drives and the table of the d
 
 from .choices import CHOICES as CHOICES
 from .choices import Choice as Choice
-from .choices import choices_table as choices_table
 from .choices import format_setting as format_setting
 from .choices import format_value as format_value
 from .choices import nearest_mode as nearest_mode

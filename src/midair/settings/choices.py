@@ -155,16 +155,3 @@ UNITS: Mapping[str, str] = MappingProxyType(
 def format_setting(path: str, value: Any) -> str:
     """Format the value of the setting at `path`, such as ``target.grid.height``, with its unit."""
     return format_value(value, UNITS.get(path, "")) if value is not None else "default"
-
-
-def choices_table() -> str:
-    """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
-
-    A cell is empty where best equals the paper's value, and where another mode equals best.
-    """
-    lines = ["| option, in `Settings` | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
-    for choice in CHOICES:
-        paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
-        said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
-        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
-    return "\n".join(lines)

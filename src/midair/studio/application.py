@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
 from midair.studio.demo_stroke import DemoStroke
-from midair.studio.folders import StudioFolder
+from midair.studio.folders import StudioFolder, unpack_folder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
@@ -277,14 +277,18 @@ class Studio:
         try:
             page = int(request.headers.get("x-page", "0"))
             self.store.control.check(page)
-            own = Path(name).suffix.lower() in (".h5", ".json")
+            suffix = Path(name).suffix.lower()
+            own = suffix in (".h5", ".json")
             # A file of another program waits in the session's folder for what it does not state.
             folder = self.folder if own else StudioFolder.at(self.takes.samples / "incoming")
             path = await folder.receive(name[:200], request.stream())
+            if suffix == ".zip":
+                await self.reading.result("unpacking a project", unpack_folder, (str(path), str(self.folder.path)))
+                path.unlink()
         except (MidairError, ValueError) as wrong:
             return JSONResponse({"error": str(wrong)}, 400)
         self.store.put(takes=self.takes.rows())
-        return JSONResponse({"ok": path.name, "imports": not own})
+        return JSONResponse({"ok": "" if suffix == ".zip" else path.name, "imports": not own and suffix != ".zip"})
 
     async def _socket(self, socket: WebSocket) -> None:
         await socket.accept()

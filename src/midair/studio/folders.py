@@ -5,19 +5,24 @@ import re
 import shutil
 import tempfile
 import time
+import zipfile
 from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from midair.errors import DeviceStateError, InputError, MissingFileError
-from midair.files import FORMATS, atomic_file, lock_or_raise
+from midair.files import FORMATS, atomic_file, lock_or_raise, parse_errors
 from midair.rig import Subject
+from midair.studio.jobs import Progressed
 
-LARGEST = 256 * 2**20
-"""Largest upload in bytes."""
+BIN, EXPORTS = "bin", "exports"
+"""Folders, in the studio's, of takes that were deleted and of files that were exported."""
 
-READABLE = (*FORMATS, ".json", ".html")
+LARGEST, PROJECT = 256 * 2**20, 4 * 2**30
+"""Largest upload of a recording and of a project in bytes."""
+
+READABLE = (*FORMATS, ".json", ".zip", ".html")
 """Endings of files that may be uploaded or downloaded."""
 
 
@@ -61,18 +66,30 @@ class StudioFolder:
             raise InputError(f"{name}: expected a name inside the studio's folder, got one that leads out of it")
         return path
 
+    def name_of(self, path: Path) -> str:
+        """Name of a path in the folder."""
+        return path.relative_to(self.path).as_posix()
+
     def names(self, ending: str) -> list[str]:
         """Names of the files with an ending, newest first, without hidden ones and links that lead out."""
-        found: list[tuple[float, str]] = []
-        for path in self.path.iterdir():
-            if not path.name.endswith(ending) or path.name.startswith("."):
-                continue
-            try:
-                if path.is_file() and self.place(path.name):
-                    found.append((path.stat().st_mtime, path.name))
-            except (OSError, InputError):
-                continue
-        return [name for _, name in sorted(found, reverse=True)]
+        return [name for name in self.stamps() if name.endswith(ending)]
+
+    def stamps(self, *, within: bool = False) -> dict[str, str]:
+        """Modification time of each file as in `take_data.stamp_of`, newest first; hidden ones are left out.
+
+        With `within`, also of the files in its folders, except the bin, exports and studies.
+        """
+        found: list[tuple[int, str]] = []
+        with os.scandir(self.path) as listed:
+            inner = [one.name for one in listed if within and one.is_dir(follow_symlinks=False)]
+        inner = [name for name in inner if name not in (BIN, EXPORTS) and not (self.path / name / "plan.json").exists()]
+        for folder in ("", *(f"{name}/" for name in inner if not name.startswith("."))):
+            with suppress(OSError), os.scandir(self.path / folder) as listed:
+                for one in (one for one in listed if not one.name.startswith(".")):
+                    with suppress(OSError, InputError):  # a link that leads out or nowhere
+                        if one.is_file() and (not one.is_symlink() or self.place(folder + one.name)):
+                            found.append((one.stat().st_mtime_ns, folder + one.name))
+        return {name: f"{time_ns:x}" for time_ns, name in sorted(found, reverse=True)}
 
     def free(self, stem: str, ending: str) -> Path:
         """Return an unused path for a name that a page sent; characters other than letters and digits are replaced."""
@@ -82,13 +99,13 @@ class StudioFolder:
             number += 1
         return path
 
-    async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int = LARGEST) -> Path:
+    async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int | None = None) -> Path:
         """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""
         ending = Path(name).suffix.lower()
         if ending not in READABLE or ending == ".html":
             raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")
         path = self.free(Path(name).stem, ending)
-        size = 0
+        size, largest = 0, largest or (PROJECT if ending == ".zip" else LARGEST)
         with atomic_file(path) as partial, partial.open("wb") as file:
             async for part in parts:
                 size += len(part)
@@ -98,6 +115,36 @@ class StudioFolder:
                     )
                 file.write(part)
         return path
+
+
+def pack_folder(target: str, progress: Progressed) -> str:
+    """Write the files of a studio's folder, except hidden ones, the bin and exports, into a ZIP file in `exports`."""
+    folder = Path(target).parents[1]
+    named = {path: path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file()}
+    kept = [path for path, name in named.items() if name.parts[0] not in (BIN, EXPORTS) and "/." not in f"/{name}"]
+    with atomic_file(target) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number, path in enumerate(kept):
+            progress("packing", number, len(kept))
+            archive.write(path, named[path])
+    return target
+
+
+def unpack_folder(order: tuple[str, str], progress: Progressed) -> None:
+    """Write the files of such a ZIP file into a studio's folder.
+
+    Raises InputError before the first one if a name leads out or exists, or the disk is too small for them, and
+    BrokenFileError if it is damaged.
+    """
+    source, folder = Path(order[0]), StudioFolder(Path(order[1]))
+    with parse_errors(source, "a project"), zipfile.ZipFile(source) as archive:
+        files = {one: folder.place(one.filename) for one in archive.infolist() if not one.is_dir()}
+        taken = [path.name for path in files.values() if path.exists()]
+        size, free = sum(one.file_size for one in files), shutil.disk_usage(folder.path).free
+        if taken or size > free:
+            what = f"{taken[0]} exists already" if taken else f"{size / 1e6:.3g} MB for {free / 1e6:.3g} MB of disk"
+            raise InputError(f"project: expected free names and room for its files, got {what}; open another folder")
+        progress("unpacking", 0, len(files))
+        archive.extractall(folder.path)
 
 
 PREFIX = "midair-studio-"

@@ -83,11 +83,19 @@ def run_words(words: tuple[str, ...], progress: Progressed) -> str:
     return words[-1]
 
 
+def run_edit(words: tuple[str, ...], progress: Progressed) -> dict[str, Any]:
+    """Run a command that edits a recording; returns the course of the strongest channel of the result."""
+    run_words(words, progress)
+    return _course(words[-2])
+
+
 def _course(path: str, columns: int = 400) -> dict[str, Any]:
     """Least and greatest value of the strongest channel in each of at most `columns` equal parts."""
-    samples = open_take(path, streamed=True).recording.samples
+    recording = open_take(path, streamed=True).recording
+    samples = recording.samples
     size = max(1, -(-len(samples) // columns))
     parts = [block.reshape(len(block), -1) for block in blocks(samples, size)]
     least, greatest = (np.array([getattr(part, name)(axis=0) for part in parts]) for name in ("min", "max"))
     channel = int((greatest.max(axis=0) - least.min(axis=0)).argmax())
-    return {"channel": channel, "least": least[:, channel].tolist(), "greatest": greatest[:, channel].tolist()}
+    ends = {"least": least[:, channel].tolist(), "greatest": greatest[:, channel].tolist()}
+    return {"channel": channel, "seconds": recording.duration, **ends}

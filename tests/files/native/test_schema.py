@@ -1,10 +1,15 @@
+import runpy
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
 
 from midair.files import save, save_calibration, save_pressure, save_solution
-from midair.files.native.schema import HEADER, TABLE, as_markdown
+from midair.files.native.schema import HEADER, TABLE
 from midair.model import PressureFrames
+
+REFERENCE = Path(__file__).parents[3] / "docs" / "reference.py"
 
 
 @pytest.mark.parametrize("kind", TABLE)
@@ -22,7 +27,7 @@ def test_every_dataset_has_a_unit(kind):
 
 @pytest.mark.parametrize("entries", [*TABLE.values(), HEADER], ids=[*TABLE, "header"])
 def test_markdown_has_a_row_for_every_name(entries):
-    rows = as_markdown(entries).splitlines()
+    rows = runpy.run_path(str(REFERENCE))["as_markdown"](entries).splitlines()
     assert len(rows) == len(entries) + 2
     assert all(row.count("|") == 7 for row in rows)
 

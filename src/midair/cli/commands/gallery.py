@@ -52,7 +52,9 @@ def gallery_command(
             touch.view().write(pictures)
     if name is None:
         _list(json=json)
-    elif name in TOUCHES:
+    elif name in PUBLIC_SETS:
+        _show_set(PUBLIC_SETS[name], output or Path(f"{name}.zip"), yes=yes, force=force, json=json)
+    else:
         touch = TOUCHES[name]
         target = output or Path(name + touch.ending)
         may_write(target, force, touch.ending)
@@ -60,8 +62,6 @@ def gallery_command(
         verb = "solve" if touch.pattern is None else "draw"
         rows = {"written": str(target), "what": touch.says, "licence": touch.licence, "next": f"midair {verb} {target}"}
         print_json(rows) if json else print_rows(rows.items())
-    else:
-        _show_set(PUBLIC_SETS[name], output or Path(f"{name}.zip"), yes=yes, force=force, json=json)
 
 
 def _list(*, json: bool) -> None:

@@ -4,17 +4,31 @@ import gc
 import secrets
 import sys
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App
 
 from midair.cli.console import banner, print_note
 from midair.cli.exposure_options import AirOptions, ExposureOptions
-from midair.cli.options import StopInput, options_from, settings_from
+from midair.cli.help_text import add_command, epilogue, examples_of
+from midair.cli.options import StopInput, options_from, quantity, settings_from
 from midair.devices import stop_on_input
-from midair.rig import PlaySettings, read_key, request_realtime, serve
+from midair.rig import PlaySettings, read_key, request_realtime, serve, serve_adaptics
 
 
 @options_from(PlaySettings, "device", "placement", "silencer", "participant", device="virtual, autd3, autd3:INTERFACE.")
 class ServeOptions:
     """Array and playback."""
+
+
+@options_from(
+    PlaySettings,
+    *("device", "placement", "silencer", "participant", "follow", "tracker_latency"),
+    device="virtual, autd3, autd3:INTERFACE.",
+    follow="Tracker of the palm that the pattern moves with when the Designer asks for tracking.",
+)
+class DesignerOptions:
+    """Array, playback and tracker."""
 
 
 def serve_command(
@@ -50,17 +64,63 @@ def serve_command(
     $ midair serve effects --device autd3 --attenuate
     """
     secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
-    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
-    settings = settings_from(PlaySettings, options or ServeOptions(), exposure=choices)
-    banner(settings.device == "virtual")
-    # Before an SDK starts its threads, which inherit the priority.
-    print_note(request_realtime().words())
-    gc.enable()
 
     def ready(tcp: int, udp: int) -> None:
         # A table would fold the address.
         sys.stdout.write(f"WebSocket ws://{host}:{tcp}/?key={secret}\nOSC {host}:{udp} key {secret}\n")
         sys.stdout.flush()
 
+    settings = _ready_settings(options or ServeOptions(), exposure, air)
     with stop_on_input(stop_input):
         serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
+
+
+def adaptics_command(
+    *,
+    pressure: Annotated[float, quantity("Pa")] = 50.0,
+    port: int = 8037,
+    options: DesignerOptions | None = None,
+    exposure: ExposureOptions | None = None,
+    air: AirOptions | None = None,
+    stop_input: StopInput = None,
+) -> None:
+    """Let the AdapTics Designer on this computer play its pattern on the array.
+
+    Press Connect in the Designer, then Play. Ctrl-C ends it in silence.
+
+    Parameters
+    ----------
+    pressure
+        Pressure of intensity 1.
+    port
+        TCP port of this computer; 0 selects a free one.
+
+    Examples
+    --------
+    $ midair serve adaptics
+    $ midair serve adaptics --device autd3 --attenuate --pressure 80Pa
+    """
+
+    def ready(tcp: int) -> None:
+        sys.stdout.write(f"AdapTics Designer: connect to ws://127.0.0.1:{tcp}/\n")
+        sys.stdout.flush()
+
+    settings = _ready_settings(options or DesignerOptions(), exposure, air)
+    with stop_on_input(stop_input):
+        serve_adaptics(settings=settings, pressure=pressure, port=port, report=print_note, ready=ready)
+
+
+def _ready_settings(options: object, exposure: ExposureOptions | None, air: AirOptions | None) -> PlaySettings:
+    """The settings of a server, after real-time priority was asked for."""
+    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
+    settings = settings_from(PlaySettings, options, exposure=choices)
+    banner(settings.device == "virtual")
+    # Before an SDK starts its threads, which inherit the priority.
+    print_note(request_realtime().words())
+    gc.enable()
+    return settings
+
+
+serve_app = App(name="serve", help_epilogue=epilogue(examples_of(serve_command)))
+serve_app.default(serve_command)
+add_command(serve_app, adaptics_command, "adaptics")

@@ -3,8 +3,11 @@
 Source of the protocol: gnea/grbl, doc/markdown, interface.md and commands.md.
 """
 
+import tomllib
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from midair.errors import DeviceError
 from midair.model import Place
@@ -12,31 +15,9 @@ from midair.model import Place
 RECEIVES = 128
 """Bytes of Grbl's receive buffer; it drops the excess without an error."""
 
-MEANINGS = {
-    "ALARM:1": "a limit switch was hit, the position is probably lost",
-    "ALARM:2": "the target is beyond the machine's travel, the position is kept",
-    "ALARM:3": "it was reset during a move, the position is probably lost",
-    "ALARM:6": "it was reset during homing",
-    "ALARM:7": "the safety door was opened during homing",
-    "ALARM:8": "it could not leave a limit switch",
-    "ALARM:9": "it found no limit switch",
-    "error:5": "homing is disabled, it has no limit switches ($22=0)",
-    "error:8": "it is busy",
-    "error:9": "it is locked",
-    "error:11": "the line is too long",
-    "error:15": "the target is beyond the machine's travel",
-    "error:20": "unknown command",
-    "error:22": "no feed rate is set",
-}
-STATES = {
-    "Run": "it is already moving",
-    "Jog": "it is already moving",
-    "Home": "it is homing",
-    "Hold": "it is in a feed hold",
-    "Door": "the safety door is open",
-    "Check": "it only checks programs ($C)",
-    "Sleep": "it is in sleep mode ($SLP)",
-}
+_STORED = tomllib.loads(Path(__file__).with_name("grbl_messages.toml").read_text(encoding="utf-8"))
+MEANINGS: Mapping[str, str] = _STORED["alarms_and_errors"]
+STATES: Mapping[str, str] = _STORED["states"]
 """Explanations of the machine's states other than Idle and Alarm."""
 
 

@@ -23,20 +23,14 @@ from midair.devices.sensors.thermometer import Thermometer
 from midair.errors import DeviceError, InputError, RateError
 from midair.model import Unit
 
-UNITS: dict[str, tuple[Unit, float]] = {
-    "v": ("V", 1.0),
-    "volt": ("V", 1.0),
-    "volts": ("V", 1.0),
-    "mv": ("V", 1e-3),
-    "millivolts": ("V", 1e-3),
-    "uv": ("V", 1e-6),
-    "microvolts": ("V", 1e-6),
-    "pa": ("Pa", 1.0),
-    "pascal": ("Pa", 1.0),
-    "pascals": ("Pa", 1.0),
-    "count": ("count", 1.0),
-    "counts": ("count", 1.0),
+_WORDS: dict[tuple[Unit, float], str] = {
+    ("V", 1.0): "v volt volts",
+    ("V", 1e-3): "mv millivolts",
+    ("V", 1e-6): "uv microvolts",
+    ("Pa", 1.0): "pa pascal pascals",
+    ("count", 1.0): "count counts",
 }
+UNITS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
 """Texts that senders write into the field "unit" of a channel, in lower case."""
 
 

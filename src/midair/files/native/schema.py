@@ -72,18 +72,6 @@ NETCDF: tuple[Entry, ...] = tuple(_entries(_STORED["other"]["netcdf"]))
 """Additional attributes of NetCDF exports, which NetCDF programs expect."""
 
 
-def as_markdown(entries: Iterable[Entry]) -> str:
-    """Table of entries in Markdown, for the docs."""
-    lines = ["| name | stored as | dimensions | type | unit | meaning |", "| --- | --- | --- | --- | --- | --- |"]
-    for entry in entries:
-        stored = "attribute" if entry.dimensions is None else "dataset"
-        name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
-        axes = ", ".join(entry.dimensions or ())
-        kind = f"{entry.dtype} or f4" if entry.single else entry.dtype
-        lines.append(f"| {name} | {stored} | {axes} | {kind} | {entry.unit} | {entry.what} |")
-    return "\n".join(lines)
-
-
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
     return {"rate_hz": rate, "time": LazyFrames(lambda first, last: np.arange(first, last) / rate, (frames,))}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
 from midair.devices import check_exposure
-from midair.dsp import filter_response
+from midair.dsp import filter_response, strongest_window
 from midair.errors import InputError
 from midair.evaluate import apply_band_twice, compare
 from midair.files import OpenedTake, open_take
@@ -39,7 +39,8 @@ def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Set
     # A cell averages over its aperture and its gel, while a focus is narrower and a pattern wider: a gain that is
     # measured at a focus alone would make the first pass several times too strong.
     lead = (asked.frames - original.frames) / 2 / asked.rate
-    start = lead + _strongest_second(original)
+    power = (original.pressure**2).sum(axis=(1, 2))
+    start = lead + strongest_window(power, round(LONGEST * original.rate)) / original.rate
     part = asked.cut(max(0.0, start - lead), LONGEST + 2 * lead)
     expected, heard = _expected_reading(part, settings), apply_band_twice(part)
     first = min(round(lead * part.rate), part.frames // 4)
@@ -92,15 +93,6 @@ def _expected_reading(part: PressureFrames, settings: Settings) -> Array:
     weights = cell_weights(SensorModel.usual(part.sensor), points, centre=points.centre, between=between)
     pressed = radiation_pressure(target, settings.acoustics.medium) @ weights.T
     return pressed.reshape(part.pressure.shape)
-
-
-def _strongest_second(original: PressureFrames) -> float:
-    """Start in s of the second with the most power."""
-    frames = round(LONGEST * original.rate)
-    if original.frames <= frames:
-        return 0.0
-    power = np.concatenate([[0.0], (original.pressure**2).sum(axis=(1, 2)).cumsum()])
-    return float(np.argmax(power[frames:] - power[:-frames]) / original.rate)
 
 
 MOST = 10.0

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from midair.array_types import Array
 from midair.devices import (
     TICK,
+    ExposureClearance,
     ImmediateArray,
     Put,
     RawPose,
@@ -28,7 +29,7 @@ from midair.devices import (
 )
 from midair.errors import InputError, SilentFramesError
 from midair.files import load_solution
-from midair.model import Acoustics, Drive, Medium, Provenance
+from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
 from midair.rig.names import TRACKERS, array_calibration_for
 from midair.rig.play_lease import LeaseToken, PlayLease
@@ -37,6 +38,13 @@ from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_follow
 LEASE, REPEATED, FADE, WORD = 0.5, 60.0, 0.005, 0.008
 """Times in s: without a sign of life until the client in control loses the array; for which the check repeats a drive;
 of a change of the level from 0 to 1; between silent frames."""
+
+
+def leave_realtime() -> None:
+    """Give a thread the usual priority, so that its work does not hold up the thread that plays."""
+    if hasattr(os, "sched_setscheduler"):
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class PalmReports:
@@ -60,14 +68,16 @@ class PalmReports:
 class Loaded:
     """A file that may play, and its order in the log."""
 
-    path: Path
-    duration: float | None
-    follow: bool
+    name: str
+    again: Callable[[dict[str, float]], dict[str, Any]] | None
+    """Loads it again with values of its parameters."""
     values: dict[str, float]
     """Values of parameters that differ from their defaults."""
     about: dict[str, Any]
     """What clients get to read about it."""
-    drive: Drive
+    rate: float
+    length: int
+    """Number of frames of a pass."""
     places_db: Array
     """Level at each place of the exposure profile, shape (frame, place), in dB."""
     frames: Callable[[slice, Array], tuple[Any, Any]]
@@ -76,24 +86,20 @@ class Loaded:
     log: Callable[[str, str], None]
     report: dict[str, Any]
     """Number and duration of its plays."""
-    follower: Follower | None
+    follower: Follower | None = None
+    block: int
+    """Number of frames that are asked for at once."""
 
 
-class Trigger(NamedTuple):
-    """An order to play."""
-
-    loaded: Loaded
-    repeats: int
-    token: LeaseToken
-    rises: bool = False
-    """Whether its level rises from 0."""
+Trigger = tuple[Loaded, int, LeaseToken, bool]
+"""What plays, its passes, the permission, and whether its level rises from 0."""
 
 
 class Player:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
     def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: Any) -> None:
-        self._array, self._settings, self._begin = array, settings, begin
+        self.array, self.settings, self._begin = array, settings, begin
         silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
         self._quiet = partial(self._put, quiet, silence, 0)
         self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
@@ -109,10 +115,8 @@ class Player:
 
         While the file plays, its next pass is the new one.
         """
-        if hasattr(os, "sched_setscheduler"):
-            with suppress(OSError):  # the check must not hold up the thread that plays
-                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        array, how, units = self._array, self._settings, self._array.placement.units
+        leave_realtime()
+        array, how, units = self.array, self.settings, self.array.placement.units
         drawn = path.suffix in PATTERN_ENDINGS
         if values and not drawn:
             raise InputError(f"parameter: expected a pattern, got the drive {path.name}")
@@ -136,21 +140,36 @@ class Player:
             steered = admission.steered(*follower.steered(part, times))
             return phase_bytes(steered, units), intensity_bytes(steered, 1)
 
-        report: dict[str, Any] = {"plays": 0, "duration": 0.0}
         about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
         about |= {"follow": follow, "parameters": values, "exposure": admission.verdict()}
-        put, log = self._begin(admission, path, report)
-        made: dict[str, Any] = {"path": path, "duration": duration, "follow": follow, "values": values, "about": about}
-        made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
-        self.loaded[path.name] = Loaded(drive=drive, frames=frames, follower=follower, **made)
+        made: dict[str, Any] = {
+            "name": path.name,
+            "again": partial(self.load, path, duration, follow),
+            "values": values,
+        }
+        made |= {"about": about, "rate": drive.rate, "length": drive.frames, "follower": follower, "frames": frames}
+        self.add(admission, path, **made, block=max(1, round(FollowRules().block * drive.rate)))
         return about
 
+    def add(self, admission: ExposureClearance, source: str | Path, **made: Any) -> None:
+        """Begin the order of what was cleared, with the fields of `Loaded`, so that it can be played."""
+        report = {"plays": 0, "duration": 0.0}
+        put, log = self._begin(admission, source, report)
+        made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
+        self.loaded[made["name"]] = Loaded(**made)
+
     def _drawn(self, path: Path, duration: float | None, values: dict[str, float]) -> Drive:
-        pattern, acoustics = load_pattern(path, values), Acoustics(medium=self._settings.exposure.room or Medium.at())
-        known, foci = array_calibration_for(self._settings.device), pattern.foci(duration)
-        array = self._array.array if known is None else known.known.applied(self._array.array)
+        foci, (array, acoustics) = load_pattern(path, values).foci(duration), self.aim()
         life = drawn_settings(foci, acoustics).noted(Provenance(source=path.name))
         return replace(draw(foci, array, acoustics=acoustics).drive, provenance=life)
+
+    def aim(self) -> tuple[TransducerArray, Acoustics]:
+        """The array, with its stored calibration, and the air for which drives are drawn."""
+        known, acoustics = (
+            array_calibration_for(self.settings.device),
+            Acoustics(medium=self.settings.exposure.room or Medium.at()),
+        )
+        return self.array.array if known is None else known.known.applied(self.array.array), acoustics
 
     def loaded_file(self, file: str) -> Loaded:
         """A loaded file; InputError if it is not loaded."""
@@ -164,7 +183,7 @@ class Player:
         if self.permit.refusal(self._token) is not None:
             self._token = self.permit.arm(lasts=LEASE)
         self.silent.clear()
-        self.triggers.put(Trigger(loaded, repeats, self._token))
+        self.triggers.put((loaded, repeats, self._token, False))
         return loaded
 
     def state(self) -> dict[str, Any]:
@@ -173,10 +192,10 @@ class Player:
         if (now := self._now) is None:
             return state | {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
         loaded, number, gain, intensity = now
-        levels = loaded.places_db[number % loaded.drive.frames] + 20 * np.log10(max(gain, 1e-9))
-        places = zip(self._settings.exposure.profile.places, levels, strict=True)
+        levels = loaded.places_db[number % len(loaded.places_db)] + 20 * np.log10(max(gain, 1e-9))
+        places = zip(self.settings.exposure.profile.places, levels, strict=True)
         loud = {place.name: round(float(each), 1) for place, each in places if each > 0}
-        state |= {"playing": loaded.about["file"], "seconds": number / loaded.drive.rate}
+        state |= {"playing": loaded.about["file"], "seconds": number / loaded.rate}
         return state | {"drive": intensity / 255, "places_db": loud}
 
     def run(self) -> None:
@@ -189,7 +208,7 @@ class Player:
             try:
                 trigger = trigger or self.triggers.get(timeout=WORD)
             except queue.Empty:
-                self._quiet(self._array.units.now() + round(1e9 * self._array.hold))
+                self._quiet(self.array.units.now() + round(1e9 * self.array.hold))
                 continue
             if trigger is None:
                 return
@@ -200,16 +219,16 @@ class Player:
             put(*frame)
         except SilentFramesError:  # the program was held up for 50 ms; the next frame sounds again
             self._failsafe += 1
-            self._array.resume()
+            self.array.resume()
 
     def _play(self, loaded: Loaded, repeats: int, token: LeaseToken, rises: bool) -> Trigger | None:
         """Play to the end, or until the next trigger or the end of the lease.
 
         If the file was loaded again, return a trigger of the remaining passes, after the level has fallen to 0.
         """
-        units, rate, frames = self._array.units, loaded.drive.rate, loaded.drive.frames
-        period, ahead, step = divider(rate) * TICK, round(1e9 * min(self._array.hold, 5 / rate)), 1 / (rate * FADE)
-        soon, early, block = min(ahead, 500_000), 1_000_000, max(1, round(FollowRules().block * rate))
+        units, rate, frames = self.array.units, loaded.rate, loaded.length
+        period, ahead, step = divider(rate) * TICK, round(1e9 * min(self.array.hold, 5 / rate)), 1 / (rate * FADE)
+        soon, early = min(ahead, 500_000), 1_000_000
         if loaded.follower is not None:
             loaded.follower.fall_silent()
             early *= 4
@@ -220,18 +239,18 @@ class Player:
         before, gain = loaded.report["duration"], 0.0 if rises else self.level
         while not repeats or number < repeats * frames:
             if self.permit.refusal(token) is not None:
-                return self._array.silence()
+                return self.array.silence()
             if not self.triggers.empty():
                 return None
             if (missed := -(-(units.now() + soon - first - number * period) // period)) > 0:
                 # The units keep the frame before.
                 self._late, number = self._late + missed, number + missed
                 continue
-            newest, at = self.loaded[loaded.path.name], number % frames
+            newest, at = self.loaded[loaded.name], number % frames
             if newest is not loaded and at == 0 and gain <= 0:
-                return Trigger(newest, repeats and repeats - number // frames, token, rises=True)
+                return newest, repeats and repeats - number // frames, token, True
             if number >= end:
-                begin, end = number, number + min(block, frames - at)
+                begin, end = number, number + min(loaded.block, frames - at)
                 clock = first + time.monotonic_ns() - units.now()
                 times = 1e-9 * (clock + np.arange(begin, end, dtype=np.float64) * period)
                 phases, intensities = loaded.frames(slice(at, at + end - begin), times)

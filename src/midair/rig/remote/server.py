@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ from hmac import compare_digest
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
 from websockets.asyncio.server import Request, Response, ServerConnection, broadcast
 from websockets.asyncio.server import serve as serve_websockets
 from websockets.exceptions import ConnectionClosed
@@ -22,7 +23,7 @@ from midair.errors import DeviceError, DeviceStateError, FileError, InputError, 
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
 from midair.rig.playing import PlaySettings, immediate_array
-from midair.rig.remote.messages import Level, Load, Message, Palm, Parameter, Play, osc_packet, read_json, read_osc
+from midair.rig.remote.messages import osc_packet, read_json, read_osc
 from midair.rig.remote.player import LEASE, Player
 from midair.rig.signals import signals_end_the_program
 
@@ -47,8 +48,14 @@ class Client:
     gone: bool = False
 
 
-class _Server(asyncio.DatagramProtocol):
+class Server(asyncio.DatagramProtocol):
     """Answers clients that have the key, and lets one of them control the player; `report` gets a line a refusal."""
+
+    free: tuple[str, ...] = ("stop", "list")
+    """Messages that do not need control."""
+    most_bytes, strict = 65536, False
+    """Longest message; whether one that is refused silences the array."""
+    read = staticmethod(read_json)
 
     def __init__(self, player: Player, folder: Path, key: str, report: Callable[[str], object]) -> None:
         self._player, self._folder, self._key, self._report = player, folder.resolve(), key.encode(), report
@@ -60,16 +67,18 @@ class _Server(asyncio.DatagramProtocol):
         """Values of parameters by file, until they are set."""
         self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
 
-    async def run(self, host: str, ports: tuple[int, int], ready: Callable[[int, int], object], playing: Any) -> None:
-        """Serve until it is cancelled, or the future `playing` ends."""
+    async def run(self, host: str, ports: Sequence[int], ready: Callable[..., object], playing: Any) -> None:
+        """Serve until it is cancelled, or the future `playing` ends; without a second port there is no OSC."""
         loop = asyncio.get_running_loop()
         # Its own lines about bad connections are left out.
-        how: dict[str, Any] = {"logger": logging.Logger("quiet", logging.CRITICAL + 1), "process_request": self._check}
-        how |= {"max_size": 65536, "compression": None, "close_timeout": 1, "ping_interval": 5, "ping_timeout": LEAVES}
+        how: dict[str, Any] = {"logger": logging.Logger("quiet", logging.CRITICAL + 1), "process_request": self.check}
+        how |= {"compression": None, "close_timeout": 1, "ping_interval": 5, "ping_timeout": LEAVES}
         try:
-            self._osc, _ = await loop.create_datagram_endpoint(lambda: self, (host, ports[1]))
-            async with serve_websockets(self._talk, host, ports[0], **how) as tcp:
-                ready(next(iter(tcp.sockets)).getsockname()[1], self._osc.get_extra_info("sockname")[1])
+            if len(ports) > 1:
+                self._osc, _ = await loop.create_datagram_endpoint(lambda: self, (host, ports[1]))
+            async with serve_websockets(self._talk, host, ports[0], max_size=self.most_bytes, **how) as tcp:
+                udp = [] if self._osc is None else [self._osc.get_extra_info("sockname")[1]]
+                ready(next(iter(tcp.sockets)).getsockname()[1], *udp)
                 self._tasks.add(asyncio.create_task(self._send_states()))
                 await asyncio.wrap_future(playing)
         except OSError as wrong:
@@ -88,13 +97,21 @@ class _Server(asyncio.DatagramProtocol):
             for place in [each for each in self._clients if isinstance(each, tuple)]:
                 if now - self._clients[place].seen > LEAVES:
                     self._leave(place)
-            state = self._player.state() | {"control": getattr(self._control, "number", None)}
-            for client in self._clients.values():
-                client.send("state", state | {"clients": len(self._clients), "you": client.number})
+            self.send_states(self._player.state() | {"control": getattr(self._control, "number", None)})
             due = max(due + 1 / STATES, now)
             await asyncio.sleep(due - now)
 
-    def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+    def send_states(self, state: dict[str, Any]) -> None:
+        """Send a state to all clients."""
+        for client in self._clients.values():
+            client.send("state", state | {"clients": len(self._clients), "you": client.number})
+
+    def text(self, name: str, found: dict[str, Any]) -> str:
+        """An answer or a state as text."""
+        return json.dumps({name: found})
+
+    def check(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return the response to a connection that is refused."""
         if compare_digest(request.path.encode(errors="replace"), b"/?key=" + self._key):
             return None
         self._refuse("a connection without the key")
@@ -102,11 +119,11 @@ class _Server(asyncio.DatagramProtocol):
 
     async def _talk(self, connection: ServerConnection) -> None:
         """Serve one WebSocket client until it leaves or floods."""
-        client = self._enter(connection, lambda name, found: broadcast([connection], json.dumps({name: found})))
+        client = self._enter(connection, lambda name, found: broadcast([connection], self.text(name, found)))
         alive = asyncio.create_task(self._watch(client, connection))
         try:
             async for text in connection:
-                self._answer(client, partial(read_json, text))
+                self._answer(client, partial(self.read, text))
         except (ConnectionClosed, InputError):
             pass
         finally:
@@ -166,7 +183,7 @@ class _Server(asyncio.DatagramProtocol):
         if self._refused <= LINES:
             self._report(f"refused: {why}" + "; no more of these lines" * (self._refused == LINES))
 
-    def _answer(self, client: Client, read: Callable[[], tuple[str, Message]]) -> None:
+    def _answer(self, client: Client, read: Callable[[], tuple[str, BaseModel]]) -> None:
         """Begin to do what a message asks, in the order of their arrival; InputError if there are too many."""
         client.count = client.count + 1 if (now := int(time.monotonic())) == client.second else 1
         client.second = now
@@ -178,58 +195,64 @@ class _Server(asyncio.DatagramProtocol):
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _do(self, client: Client, read: Callable[[], tuple[str, Message]]) -> None:
-        name, found, player, held = "", dict[str, Any](), self._player, self._control
+    async def _do(self, client: Client, read: Callable[[], tuple[str, BaseModel]]) -> None:
+        name, held = "", self._control
         if client.gone or client.count > MOST:
             return
         try:
             name, message = read()
             self._lives(client)
-            if held is not client and name not in ("stop", "list"):
+            if held is not client and name not in self.free:
                 if held is not None and time.monotonic() - held.seen < LEASE:
                     raise DeviceStateError(f"{name}: expected control, client {held.number} has it; a stop is allowed")
-                player.permit.stop()
+                self._player.permit.stop()
                 self._control = client
-            match message:
-                case Load():
-                    path = (self._folder / message.file).resolve()
-                    if path.parent != self._folder or not path.name.endswith(ENDINGS) or not path.is_file():
-                        raise InputError(f"file: expected one of the list, got {message.file[:60]!r}")
-                    async with self._loading:
-                        found = await asyncio.to_thread(player.load, path, message.duration, message.follow, {})
-                case Parameter():
-                    player.loaded_file(message.file)
-                    self._values.setdefault(message.file, {})[message.name] = message.value
-                    async with self._loading:
-                        old, values = player.loaded[message.file], self._values.pop(message.file, {})
-                        found = old.about
-                        if values:  # the others were set together with an earlier one
-                            values = old.values | values
-                            found = await asyncio.to_thread(player.load, old.path, old.duration, old.follow, values)
-                case Play():
-                    loaded, passes = player.trigger(message.file, message.repeats), message.repeats or "endless"
-                    await asyncio.to_thread(loaded.log, "trigger", f"client {client.number}, {passes} passes")
-                case Level():
-                    player.level = message.level
-                case Palm():
-                    player.palm.add(RawPose(stamp=time.monotonic(), values=message.pose, confidence=message.confidence))
-                    return
-                case _ if name == "stop":
-                    player.permit.stop()
-                    found = {"silent": await asyncio.to_thread(player.silent.wait, 1.0)}
-                case _ if name == "list":
-                    files = sorted(each.name for each in self._folder.iterdir() if each.name.endswith(ENDINGS))
-                    found = {"files": files[:1000], "loaded": [one.about for one in player.loaded.values()]}
-                case _ if name == "release":
-                    self._lose_control(client)
-                case _:
-                    pass
+            found = await self.act(client, name, message)
         except (MidairError, ValueError, OSError) as wrong:
-            if isinstance(wrong, FileError) and name == "play":  # nothing plays without a log
-                player.permit.stop()
+            # Nothing plays without a log.
+            if (isinstance(wrong, FileError) and name == "play") or (self.strict and client is self._control):
+                self._player.permit.stop()
             self._refuse(f"client {client.number}: {wrong}")
             found = {"error": str(wrong)}
-        client.send("answer", {"to": name} | found)
+        if found is not None:
+            client.send("answer", {"to": name} | found)
+
+    async def act(self, client: Client, name: str, message: Any) -> dict[str, Any] | None:
+        """Do what a message asks and return the answer, None for no answer."""
+        player = self._player
+        match name:
+            case "stop":
+                player.permit.stop()
+                return {"silent": await asyncio.to_thread(player.silent.wait, 1.0)}
+            case "list":
+                files = sorted(each.name for each in self._folder.iterdir() if each.name.endswith(ENDINGS))
+                return {"files": files[:1000], "loaded": [one.about for one in player.loaded.values()]}
+            case "load":
+                path = (self._folder / message.file).resolve()
+                if path.parent != self._folder or not path.name.endswith(ENDINGS) or not path.is_file():
+                    raise InputError(f"file: expected one of the list, got {message.file[:60]!r}")
+                async with self._loading:
+                    return await asyncio.to_thread(player.load, path, message.duration, message.follow, {})
+            case "parameter":
+                player.loaded_file(message.file)
+                self._values.setdefault(message.file, {})[message.name] = message.value
+                async with self._loading:
+                    old, values = player.loaded[message.file], self._values.pop(message.file, {})
+                    if not values or old.again is None:  # set together with an earlier one
+                        return old.about
+                    return await asyncio.to_thread(old.again, old.values | values)
+            case "play":
+                loaded, passes = player.trigger(message.file, message.repeats), message.repeats or "endless"
+                await asyncio.to_thread(loaded.log, "trigger", f"client {client.number}, {passes} passes")
+            case "level":
+                player.level = message.level
+            case "palm":
+                player.palm.add(RawPose(stamp=time.monotonic(), values=message.pose, confidence=message.confidence))
+                return None
+            case _:  # control was taken above
+                if name == "release":
+                    self._lose_control(client)
+        return {}
 
 
 def serve(
@@ -247,9 +270,20 @@ def serve(
     `ports` are those for WebSocket and OSC; 0 chooses a free one, and `ready` gets both. DeviceError if a port is in
     use or the array is lost, StoppedError after `midair stop`.
     """
-    chosen = settings or PlaySettings()
     if not folder.is_dir():
         raise MissingFileError(f"{folder}: expected a folder of drives and patterns, got none")
+    play_and_serve(settings, lambda player: Server(player, folder, key, report), host, ports, ready)
+
+
+def play_and_serve(
+    settings: PlaySettings | None,
+    server: Callable[[Player], Server],
+    host: str,
+    ports: Sequence[int],
+    ready: Callable[..., object],
+) -> None:
+    """Run a server and the player of an array until Ctrl-C, `midair stop` or an error; then it is silent."""
+    chosen = settings or PlaySettings()
     array = immediate_array(chosen, RATE)
     array.cooling, array.participant = chosen.cooling, chosen.participant
     with (
@@ -262,7 +296,7 @@ def serve(
         playing = pool.submit(player.run)
         try:
             with suppress(KeyboardInterrupt, asyncio.CancelledError):
-                asyncio.run(_Server(player, folder, key, report).run(host, ports, ready, playing))
+                asyncio.run(server(player).run(host, ports, ready, playing))
         finally:
             player.permit.stop()
             player.triggers.put(None)

@@ -78,17 +78,8 @@ class Panel:
         self._store.put(**{self.name: self._state})
 
 
+_NAMES = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
 PANELS: Registry[type[Panel]] = Registry(
-    "midair.panels",
-    {
-        "record": "midair.studio.panels.record_panel:RecordPanel",
-        "calibrate": "midair.studio.panels.calibrate_panel:CalibratePanel",
-        "reproduce": "midair.studio.panels.reproduce_panel:ReproducePanel",
-        "compare": "midair.studio.panels.compare_panel:ComparePanel",
-        "draw": "midair.studio.panels.draw_panel:DrawPanel",
-        "study": "midair.studio.panels.study_panel:StudyPanel",
-        "live": "midair.studio.panels.live_panel:LivePanel",
-        "gallery": "midair.studio.panels.gallery_panel:GalleryPanel",
-    },
+    "midair.panels", {name: f"midair.studio.panels.{name}_panel:{name.title()}Panel" for name in _NAMES}
 )
 """Tabs of the page from left to right; other packages add theirs by the entry point group ``midair.panels``."""

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,14 +10,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from midair.errors import InputError
+from midair.files import atomic_file
 from midair.model import HEIGHTS
 from midair.settings import EARS, Mode
-from midair.studio.importing import ImportForm, run_import, run_words
+from midair.studio.folders import EXPORTS, StudioFolder, pack_folder
+from midair.studio.importing import ImportForm, run_edit, run_import, run_words
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
-from midair.studio.takes_list import take_of
+from midair.studio.takes_list import NOTES, take_of
 from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
 
 
@@ -27,9 +30,21 @@ class TakeNamed(Arguments):
 
 
 class NewName(TakeNamed):
-    """Name of a take, and its new name without an ending."""
+    """Name of a take, and its new name without an ending, with a folder before it if it is to lie in one."""
 
-    name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*$")
+    name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*(/\w[\w -]*)?$")
+
+
+class Notes(Arguments):
+    """Text and named marks that a person adds to a take."""
+
+    text: str = Field(default="", max_length=10_000)
+    marks: dict[float, Annotated[str, Field(max_length=100)]] = Field(default={}, max_length=1000)
+    """Names by time in s."""
+
+
+class NotesForm(TakeNamed, Notes):
+    """A take, and the notes on it."""
 
 
 class SolveForm(Arguments):
@@ -66,14 +81,19 @@ class SolveForm(Arguments):
 class EditForm(TakeNamed):
     """The command that edits a take, and its options as they are typed; an empty one is not given."""
 
-    edit: Literal["cut", "trim", "gain", "fade"]
+    edit: Literal["cut", "trim", "gain", "fade", "mask", "resample", "join"]
     start: str = Field(default="", max_length=20)
     end: str = Field(default="", max_length=20)
     by: str = Field(default="", max_length=20)
+    channels: str = Field(default="", max_length=200)
+    rate: str = Field(default="", max_length=20)
+    other: str = Field(default="", max_length=1000)
+    """Take to join."""
 
     def words(self) -> list[str]:
         """Options of the command."""
-        taken = {"cut": ("start", "end"), "fade": ("start", "end"), "gain": ("by",), "trim": ()}[self.edit]
+        taken = {"cut": ("start", "end"), "fade": ("start", "end"), "gain": ("by",), "mask": ("channels",)}
+        taken = (taken | {"resample": ("rate",)}).get(self.edit, ())
         return [f"--{name}={value}" for name in taken if (value := getattr(self, name).replace(" ", ""))]
 
 
@@ -111,6 +131,9 @@ class ReproducePanel(Panel):
         store.offer("reproduce", "delete", self.delete, TakeNamed)
         store.offer("reproduce", "restore", self.restore, TakeNamed)
         store.offer("reproduce", "edit", self.edit, EditForm)
+        store.offer("reproduce", "look", self.look, EditForm)
+        store.offer("reproduce", "note", self.note, NotesForm)
+        store.offer("reproduce", "pack", self.pack)
         store.offer("reproduce", "undo", self.undo)
         store.offer("reproduce", "redo", self.redo)
         store.offer("reproduce", "export", self.export, ExportForm)
@@ -130,10 +153,16 @@ class ReproducePanel(Panel):
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Return the facts of a take."""
         if self._takes.is_pending(order.take):
-            return {"stamp": "first", **self._context.first.facts}
+            return {"stamp": "first", "written": Notes().model_dump(), **self._context.first.facts}
+        notes = self._notes(order)
         data = self._takes.data(order.take)
         found = await self._reading.result(f"reading {order.take}", facts, data)
-        return {"stamp": data.stamp, "part": data.drive == self._takes.preview_path(order.take), **found}
+        return {
+            "stamp": data.stamp,
+            "part": data.drive == self._takes.preview_path(order.take),
+            "written": notes,
+            **found,
+        }
 
     async def drives(self, _: Page, order: TakeNamed) -> list[dict[str, Any]]:
         """Return name, mode, settings and E of each drive of a take."""
@@ -167,11 +196,41 @@ class ReproducePanel(Panel):
         """Make an edited copy of a take, which stays as it is; returns the copy."""
         path = self._takes.path(order.take)
         made = self._takes.folder.free(re.sub(r"-\d+$", "", path.stem), ".h5")
-        words = (order.edit, *order.words(), str(path), str(made))
-        await self._reading.result(f"editing {order.take}", run_words, words)
+        await self._reading.result(f"editing {order.take}", run_words, self._edit_words(order, made))
         self._edits.append((take_of(order.take), made.name))
         self._undone.clear()
         return self._edited(made.name)
+
+    async def look(self, _: Page, order: EditForm) -> dict[str, Any]:
+        """Return the course of the strongest channel as it would be after an edit."""
+        words = self._edit_words(order, self._takes.samples / "edited.preview.h5")
+        return await self._reading.result(f"preview of {order.take}", run_edit, (*words, "--force"))
+
+    def _edit_words(self, order: EditForm, made: Path) -> tuple[str, ...]:
+        others = [str(self._takes.path(order.other))] if order.edit == "join" else []
+        return (order.edit, *order.words(), str(self._takes.path(order.take)), *others, str(made))
+
+    def note(self, _: Page, order: NotesForm) -> bool:
+        """Keep notes and named marks in a file beside the take."""
+        with atomic_file(self._notes_path(order)) as partial:
+            partial.write_text(order.model_dump_json(exclude={"take"}, indent=1), encoding="utf-8")
+        return True
+
+    def _notes_path(self, order: TakeNamed) -> Path:
+        return self._takes.beside(take_of(order.take), NOTES)
+
+    def _notes(self, order: TakeNamed) -> dict[str, Any]:
+        path = self._notes_path(order)
+        try:
+            return Notes.model_validate_json(path.read_bytes()).model_dump() if path.exists() else Notes().model_dump()
+        except ValueError as wrong:
+            raise InputError(f"{path.name}: expected the notes of a take, got something else; move it away") from wrong
+
+    def pack(self, _: Page, __: Arguments) -> dict[str, int]:
+        """Write all files of the folder into one in `exports`, as a job."""
+        target = StudioFolder.at(self._takes.folder.path / EXPORTS).free("project", ".zip")
+        ended = self._exported(target)
+        return {"job": self._jobs.add(f"export {target.name}", pack_folder, str(target), ended=ended).number}
 
     def undo(self, _: Page, __: Arguments) -> str:
         """Move the copy of the last edit to the bin; returns the take that it was made of."""
@@ -202,7 +261,7 @@ class ReproducePanel(Panel):
             raise InputError(
                 f"{path.name}: expected this file, found none; {'solve' if order.of == 'drive' else 'play'} first"
             )
-        folder = self._takes.folder.path / "exports"
+        folder = self._takes.folder.path / EXPORTS
         folder.mkdir(exist_ok=True)
         stem = path.name.removesuffix(".h5") if path.suffix == ".h5" else path.name
         number, target, due = 1, folder / (stem + order.ending), {job.title for job in self._jobs.unfinished()}
@@ -213,12 +272,15 @@ class ReproducePanel(Panel):
         words = (
             ("show", str(path), "--no-browser", "--save", str(target)) if film else ("export", str(path), str(target))
         )
+        ended = self._exported(target)
+        return {"job": self._jobs.add(f"export {target.name}", run_words, words, room="reproduce", ended=ended).number}
 
+    def _exported(self, target: Path) -> Callable[[StudioJob], None]:
         def ended(job: StudioJob) -> None:
             if job.state == "done":
                 self._context.later(lambda: self._store.put(exported=f"exports/{target.name}"))
 
-        return {"job": self._jobs.add(f"export {target.name}", run_words, words, room="reproduce", ended=ended).number}
+        return ended
 
     def _check_idle(self, take: str) -> None:
         busy = [job.title for job in self._jobs.unfinished() if take_of(job.title).endswith(take_of(take))]

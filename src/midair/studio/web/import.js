@@ -19,6 +19,17 @@ const FIELDS = [
   ["resample", "Resample", "to this rate, such as 1kHz", ""],
 ];
 
+/** Picture of the course of a channel over some seconds. */
+export function pictureOf(course, seconds) {
+  const high = Math.max(...course.greatest), low = Math.min(...course.least), n = course.least.length, y = (value) => (high > low ? 90 * (high - value) / (high - low) + 5 : 50).toFixed(1);
+  const line = [...course.greatest.map((value, i) => `${i},${y(value)}`), ...course.least.map((value, i) => `${i},${y(value)}`).reverse()].join(" ");
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), shape = document.createElementNS(svg.namespaceURI, "polygon");
+  for (const [name, value] of Object.entries({ viewBox: `0 0 ${n} 100`, preserveAspectRatio: "none", role: "img", "aria-label": `channel ${course.channel} over ${seconds.toFixed(2)} s` })) svg.setAttribute(name, value);
+  shape.setAttribute("points", line);
+  svg.append(shape);
+  return svg;
+}
+
 /** Ask what a file does not state, show what comes of it, and import it; resolves to the name of the take, or "". */
 export function importFile(link, file) {
   const dialog = document.getElementById("import"), wave = /\.(wav|w64|rf64|flac|aiff?|ogg|mp3)$/.test(file), inputs = {};
@@ -48,12 +59,7 @@ export function importFile(link, file) {
     } catch (error) { if (mine === asked) { wrong.textContent = error.message; said.replaceChildren(); } }
   }
   function preview({ course, frames, rate_hz: rate, sensor, unit, range, notes, command }) {
-    const high = Math.max(...course.greatest), low = Math.min(...course.least), n = course.least.length, y = (value) => (high > low ? 90 * (high - value) / (high - low) + 5 : 50).toFixed(1);
-    const line = [...course.greatest.map((value, i) => `${i},${y(value)}`), ...course.least.map((value, i) => `${i},${y(value)}`).reverse()].join(" ");
-    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), shape = document.createElementNS(svg.namespaceURI, "polygon");
-    for (const [name, value] of Object.entries({ viewBox: `0 0 ${n} 100`, preserveAspectRatio: "none", role: "img", "aria-label": `channel ${course.channel} over ${(frames / rate).toFixed(2)} s` })) svg.setAttribute(name, value);
-    shape.setAttribute("points", line);
-    svg.append(shape);
+    const svg = pictureOf(course, frames / rate);
     said.replaceChildren(svg, rows([["frames", `${frames} at ${rate} Hz, ${(frames / rate).toFixed(2)} s`], ["cells", `${sensor.rows} × ${sensor.columns}, pitch ${(1e3 * sensor.pitch_m).toFixed(3).replace(/\.?0+$/, "")} mm`], ["range", `${range.map((value) => value.toPrecision(3)).join(" to ")} ${unit}`]]),
       ...notes.map((note) => make("p.quiet", {}, note)), make("pre", { tabIndex: 0 }, command));
   }

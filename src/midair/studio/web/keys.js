@@ -4,7 +4,7 @@ export const TABLE = [
   ["Esc", "STOP, everywhere, also in text fields"], ["Space", "play, pause; live: freeze (Enter continues)"], ["J K L", "slower or back, stop, faster"],
   ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, forward; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
   ["I O \\", "loop start, loop end, loop on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
-  ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["B", "the other drive of the take (A/B)"], ["+ - 0", "time zoom, all"],
+  ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["B", "the other drive of the take (A/B)"], ["+ - 0", "time zoom, all; also the wheel, and a drag over the cells"], ["Shift and drag", "over the whole take: choose a part, as I and O do"],
   ["Ctrl Z, Ctrl Shift Z", "undo, redo an edit of a take"], ["Alt 1 … 8", "panels"], ["?", "this table"],
 ];
 

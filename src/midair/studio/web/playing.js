@@ -10,7 +10,7 @@ const HOLD = 600; // ms
 export function askToPlay(studio, take, again, correct = false) {
   const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
-  const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
+  const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold" }, simulated ? "Play" : "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
   const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
   const tracker = make("input", { type: "text", id: "follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: follow });
@@ -76,10 +76,13 @@ export function askToPlay(studio, take, again, correct = false) {
     }
     if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }
   }
-  hold.addEventListener("pointerdown", press);
-  for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) hold.addEventListener(name, release);
-  hold.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) { event.preventDefault(); press(); } });
-  hold.addEventListener("keyup", release);
+  if (simulated) hold.addEventListener("click", play); // no sound: one press is enough
+  else {
+    hold.addEventListener("pointerdown", press);
+    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) hold.addEventListener(name, release);
+    hold.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) { event.preventDefault(); press(); } });
+    hold.addEventListener("keyup", release);
+  }
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   const off = link.on("air", warn);

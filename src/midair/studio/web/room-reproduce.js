@@ -3,7 +3,7 @@
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
-import { importFile } from "/web/import.js";
+import { importFile, pictureOf } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours, driveButtons, driveLabel, drivesOf, leadOf, listed, otherDrive, reached, rowOf, takeOf, takesList } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
@@ -42,8 +42,12 @@ export default class Reproduce {
   }
   _build() {
     this.list = takesList();
-    const file = make("input", { type: "file", accept: ".h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
+    const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
+    this.sort = choice([["new", "newest"], ["name", "name"]], "new", () => this._takes(this.link.state.takes ?? []));
+    this.sort.setAttribute("aria-label", "order of the takes");
+    this.text = make("textarea", { rows: 3, maxLength: 10000, "aria-label": "notes on this take", oninput: () => this._note() });
+    this.marks = make("div.column", { id: "marks" });
     this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
     const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
     this.own = [own("Rename", () => this._rename()), own("Duplicate", () => this._own("duplicate")), own("Delete", () => this._delete())];
@@ -65,8 +69,8 @@ export default class Reproduce {
     this.view = make("p.quiet", { id: "in-view", role: "status" });
     this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height", "Ears, at most"][i], input)), this.view);
     const left = make("div.column.left", {},
-      Object.assign(panel("Takes", this.add, this.search, this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
-      panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about));
+      Object.assign(panel("Takes", this.add, make("div.found", {}, this.search, this.sort), this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
+      panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about), panel("Notes and marks", make("span", {}, "mark ", make("kbd", {}, "M")), this.text, this.marks));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
@@ -131,7 +135,8 @@ export default class Reproduce {
     if (other && other !== this.take.name) this.studio.go("reproduce", other);
   }
   _takes(takes) {
-    listed(this.list, takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
+    const shown = this.sort.value === "name" ? takes.toSorted((a, b) => a.sample - b.sample || a.name.localeCompare(b.name, undefined, { numeric: true })) : takes;
+    listed(this.list, shown.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(leadOf(row))}`, "data-take": row.name, "aria-current": row.name === takeOf(this.wish) ? "true" : null, onclick: () => { if (row.name === takeOf(this.wish) && !this.take) { this._opening = ""; this._open(row.name); } } },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : ["compared", "played", "solved"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
     this._found();
     const first = takes.find((row) => row.sample) ?? takes[0], name = this.wish || (first && leadOf(first)), row = this._row(name);
@@ -152,31 +157,68 @@ export default class Reproduce {
   }
   _rename() {
     const name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
-    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "", { name: ["New name", name] }, "Rename", (given) => this._own("rename", given));
+    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "A name such as wool/felt puts it into the folder wool.", { name: ["New name", name] }, "Rename", (given) => this._own("rename", given));
     name.select();
   }
   /** A dialog with a form; `act` is called with the values of its inputs. */
-  _ask(title, words, inputs, button, act) {
+  _ask(title, words, inputs, button, act, ...more) {
     const dialog = document.getElementById("replace");
     dialog.replaceChildren(make("h2", { id: "replace-title" }, title), make("form", { method: "dialog", onsubmit: () => act(Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]))) },
-      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input]) => field(label, input))),
+      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input]) => field(label, input)), ...more),
       make("div.buttons", {}, make("button.main", { type: "submit" }, button), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
     openModal(dialog, this.link);
   }
   /** Edit a take: the result is another take, and the loop states the part. */
   _edit() {
     const { loop, rate, last } = this.transport, text = (value) => make("input", { type: "text", value, autocomplete: "off" }), seconds = (frame) => `${(frame / rate).toFixed(4).replace(/0+$/, "").replace(/\.$/, "")}s`;
-    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"]], "cut", () => fit())], start: ["", text("")], end: ["", text("")], by: ["By", text("6dB")] };
-    const fit = () => {
-      const what = inputs.edit[1].value, shown = { cut: ["start", "end"], fade: ["start", "end"], gain: ["by"], trim: [] }[what];
-      for (const name of ["start", "end", "by"]) inputs[name][1].closest(".field").hidden = !shown.includes(name);
-      for (const [name, words, value] of [["start", what === "fade" ? "Fade in" : "From", what === "fade" ? "50ms" : seconds(loop.from)], ["end", what === "fade" ? "Fade out" : "To", what === "fade" ? "50ms" : seconds(loop.to >= last ? last + 1 : loop.to)]]) { inputs[name][1].value = value; inputs[name][1].labels[0].textContent = words; }
+    const others = (this.link.state.takes ?? []).filter((row) => row.name !== takeOf(this.take.name)).map((row) => [row.name, shortly(row.name)]);
+    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"], ["mask", "mask channels: silence them"], ["resample", "resample"], ...(others.length ? [["join", "join another take to the end"]] : [])], "cut", () => fit())], start: ["", text("")], end: ["", text("")], by: ["By", text("6dB")],
+      channels: ["Channels", text(String(this.transport.channel))], rate: ["Rate", text("1kHz")], other: ["Take", choice(others, others[0]?.[0] ?? "")] };
+    const shown = { cut: ["start", "end"], fade: ["start", "end"], gain: ["by"], trim: [], mask: ["channels"], resample: ["rate"], join: ["other"] }, seen = make("div", { id: "edit-preview", role: "status" }), { take } = this;
+    const given = () => Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]));
+    let turn = 0, timer = 0;
+    /** Show the result before it is made. */
+    const preview = () => {
+      const mine = ++turn;
+      clearTimeout(timer);
+      timer = setTimeout(async () => {
+        let parts;
+        try { const course = await this.link.order("reproduce", "look", { take: take.name, ...given() }); parts = [pictureOf(course, course.seconds), make("p.quiet", {}, `preview: ${course.seconds.toFixed(3)} s, channel ${course.channel}, ${[Math.min(...course.least), Math.max(...course.greatest)].map((value) => value.toPrecision(3)).join(" to ")} ${take.facts.unit}`)]; } catch (wrong) { parts = [make("p.bad", {}, wrong.message)]; }
+        if (mine === turn) seen.replaceChildren(...parts);
+      }, 200);
     };
-    this._ask(`Edit ${shortly(takeOf(this.take.name))}`, "The result is another take; this one stays as it is. Keys I and O choose the part to cut.", inputs, "Make the take", async (given) => {
-      const take = await tried(this.link.order("reproduce", "edit", { take: this.take.name, ...given }));
-      if (take) this.studio.go("reproduce", take);
-    });
+    const fit = () => {
+      const what = inputs.edit[1].value;
+      for (const name of Object.keys(inputs).slice(1)) inputs[name][1].closest(".field").hidden = !shown[what].includes(name);
+      for (const [name, words, value] of [["start", what === "fade" ? "Fade in" : "From", what === "fade" ? "50ms" : seconds(loop.from)], ["end", what === "fade" ? "Fade out" : "To", what === "fade" ? "50ms" : seconds(loop.to >= last ? last + 1 : loop.to)]]) { inputs[name][1].value = value; inputs[name][1].labels[0].textContent = words; }
+      preview();
+    };
+    this._ask(`Edit ${shortly(takeOf(take.name))}`, "The result is another take; this one stays as it is. Keys I and O choose the part to cut.", inputs, "Make the take", async (asked) => {
+      const made = await tried(this.link.order("reproduce", "edit", { take: take.name, ...asked }));
+      if (made) this.studio.go("reproduce", made);
+    }, make("div.import", {}, seen));
+    for (const [, input] of Object.values(inputs).slice(1)) input.addEventListener("change", preview);
     fit();
+  }
+  /** Keep what is written about the take, a moment after the last letter. */
+  _note() {
+    const name = takeOf(this.take.name), notes = { text: this.text.value, marks: Object.fromEntries(this.transport.marks.map((mark) => [mark / this.transport.rate, this.names.get(mark) ?? ""])) };
+    for (const view of this.views.values()) view.facts.written = notes;
+    clearTimeout(this.noting);
+    this.noting = setTimeout(() => { if (this.link.controls) tried(this.link.order("reproduce", "note", { take: name, ...notes })); }, 600);
+  }
+  /** Show the marks of the take: time, name, and a way to remove it. */
+  _marks() {
+    const { transport } = this;
+    if (!transport || transport.marks === this.marked) return;
+    const known = this.marked !== undefined;
+    this.marked = transport.marks;
+    this.marks.replaceChildren(...transport.marks.map((mark) => {
+      const at = `${(mark / transport.rate).toFixed(3)} s`;
+      return make("div.mark", {}, make("button", { type: "button", onclick: () => transport.seek(mark) }, at), make("input", { type: "text", maxLength: 100, value: this.names.get(mark) ?? "", placeholder: "name", "aria-label": `name of the mark at ${at}`, onchange: ({ target }) => { this.names.set(mark, target.value); this._note(); } }),
+        make("button", { type: "button", "aria-label": `remove the mark at ${at}`, onclick: () => transport.set({ marks: transport.marks.filter((each) => each !== mark) }) }, "×"));
+    }));
+    if (known) this._note();
   }
   async undo(which) {
     if (!this.link.state.edits?.[which]) return;
@@ -184,11 +226,11 @@ export default class Reproduce {
     if (take) this.studio.go("reproduce", take);
   }
   _export() {
-    const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : [])];
+    const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : []), ["folder", "the whole folder, as a project"]];
     const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
-    const ending = choice(WAVES, ".html"), fit = (drive) => ending.replaceChildren(...(drive ? DRIVE : WAVES).map(([value, words]) => make("option", { value }, words)));
-    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value === "drive"))], ending: ["As", ending] }, "Export",
-      (given) => tried(this.link.order("reproduce", "export", { take: this.take.name, ...given })));
+    const ending = choice(WAVES, ".html"), fit = (what) => ending.replaceChildren(...({ drive: DRIVE, folder: [[".zip", "one file, ZIP; Add a file opens it in another folder"]] }[what] ?? WAVES).map(([value, words]) => make("option", { value }, words)));
+    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value))], ending: ["As", ending] }, "Export",
+      (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, ...given })));
   }
   _exported(name) {
     if (!name || name === this.out) return;
@@ -246,7 +288,10 @@ export default class Reproduce {
     if (!same || (facts.drive && JSON.stringify(facts.drive.settings) !== was)) this._fill({ ...facts.drive?.settings, ...(facts.drive?.settings?.mode === "" ? USUAL : {}) });
     this._pictures(inferno, twilight);
     this._about();
-    transport.addEventListener("change", () => { if (!transport.playing) this._address(); this._frame(); });
+    const { written: notes } = facts;
+    if (!same) { this.names = new Map(Object.entries(notes.marks).map(([time, name]) => [Math.round(time * transport.rate), name])); transport.marks = [...this.names.keys()].sort((a, b) => a - b); this.marked = undefined; this.text.value = notes.text; }
+    this._marks();
+    transport.addEventListener("change", () => { this._marks(); if (!transport.playing) this._address(); this._frame(); });
     transport.run((state) => this._draw(state));
     this._takes(this.link.state.takes ?? []);
     if (kept) this._came();
@@ -274,7 +319,7 @@ export default class Reproduce {
   }
   _pictures(inferno, twilight) {
     const { take, boxes, panels } = this, { facts, transport } = take, drive = facts.drive;
-    const seek = (frame) => transport.seek(frame), choose = (channel) => transport.set({ channel });
+    const seek = (frame) => transport.seek(frame), choose = (channel) => transport.set({ channel }), zoom = (factor) => transport.zoom(factor);
     const cells = { rows: facts.rows, columns: facts.columns, pitch: facts.pitch_mm };
     const side = drive?.rows ?? 16, place = { pitch: drive?.pitch_mm ?? 11 / 3, x: drive?.x_mm ?? 0, y: drive?.y_mm ?? 0 };
     const map = { rows: side, columns: drive?.columns ?? side, place, unit: "Pa", colours: inferno, phaseColours: twilight };
@@ -282,9 +327,9 @@ export default class Reproduce {
     this.wanted = new FieldPicture(boxes.wanted, { ...map, label: "Target sound", track: take.wanted, cells });
     this.bar = new BarPicture(boxes.bar, { label: "Scale", colours: inferno, phaseColours: twilight, unit: "Pa" });
     take.pictures = [this.wanted, this.bar,
-      new TracesPicture(boxes.traces, { label: "Cells", track: take.samples, choose, seek }),
+      new TracesPicture(boxes.traces, { label: "Cells", track: take.samples, choose, seek, zoom, show: (from, to) => { transport.pause(); transport.seek((from + to) / 2); transport.set({ span: Math.max(16, to - from) / facts.rate_hz }); } }),
       new SpectrogramPicture(boxes.spectrogram, { label: "Spectrogram", track: take.samples, colours: inferno }),
-      new OverviewPicture(this._footer(transport), { label: "The whole take", track: take.samples, seek, frames: facts.frames })];
+      new OverviewPicture(this._footer(transport), { label: "The whole take", track: take.samples, seek, frames: facts.frames, zoom, select: (from, to) => transport.setLoop({ from, to, on: true }) })];
     this.nothing = null;
     if (drive) {
       this.played = new FieldPicture(boxes.played, { ...map, ...fine, label: "Played sound, simulated", track: take.played, cells });

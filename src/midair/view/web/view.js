@@ -455,9 +455,26 @@ export class CellsPicture extends MapPicture {
 export class TracesPicture extends Picture {
   constructor(box, options) {
     super(box, options);
-    const { track, over = null, names = null, choose = null, seek = null, head = true } = options;
+    const { track, over = null, names = null, choose = null, seek = null, head = true, zoom = null, show = null } = options;
     Object.assign(this, { track, over, names, choose, seek, head });
-    this.canvas.addEventListener("pointerdown", (event) => this._press(event));
+    const { canvas } = this;
+    let drag = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      // With zoom by dragging, a press counts when it is released: the traces stay in place meanwhile.
+      if (!show || event.button) this._press(event); else drag = { x: event.offsetX, frame: this._frame(event.offsetX) };
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!drag || !event.buttons || Math.abs(event.offsetX - drag.x) < 8) return;
+      this.range = [drag.x, event.offsetX];
+      this.draw();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      const done = drag, dragged = this.range;
+      drag = this.range = null;
+      if (dragged) show(...[done.frame, this._frame(event.offsetX)].sort((a, b) => a - b)); else if (done) this._press(event);
+    });
+    for (const name of ["pointerleave", "pointercancel"]) canvas.addEventListener(name, () => { if (drag) { drag = this.range = null; this.draw(); } });
+    if (zoom) canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY > 0 ? 1.25 : 0.8); }, { passive: false });
     this.canvas.addEventListener("keydown", (event) => {
       const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
       if (!step || !this.choose) return;
@@ -504,6 +521,12 @@ export class TracesPicture extends Picture {
       for (let c = 0; c < track.width; c++)
         this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
     this._bar(context, width, top, scale, ratio);
+    if (this.range) {
+      context.globalAlpha = 0.25;
+      context.fillStyle = colour.accent;
+      context.fillRect(this.range[0] * ratio, 0, (this.range[1] - this.range[0]) * ratio, base);
+      context.globalAlpha = 1;
+    }
   }
   /** The largest value with hysteresis, so that the scale rarely changes. */
   _steady(top) {
@@ -576,6 +599,8 @@ export class TracesPicture extends Picture {
     this.text(words, x - 4 * ratio, 6 * ratio + h / 2, { align: "right", colour: this.colour.ink });
     this._barWidth = context.measureText(words).width + 14 * ratio;
   }
+  /** Frame at a place of the canvas, in CSS pixels. */
+  _frame(x) { const { left = 0, w = 1, begin = 0, span = 0 } = this.lanes ?? {}; return begin + ((x * this.ratio - left) / w) * span; }
   _at(x, y) {
     const { left, w, lane, begin, span } = this.lanes ?? {}, { ratio } = this;
     if (!lane) return null;
@@ -707,12 +732,14 @@ export class SpectrogramPicture extends Picture {
 export class OverviewPicture extends Picture {
   constructor(box, options) {
     super(box, { ...options, role: "slider" });
-    const { track, seek = null, frames = null } = options;
+    const { track, seek = null, frames = null, zoom = null, select = null } = options;
     Object.assign(this, { track, seek, frames });
     const { canvas } = this;
+    let from = null; // frame at which a selection began
     canvas.style.touchAction = "none";
-    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this._scrub(event); });
-    canvas.addEventListener("pointermove", (event) => { if (event.buttons) this._scrub(event); });
+    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); from = select && event.shiftKey ? this._frame(event) : null; if (from === null) this._scrub(event); });
+    canvas.addEventListener("pointermove", (event) => { if (!event.buttons) return; if (from === null) this._scrub(event); else select(...[from, this._frame(event)].sort((a, b) => a - b)); });
+    if (zoom) canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(event.deltaY > 0 ? 1.25 : 0.8); }, { passive: false });
     canvas.addEventListener("keydown", (event) => {
       const step = { ArrowLeft: -1, ArrowRight: 1, PageDown: -100, PageUp: 100 }[event.key];
       if (!step || !this.state) return;
@@ -772,10 +799,11 @@ export class OverviewPicture extends Picture {
     return curve;
   }
   valueAt(x) { return `${said((this.track.first + (x / (this.canvas.clientWidth || 1)) * this.length) / this.track.rate, 4)} s`; }
-  _scrub(event) {
+  _frame(event) {
     const share = event.offsetX / (this.canvas.clientWidth || 1);
-    this.seek?.(this.track.first + Math.max(0, Math.min(this.length - 1, Math.floor(share * this.length))));
+    return this.track.first + Math.max(0, Math.min(this.length - 1, Math.floor(share * this.length)));
   }
+  _scrub(event) { this.seek?.(this._frame(event)); }
 }
 
 /** Colour scale: 0 to `top` in `unit`, or one cycle of phase. */

@@ -1,0 +1,22 @@
+"""What the pages show under their commands, compared with what the commands print."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def _plain(text):
+    """Text without numbers and line ends, which depend on the machine and on the width of a terminal."""
+    return " ".join(re.sub(r"-?\d[\d.,e+-]*", "#", text).split())
+
+
+def not_printed(page, printed):
+    """Lines of the text blocks that follow the consoles of a page and are not in what was printed."""
+    found = re.findall(
+        r"^```console\n(?:(?!```).*\n)+```\n+```text\n((?:(?!```).*\n)+)```",
+        (ROOT / page).read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
+    whole = _plain(printed)
+    return [line for block in found for line in block.splitlines() if _plain(line) not in whole]
