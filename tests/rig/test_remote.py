@@ -195,6 +195,23 @@ def test_the_designer_plays_its_pattern_until_it(designed, way):
         wait_until(lambda: not designed.sounds())
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("attenuate", [False, True])
+def test_the_designer_sounds_on_emulated_units_only_within_the_profile(tap, tmp_path, attenuate):
+    choices = replace(default_exposure(), attenuate=attenuate)
+    how = {"serve": partial(remote.serve_adaptics, port=0), "device": f"autd3:{tap.address}", "exposure": choices}
+    if not attenuate:
+        with pytest.raises(AssertionError, match="raised ExposureError"):
+            Here(tmp_path, None, patience=5, **how)
+        return
+    with closing(Here(tmp_path, None, **how)) as one, one.client() as client:
+        design(client, CIRCLE.read_text(encoding="utf-8"))
+        wait_until(lambda: any(intensity for _, _, intensity, _ in frames_on(tap)))
+        time.sleep(0.5)
+        (order,) = [each for each in read_log()[0] if each["event"] == "play"]
+        assert max(intensity for _, _, intensity, _ in frames_on(tap)) <= round(255 * order["level"])
+
+
 def test_the_page_names_every_message_and_field():
     for name, kind in MESSAGES.items():
         (row,) = re.findall(rf"^\| `{name}` \| (.*) \|$", PAGE, re.MULTILINE)
