@@ -36,8 +36,11 @@ from midair.validation import positive
 
 RATE, BLOCK = 1000.0, 16
 """Frames per second, and frames that are drawn at once."""
-PLACES = np.array([[-0.08, -0.08, 0.12], [0.08, 0.08, 0.3]])
-"""Lowest and highest place that may sound, in m."""
+PLACES, MIDDLE = (
+    np.array([[-0.08, -0.08, 0.12], [0.08, 0.08, 0.3]]),
+    np.array([[-0.04, -0.04, 0.19], [0.04, 0.04, 0.21]]),
+)
+"""Lowest and highest place that may sound, and those of the first check, in m."""
 PATIENCE = 0.1
 """Time in s after the last pose of a palm that is followed until the pattern is silent."""
 NAME = "AdapTics Designer"
@@ -86,14 +89,14 @@ class Stream:
         rng, self._most = np.random.default_rng(0), 1.0
         self._random = rng.random
         samples = self._drawn(
-            rng.uniform(PLACES[0], PLACES[1], (128, 3)), np.full(128, positive(pressure, "pressure", "Pa"))
+            rng.uniform(MIDDLE[0], MIDDLE[1], (128, 3)), np.full(128, positive(pressure, "pressure", "Pa"))
         )
         self._most = float(samples.level.max())
         self._admission = check_exposure_steered(
             samples, player.array, player.settings.exposure, box=PoseBox(), solved=np.zeros(3), samples=samples
         )
-        made: dict[str, Any] = {"name": NAME, "again": None, "values": {}, "about": {"file": NAME}}
-        player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK, frames=self.frames, block=BLOCK)
+        made: dict[str, Any] = {"about": {"file": NAME}, "frames": self.frames, "block": BLOCK}
+        player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK)
 
     def begin(self, at: float, state: float) -> None:
         """Begin at a time in ms of the pattern; jumps after the time `state` are taken."""
