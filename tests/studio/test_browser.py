@@ -735,7 +735,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     for edit, values, made in (("cut", {"From": "0.1s", "To": "0.3s"}, 2), ("fade", {"Fade in": "50ms"}, 3)):
         page.until("!!studio.room?.take && !studio.room.editing[0].disabled")
         button("Edit").click()
-        page.page.locator("#replace select").select_option(edit)
+        page.page.get_by_label("Edit", exact=True).select_option(edit)
         for label, value in values.items():
             page.page.get_by_label(label, exact=True).fill(value)
         picture(edit)

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -296,7 +296,7 @@ class ArrayDevice(ABC):
                 source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
             )
             self._log = partial(log_pause, number, source, self.name)
-            profile = admission.exposure.profile
+            profile, outcome = admission.exposure.profile, cast("tuple[Ending, str]", ("played", ""))
             if not self._orders:
                 free = self.simulated or admission.named
                 self._left = np.inf if free else sound_left(profile, self.participant)
@@ -306,14 +306,13 @@ class ArrayDevice(ABC):
                 # A stop during the last block is not noticed inside `emit`.
                 self._order.check(self.name)
             except BaseException as end:
-                said |= {"checked": exposed(admission.later())} if admission.later else {}
-                log_end(number, source, self.name, *self._log_outcome(end), report=said)
+                outcome = self._log_outcome(end)
                 raise
             finally:
                 self._log = log_nothing
                 self._orders.pop()
-            said |= {"checked": exposed(admission.later())} if admission.later else {}
-            log_end(number, source, self.name, "played", report=said)
+                said |= {"checked": exposed(admission.later())} if admission.later else {}
+                log_end(number, source, self.name, *outcome, report=said)
 
     def _check_hours(self) -> None:
         """Raise ExposureError if the sound of the open orders lasts for longer than their profile permits today."""

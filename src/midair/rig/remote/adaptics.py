@@ -95,8 +95,8 @@ class Stream:
         self._admission = check_exposure_steered(
             samples, player.array, player.settings.exposure, box=PoseBox(), solved=np.zeros(3), samples=samples
         )
-        made: dict[str, Any] = {"name": NAME, "again": None, "values": {}, "about": {"file": NAME}}
-        player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK, frames=self.frames, block=BLOCK)
+        made: dict[str, Any] = {"about": {"file": NAME}, "frames": self.frames, "block": BLOCK}
+        player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK)
 
     def begin(self, at: float, state: float) -> None:
         """Begin at a time in ms of the pattern; jumps after the time `state` are taken."""

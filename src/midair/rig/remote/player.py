@@ -68,13 +68,10 @@ class PalmReports:
 class Loaded:
     """A file that may play, and its order in the log."""
 
-    name: str
-    again: Callable[[dict[str, float]], dict[str, Any]] | None
-    """Loads it again with values of its parameters."""
-    values: dict[str, float]
-    """Values of parameters that differ from their defaults."""
     about: dict[str, Any]
-    """What clients get to read about it."""
+    """What clients get to read about it: the name of its file, values of its parameters and more."""
+    again: Callable[[dict[str, float]], dict[str, Any]] | None = None
+    """Loads it again with values of its parameters."""
     rate: float
     length: int
     """Number of frames of a pass."""
@@ -142,12 +139,8 @@ class Player:
 
         about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
         about |= {"follow": follow, "parameters": values, "exposure": admission.verdict()}
-        made: dict[str, Any] = {
-            "name": path.name,
-            "again": partial(self.load, path, duration, follow),
-            "values": values,
-        }
-        made |= {"about": about, "rate": drive.rate, "length": drive.frames, "follower": follower, "frames": frames}
+        made: dict[str, Any] = {"about": about, "again": partial(self.load, path, duration, follow), "frames": frames}
+        made |= {"rate": drive.rate, "length": drive.frames, "follower": follower}
         self.add(admission, path, **made, block=max(1, round(FollowRules().block * drive.rate)))
         return about
 
@@ -156,7 +149,7 @@ class Player:
         report = {"plays": 0, "duration": 0.0}
         put, log = self._begin(admission, source, report)
         made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
-        self.loaded[made["name"]] = Loaded(**made)
+        self.loaded[made["about"]["file"]] = Loaded(**made)
 
     def _drawn(self, path: Path, duration: float | None, values: dict[str, float]) -> Drive:
         foci, (array, acoustics) = load_pattern(path, values).foci(duration), self.aim()
@@ -246,7 +239,7 @@ class Player:
                 # The units keep the frame before.
                 self._late, number = self._late + missed, number + missed
                 continue
-            newest, at = self.loaded[loaded.name], number % frames
+            newest, at = self.loaded[loaded.about["file"]], number % frames
             if newest is not loaded and at == 0 and gain <= 0:
                 return newest, repeats and repeats - number // frames, token, True
             if number >= end:

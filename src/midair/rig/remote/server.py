@@ -240,7 +240,7 @@ class Server(asyncio.DatagramProtocol):
                     old, values = player.loaded[message.file], self._values.pop(message.file, {})
                     if not values or old.again is None:  # set together with an earlier one
                         return old.about
-                    return await asyncio.to_thread(old.again, old.values | values)
+                    return await asyncio.to_thread(old.again, old.about["parameters"] | values)
             case "play":
                 loaded, passes = player.trigger(message.file, message.repeats), message.repeats or "endless"
                 await asyncio.to_thread(loaded.log, "trigger", f"client {client.number}, {passes} passes")
