@@ -12,11 +12,12 @@ from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.errors import DeviceError, MidairError, StoppedError
-from midair.files import DEFAULT_PROFILE, save_solution
+from midair.files import DEFAULT_PROFILE, load_solution, save_solution
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Medium, Solution, TransducerArray
-from midair.rig import PlayLease, dose_report
+from midair.rig import PlayLease, dose_report, record
 from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
+from midair.studio.work import SolveRequest, solve_take
 from midair.studio.worker_process import StudioPipe
 from midair.study.design import MaskingNoise
 
@@ -64,6 +65,32 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
             )
             permit.disarm()
     assert [(row["participant"], row["end"]) for row in dose_report().orders] == [("touch/3", "played"), ("", "played")]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("device", ["virtual", "autd3:emulator"])
+def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
+    if device != "virtual":
+        pytest.importorskip("autd3")
+    take, permit = tmp_path / "a.h5", PlayLease()
+    record("virtual:towel", 0.3, path=take)
+    how = {"mode": "paper", "choices": (("method", "live"),)}
+    path, apart = tmp_path / "a.drive.h5", tmp_path / "apart.drive.h5"
+    admit = {"do": "admit", "path": str(path), "solve": SolveRequest(take=str(take), drive=str(path), **how)}
+    player = _Player(StudioPipe(Pipe()[1]), permit, device, 0)
+    play = {"do": "play", "masked": False, "output": "", "leave": permit.arm(lasts=10.0)}
+    with player.held, player.solver:
+        found = player.act(admit | CHECKED | {"override": "a test"})
+        assert "each part is checked before it sounds" in found["verdict"]
+        permit.stop()
+        with pytest.raises(StoppedError):
+            player.act(play | {"admission": found["number"]})
+        assert not path.exists()
+        found = player.act(admit | CHECKED | {"override": "a test"})
+        report = player.act(play | {"admission": found["number"], "leave": permit.arm(lasts=10.0)})
+    solve_take(SolveRequest(take=str(take), drive=str(apart), **how), lambda *_: None)
+    assert np.array_equal(load_solution(path).drive.phase, load_solution(apart).drive.phase)
+    assert report["frames"] == load_solution(path).drive.frames
 
 
 @pytest.mark.long

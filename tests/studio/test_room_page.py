@@ -2,6 +2,8 @@ import time
 
 import pytest
 
+from midair.rig import record
+
 pytestmark = pytest.mark.browser
 
 SOLVED = "studio.link.state.takes?.some((row) => row.sample && row.solved) && studio.room?.take?.facts?.drive?.settings"
@@ -46,6 +48,24 @@ def test_a_drift_of_the_room_is_shown_and_corrected_or_solved_again(studio_at, l
     page.until("Math.abs(studio.room.take?.facts.drive?.air_c - 23.5) < 1e-6", timeout=180)
     page.until("document.querySelector('#room-drift').hidden")
     assert "temperature 23.5C" in page.page.locator("#in-view").inner_text()
+    assert page.wrong == []
+
+
+def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
+    studio = studio_at()
+    record("virtual:towel", 0.2, path=studio.folder / "new.h5")
+    page = look(studio)
+    page.until(SOLVED, timeout=120)
+    page.until("studio.link.state.takes.some((row) => row.name === 'new.h5')", timeout=60)
+    page.page.evaluate("studio.go('reproduce', 'new.h5')")
+    page.until("studio.room.take?.name === 'new.h5' && studio.room.take.facts", timeout=60)
+    page.page.get_by_label("Mode").select_option("paper")
+    page.page.get_by_role("button", name="Play on array").click()
+    page.until("!document.querySelector('#hold').disabled", timeout=120)
+    assert "each part is checked before it sounds" in page.page.locator("#exposure").inner_text()
+    page.hold_to_play()
+    page.until("document.querySelector('#exposure').textContent.includes('new.rerecorded.h5')", timeout=120)
+    page.until("studio.link.state.takes.some((row) => row.name === 'new.h5' && row.solved)", timeout=60)
     assert page.wrong == []
 
 

@@ -83,9 +83,8 @@ class SensorDevice(ABC):
     stored: Stored = "f8"
     """Type for storage: "f4" if float32 represents every sample exactly."""
 
-    @abstractmethod
-    def open(self) -> None:
-        """Open the device."""
+    def open(self) -> None:  # noqa: B027
+        """Open the device, if there is one."""
 
     @abstractmethod
     def start(self) -> None:
@@ -103,9 +102,8 @@ class SensorDevice(ABC):
     def stop(self) -> None:
         """Stop sampling; no effect if not started."""
 
-    @abstractmethod
-    def close(self) -> None:
-        """Close the device; no effect if not open."""
+    def close(self) -> None:  # noqa: B027
+        """Close the device, if there is one; no effect if not open."""
 
     def describe(self) -> dict[str, str]:
         """Device information and counters since start, by name."""

@@ -94,6 +94,7 @@ from .play_lease import under_lease as under_lease
 from .playing import DRIFT as DRIFT
 from .playing import FollowRules as FollowRules
 from .playing import PlaySettings as PlaySettings
+from .playing import SolvedAhead as SolvedAhead
 from .playing import check_air as check_air
 from .playing import clear_followed as clear_followed
 from .playing import correct_air_of_file as correct_air_of_file

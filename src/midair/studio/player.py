@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from midair.physics import PoseBox, middle_of, pose_of
 from midair.rig import (
     FollowRules,
     PlaySettings,
+    SolvedAhead,
     VirtualRig,
     array_named,
     clear_followed,
@@ -48,6 +50,7 @@ from midair.rig import (
     under_lease,
 )
 from midair.studio.stop_port import StopPort
+from midair.studio.work import led_pressure
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
 
@@ -167,7 +170,7 @@ def run_player(
     StopPort(listening, token, origins, player.stop).start()
     end_with_studio(permit.stop, player.silence, patience=2.0)
     pipe.send("ready")
-    with player.held:
+    with player.held, player.solver:
         pipe.serve(player.act)
 
 
@@ -180,6 +183,7 @@ class _Player:
     waits: Any = None
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
+    solver: ExitStack = field(default_factory=ExitStack)
     admitted: dict[int, tuple[Any, Path, Medium | None]] = field(
         default_factory=dict[int, tuple[Any, Path, Medium | None]]
     )
@@ -203,6 +207,7 @@ class _Player:
                     self.trials.clear()
                     return self.noise.take(order["noise"], order["device"])
                 case "unfollow":
+                    self.solver.close()
                     return self._unfollow()
                 case "quiet":
                     with self.noise.over(order["masked"]):
@@ -252,6 +257,9 @@ class _Player:
         """Check the exposure of a drive file on this array, and keep the clearance."""
         path = Path(order["path"])
         room: Any = order.get("room")
+        self.solver.close()
+        if order.get("solve"):
+            return self._admit_unsolved(order, path, room)
         trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
@@ -274,11 +282,7 @@ class _Player:
             if simulated:
                 drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
                 repeats = 1
-        profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
-        choices = ExposureChoices(
-            profile=profile, attenuate=order["attenuate"], override=order["override"] or None, room=room
-        )
-        solved = {"solved_c": round(drive.acoustics.medium.degrees, 2)}
+        choices = _choices(order)
         try:
             if simulated:
                 admission = check_exposure(drive, array, choices, repeats=repeats)
@@ -287,24 +291,46 @@ class _Player:
                 admission, self.followed = clear_followed(drive, array, how, grid_of(drive)), (drive, how)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
-            found = measure_exposure(drive, array.array, profile, room=room)
-            return {"number": 0, "refused": str(wrong), **solved, **exposed(found)}
-        self.number += 1
+            found = measure_exposure(drive, array.array, choices.profile, room=room)
+            solved = round(drive.acoustics.medium.degrees, 2)
+            return {"number": 0, "refused": str(wrong), "solved_c": solved, **exposed(found)}
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
+        found = self._found(admission, repeats * drive.frames / drive.rate, drive.acoustics)
         self.admitted[self.number] = (admission, path, room)
-        found = {
+        self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
+        return found
+
+    def _admit_unsolved(self, order: Mapping[str, Any], path: Path, room: Medium | None) -> dict[str, Any]:
+        """Begin to solve a take for this array; every part is checked ahead of its sound."""
+        transducers, settings, pressure = led_pressure(order["solve"])
+        how = PlaySettings(device=self.device, exposure=_choices(order), repeats=order["repeats"])
+        if self.device == "virtual":
+            like = {"height": settings.target.grid.height, "cells": pressure.sensor, "band": settings.calibration.band}
+            array: Any = open_rig(settings=how.but(**like, acoustics=settings.acoustics, seed=self.seed)).array
+        else:
+            self._open()
+            array = self.array
+        solving = SolvedAhead(pressure, transducers, array, settings, how, path)
+        admission = self.solver.enter_context(solving).first_part()
+        # The drive does not exist yet.
+        self.admitted = {self.number + 1: (solving, Path(order["solve"].take), room)}
+        found = self._found(admission, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
+        return found | {"verdict": f"first part: {found['verdict']}; each part is checked before it sounds"}
+
+    def _found(self, admission: Any, duration: float, solved: Acoustics) -> dict[str, Any]:
+        """Return a clearance for the page, with the next number."""
+        self.number += 1
+        return {
             "number": self.number,
             "outcome": admission.outcome,
             "verdict": admission.verdict(),
             "by": admission.by,
-            "duration_s": repeats * drive.frames / drive.rate,
+            "duration_s": duration,
             "refused": "",
-            **solved,
+            "solved_c": round(solved.medium.degrees, 2),
             **exposed(admission.exposure),
         }
-        self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
-        return found
 
     def _unfollow(self) -> bool:
         """Close the tracker, if there is one."""
@@ -341,7 +367,15 @@ class _Player:
         if found is None:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
         with self.noise.over(order["masked"]):
-            return self._let_sound(order, *found)
+            if not isinstance(found[0], SolvedAhead):
+                return self._let_sound(order, *found)
+            solving: SolvedAhead = found[0]
+            wait = partial(self.permit.check, order["leave"], self.device)
+            with self.solver:
+                ready = solving.in_time(lambda text: self.pipe.send("solves", text=text), wait)
+                report = self._let_sound(order, ready, *found[1:])
+                solving.finish()
+                return report
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
         leave, output = order["leave"], order["output"]
@@ -387,6 +421,12 @@ class _Player:
                 self.pipe.send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress
+
+
+def _choices(order: Mapping[str, Any]) -> ExposureChoices:
+    profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
+    room, override = order.get("room"), order["override"] or None
+    return ExposureChoices(profile=profile, attenuate=order["attenuate"], override=override, room=room)
 
 
 def exposed(found: Any) -> dict[str, Any]:

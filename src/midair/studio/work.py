@@ -13,7 +13,7 @@ from midair.errors import InputError
 from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames
+from midair.model import Palm, PressureFrames, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
 from midair.recordings import unreproduced
 from midair.rig import (
@@ -75,10 +75,9 @@ def settings_of(order: SolveRequest) -> Settings:
     return settings
 
 
-def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
-    """Solve a take, write its drive, and return its error and level."""
+def led_pressure(order: SolveRequest) -> tuple[TransducerArray, Settings, PressureFrames]:
+    """Array, settings, and pressure with its lead, of a request."""
     settings, take = settings_of(order), open_take(order.take)
-    progress("reading the take", 0, 1)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
@@ -87,6 +86,13 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
     if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
         array, settings, led = kept.applied(array, settings, led)
+    return array, settings, led
+
+
+def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
+    """Solve a take, write its drive, and return its error and level."""
+    progress("reading the take", 0, 1)
+    array, settings, led = led_pressure(order)
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:

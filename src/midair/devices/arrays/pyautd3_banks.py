@@ -47,7 +47,7 @@ from pyautd3.link.nop import Nop
 from pyautd3.link.twincat import TwinCAT
 from pyautd3.native_methods.autd3capi import NativeMethods
 
-from midair.devices.arrays.banks import TooLateError, UnitsState
+from midair.devices.arrays.banks import Banks, TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
@@ -79,7 +79,7 @@ class _TableGain(Gain):
         return NativeMethods().gain_custom(ctypes.c_void_p(_look_up.address), context, geometry._geometry_ptr)
 
 
-class PyAutd3Banks:
+class PyAutd3Banks(Banks):
     """Both segments of all units; `placement` lists the units in the order of the wiring, `link` as in `pyautd3_array`.
 
     `interval` is the time between datagrams, in s; each carries one pattern. Default: the SDK's 1 ms on a real bus,
@@ -168,9 +168,6 @@ class PyAutd3Banks:
             states = self._open.fpga_state()
         hot = (unit for unit, state in enumerate(states) if state is not None and state.is_thermal_assert())
         return UnitsState(hot=tuple(hot))
-
-    def release(self) -> None:
-        """Do nothing: this SDK has no failsafe to release."""
 
     def held(self, unit: int, bank: int, frame: int) -> tuple[Bytes, Bytes]:
         """Phases and intensities in a segment, shape (transducer,) each; only ``audit`` can read them."""

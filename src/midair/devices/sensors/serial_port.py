@@ -16,12 +16,12 @@ from serial.tools.list_ports import comports
 
 from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
+from midair.devices.sensors.sources import Chunk, SensorOptions, Source, Stream, opened
 from midair.devices.sensors.thermometer import LINE, Thermometer
 from midair.errors import DeviceError
 
 
-class SerialSource:
+class SerialSource(Source):
     """Frames received at a serial port, such as ``/dev/ttyUSB0`` or ``COM3``.
 
     USB devices without a real serial line ignore `baud`; 16 channels of 16 bits at 1 kHz need 540 000 bits per second
@@ -73,9 +73,6 @@ class SerialSource:
         while not self._waiting and time.monotonic() < end:
             self._waiting.extend(self._decoder.push(self._read()))
         return self._chunk(self._waiting.popleft()) if self._waiting else None
-
-    def stop(self) -> None:
-        """Do nothing: the sensor always sends."""
 
     def close(self) -> None:
         """Close the port."""

@@ -258,9 +258,6 @@ class ReplaySensor(SensorDevice):
         self._recording = recording
         self._taken: int | None = None
 
-    def open(self) -> None:
-        """Do nothing: there is no device to open."""
-
     def start(self) -> None:
         """Start at the recording's first frame."""
         self._taken = 0
@@ -278,9 +275,6 @@ class ReplaySensor(SensorDevice):
     def stop(self) -> None:
         """Stop the replay; the next start begins at the first frame."""
         self._taken = None
-
-    def close(self) -> None:
-        """Do nothing: there is no device to close."""
 
 
 class WrappedSensor(SensorDevice):

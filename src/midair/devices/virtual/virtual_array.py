@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.devices.arrays import OUTCOMES, ImmediateArray, Silencer, SilencerChoice, choose_silencer
+from midair.devices.arrays import OUTCOMES, ImmediateArray, ImmediateUnits, SilencerChoice, choose_silencer
 from midair.devices.frame_bytes import Bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
 from midair.errors import DeviceStateError, InputError, RateError, ShapeError
@@ -131,9 +131,6 @@ class VirtualSensor(SensorDevice):
         self._samples: np.ndarray | LazyFrames = np.zeros((0, *self.grid.shape))
         self._taken, self._sampling = 0, False
 
-    def open(self) -> None:
-        """Do nothing: there is no device to open."""
-
     def start(self) -> None:
         """Clear the skin, apply the object's pressure if there is one, and start sampling."""
         self._skin.clear()
@@ -161,9 +158,6 @@ class VirtualSensor(SensorDevice):
     def stop(self) -> None:
         """Stop sampling."""
         self._sampling = False
-
-    def close(self) -> None:
-        """Do nothing: there is no device to close."""
 
     def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
@@ -357,7 +351,7 @@ class _Path:
         return self.spread.pressure(q) if self.moving is None else self.moving.pressure(q, first)
 
 
-class VirtualUnits:
+class VirtualUnits(ImmediateUnits):
     """Accepts frames without sound; keeps the last `kept` of them as (phases, intensity, instant)."""
 
     emulated = True
@@ -368,9 +362,6 @@ class VirtualUnits:
         self._counts: dict[str, int] = dict.fromkeys(OUTCOMES, 0)
         self._sent_at = np.zeros(64, np.int64)
         self._number = 0
-
-    def set_silencer(self, silencer: Silencer) -> None:
-        """Do nothing: there is no silencer."""
 
     def now(self) -> int:
         """Device time, in ns."""
@@ -389,9 +380,6 @@ class VirtualUnits:
         if self.frames.maxlen:
             self.frames.append((phases.copy(), intensity, instant))
 
-    def skip(self) -> None:
-        """Do nothing: virtual units are never too hot."""
-
     def sent(self, number: int) -> int:
         """Time at which a frame was accepted, in ns of `time.monotonic_ns`."""
         return int(self._sent_at[number % 64])
@@ -409,15 +397,9 @@ class VirtualUnits:
             phases, _, _ = self.frames[-1]
             self.frames.append((np.zeros_like(phases), 0, time.monotonic_ns()))
 
-    def release(self) -> None:
-        """Do nothing: there is nothing to release."""
-
     def describe(self) -> dict[str, str]:
         """Description of the units."""
         return {"units": "virtual, without sound"}
-
-    def close(self) -> None:
-        """Do nothing: there is no connection to close."""
 
 
 def virtual_immediate(

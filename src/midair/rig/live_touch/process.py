@@ -19,6 +19,7 @@ from midair.devices import (
     Cooling,
     ImmediateArray,
     SensorDevice,
+    Source,
     Stream,
     StreamedSensor,
     check_exposure_level,
@@ -41,7 +42,7 @@ from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
 
-class RepeatedSource:
+class RepeatedSource(Source):
     """Repeats `samples`, shape (frame, channel), in real time, in blocks of `block` frames as a converter does."""
 
     def __init__(self, samples: NDArray[np.float64], stream: Stream, *, block: int = 2) -> None:
@@ -70,12 +71,6 @@ class RepeatedSource:
         # Time stamp of the end of the frame.
         taken = self._begin + (first + 1) / rate
         return Chunk(samples=self._samples[at], first=first, device_time=first / rate, host_time=taken)
-
-    def stop(self) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
 
     def describe(self) -> dict[str, str]:
         """Duration of the period."""
@@ -152,13 +147,6 @@ class LoopStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopNote:
-    """Line for the user: begin or end of a pause while units are too hot, or of following the palm."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LoopEnded:
     """End of a run."""
 
@@ -186,7 +174,7 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    `told` receives one `LoopStarted`, then a `LoopNote` for each begin and end of a pause, and one `LoopEnded`.
+    `told` receives one `LoopStarted`, then a line for each begin and end of a pause or of following, and a `LoopEnded`.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -222,7 +210,7 @@ def _play(
         nonlocal notes
         # A program that reads no lines must not stop the loop.
         if (notes := notes + 1) <= NOTES:
-            told.send(LoopNote(text=text))
+            told.send(text)
 
     # Before the SDK starts its threads, which inherit the priority.
     granted = request_realtime(order.priority)

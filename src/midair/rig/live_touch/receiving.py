@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from midair.devices import Chunk, Stream
+from midair.devices import Chunk, Source, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import SensorGrid, SensorWiring
 from midair.rig.live_touch.encryption import (
@@ -166,7 +166,7 @@ class RateLimit:
         return self._seen[sender] <= most
 
 
-class NetworkSource:
+class NetworkSource(Source):
     """Waits for the first frame of an authenticated sender and gives its frames: a `Source` for `StreamedSensor`.
 
     Every greeting is answered with a random number of its own; only a frame that carries one of these numbers selects
@@ -264,9 +264,6 @@ class NetworkSource:
                 return None
             else:
                 self._take((until if over else min(due, until)) - now)
-
-    def stop(self) -> None:
-        """Do nothing."""
 
     def close(self) -> None:
         """Close the port."""

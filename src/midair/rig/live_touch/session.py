@@ -16,7 +16,7 @@ from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Placement, Provenance
 from midair.rig.live_touch.live_settings import RISE, LiveSettings
-from midair.rig.live_touch.process import LoopEnded, LoopNote, LoopStarted, play_live
+from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
 from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, RingShape, TouchRing
 from midair.rig.play_lease import LeaseToken, PlayLease
@@ -70,11 +70,6 @@ class LiveTake:
             played_each=self._formed,
         )
         self._writer.__enter__()
-
-    @property
-    def frames(self) -> int:
-        """Number of frames in the file."""
-        return self._writer.frames
 
     def run(self) -> None:
         """Write until `end`, and then the remaining frames."""
@@ -337,9 +332,9 @@ class LiveSession:
             return
         if isinstance(said, LoopStarted):
             self._opened = said
-        elif isinstance(said, LoopNote):
+        elif isinstance(said, str):
             if self._report is not None:
-                self._report(said.text)
+                self._report(said)
         else:
             self._ended = said
 

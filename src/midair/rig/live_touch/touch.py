@@ -56,7 +56,8 @@ class Touch:
     `pressure`, shape (formed, channel), is the calibrated pressure in Pa, sampled `delay` s ago; `phases`, shape
     (transducer,), are those of the last audible frame in steps of 2 pi / 256; `error` is the error of the causal
     inverse in each of `parts`. `calibration` is None where frames arrive in Pa; `level` is the drive of every
-    transducer in audible frames, 0 to 1; `grid` replaces the control points of the settings.
+    transducer in audible frames, 0 to 1; `grid` replaces the control points of the settings. `wanted`, shape (point,),
+    is the target of the last frame, relative to a focus of the whole array.
     """
 
     parts = ((BAND[0], 40.0), (40.0, 100.0), (100.0, BAND[1]))
@@ -113,7 +114,7 @@ class Touch:
         self._begin = partial(solver.begin, problem, folded=mirrored)
         self._follower: FrameTracker = self._begin()
         self.pressure, self._pushes = np.zeros((formed, sensor.count)), np.zeros((formed, sensor.count))
-        self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
+        self.wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)
         self.delay = (delay if self._inverse else 0.0) + self._mapping.delay / (formed * rate)
 
@@ -154,18 +155,13 @@ class Touch:
 
     def _solve(self, pushes: Array, *, hurried: bool) -> None:
         # Pressure is interpolated, not amplitude, as in the best mode.
-        np.dot(self._between, pushes, out=self._wanted)
-        np.sqrt(self._wanted, out=self._wanted)
-        self._wanted *= self._unit
-        np.multiply(self._follower.follow(self._wanted, hurried=hurried), 256 / (2 * np.pi), out=self._steps)
+        np.dot(self._between, pushes, out=self.wanted)
+        np.sqrt(self.wanted, out=self.wanted)
+        self.wanted *= self._unit
+        np.multiply(self._follower.follow(self.wanted, hurried=hurried), 256 / (2 * np.pi), out=self._steps)
         np.rint(self._steps, out=self._whole, casting="unsafe")
         # 256 steps are one turn, so that the overflow of a byte is harmless.
         np.copyto(self.phases, self._whole, casting="unsafe")
-
-    @property
-    def wanted(self) -> Array:
-        """Target of `form` at the control points, shape (point,), relative to a focus of the whole array."""
-        return self._wanted
 
 
 def _decoupling_matrix(sensor: SensorGrid, grid: ControlGrid, rate: float) -> Array:

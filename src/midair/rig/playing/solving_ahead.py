@@ -114,15 +114,27 @@ class SolvedAhead:
             self._check_end()
             yield part
 
-    def in_time(self, report: Callable[[str], object]) -> ExposureClearance:
-        """Wait until the play can begin without a gap, and return its clearance; report if this takes long."""
-        lacks: float | None = None
-        while lacks is None or lacks > 0:
+    def first_part(self) -> ExposureClearance:
+        """Wait until the first part is checked, and return its clearance; raises the solver's error."""
+        while len(self._arrived) == 1 and not self._solved.done():
+            self._news.get()
+        return self.finish() if self._stream is None else self._stream.clearance()
+
+    def in_time(self, report: Callable[[str], object], check: Callable[[], object] = bool) -> ExposureClearance:
+        """Wait until the play can begin without a gap, and return its clearance; report if this takes long.
+
+        `check`, called ten times a second, may raise an error that ends the wait.
+        """
+        lacks = 1.0
+        while lacks > 0:
             # Until a part came, the solver ended, or enough time has passed.
             with suppress(Empty):
-                self._news.get(timeout=lacks)
+                self._news.get(timeout=min(lacks, 0.1))
+            check()
             if self._solved.done():
                 break
+            if len(self._arrived) == 1:
+                continue
             lacks, speed = self._lacks()
             if lacks > 0 and speed < 1:
                 wait = f"the first sound comes in about {max(lacks, 1):.0f} s, so that there is no gap"

@@ -4,9 +4,10 @@ import asyncio
 import secrets
 import socket
 import time
+from collections.abc import Callable
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -20,13 +21,15 @@ from midair.errors import (
     StoppedError,
 )
 from midair.files import DEFAULT_PROFILE
-from midair.model import Medium
+from midair.model import HEIGHTS, Medium
 from midair.physics import MOST_PROTECTION
 from midair.rig import DRIFT, LeaseToken, PlayLease, PlaySettings
+from midair.settings import EARS, Mode
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
 from midair.studio.takes_list import TakesList
+from midair.studio.work import SolveRequest
 from midair.studio.worker_process import WorkerProcess
 
 ATTEMPTS = 3
@@ -34,6 +37,31 @@ ATTEMPTS = 3
 
 ALIVE = 0.5
 """Seconds for which the lease lasts after the last "alive" message of the page in control."""
+
+
+class SolveForm(Arguments):
+    """Settings of a drive; None means the default of the mode."""
+
+    take: str = Field(max_length=1000)
+    mode: Mode = "best"
+    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
+    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
+    level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
+    gain: float | None = Field(default=None, gt=0, le=100)
+    ears_db: float | None = Field(default=None, ge=EARS[0], le=EARS[1])
+    height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
+    guard_mm: float | None = Field(default=None, ge=0, le=100)
+    visible_s: float | None = Field(default=None, ge=0)
+    replaces: str = Field(default="", max_length=100)
+    beside: bool = False
+    """Keep the drive of this mode and make a further one."""
+
+    def choices(self) -> tuple[tuple[str, Any], ...]:
+        """Return the settings that differ from the mode, in their own units."""
+        given = self.model_dump(include={"mapping", "method", "level", "gain"}) | {"ears": self.ears_db}
+        for name, length in (("height", self.height_mm), ("guard", self.guard_mm)):
+            given[name] = None if length is None else length * 1e-3
+        return tuple((name, value) for name, value in given.items() if value is not None)
 
 
 class CheckExposure(Arguments):
@@ -46,6 +74,8 @@ class CheckExposure(Arguments):
     protection_db: float = Field(default=0.0, ge=0, le=MOST_PROTECTION)
     repeats: int = declared(PlaySettings, "repeats", most=1000)
     correct_air: bool = False
+    solve: SolveForm | None = None
+    """Settings for a take that was not solved: it is solved while it plays."""
     follow: str = Field(default="", max_length=300)
     latency_ms: float | None = Field(default=None, ge=0, le=1000)
 
@@ -92,6 +122,7 @@ class PlayPanel:
         self._checked: dict[int, tuple[str, float, Medium | None]] = {}
         self._stops = self.permit.stops
         self.played: list[Any] = []
+        self.request: Callable[[SolveForm, str], SolveRequest] | None = None
         self._state: dict[str, Any] = {
             "state": "starts",
             "device": device,
@@ -154,8 +185,11 @@ class PlayPanel:
     async def check(self, _: Page, order: CheckExposure) -> Any:
         """Check the exposure of a drive and return it."""
         drive = self._takes.beside(order.take, ".drive.h5")
+        solve = None
         if not drive.exists():
-            raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+            if order.solve is None or self.request is None or order.correct_air or order.follow or order.attenuate:
+                raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+            solve = self.request(order.solve, order.take)
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
         self._busy()
@@ -166,6 +200,7 @@ class PlayPanel:
         found = await self._player.ask(
             "admit",
             path=str(drive),
+            solve=solve,
             profile=order.profile or DEFAULT_PROFILE,
             attenuate=order.attenuate,
             override=order.override.strip(),
@@ -385,6 +420,8 @@ class PlayPanel:
                 self._opening = asyncio.ensure_future(self._open())
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "solves":
+                self._show(said=said["text"])
             case "palm":
                 self._store.put(palm=said["palm"])
             case "heat":

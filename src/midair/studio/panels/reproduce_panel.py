@@ -11,12 +11,11 @@ from pydantic import Field
 
 from midair.errors import InputError
 from midair.files import atomic_file
-from midair.model import HEIGHTS
-from midair.settings import EARS, Mode
 from midair.studio.folders import EXPORTS, StudioFolder, pack_folder
 from midair.studio.importing import ImportForm, run_edit, run_import, run_words
 from midair.studio.jobs import StudioJob
 from midair.studio.panels.panel import WEB, Panel, PanelContext
+from midair.studio.panels.play_panel import SolveForm
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
 from midair.studio.takes_list import NOTES, take_of
@@ -45,37 +44,6 @@ class Notes(Arguments):
 
 class NotesForm(TakeNamed, Notes):
     """A take, and the notes on it."""
-
-
-class SolveForm(Arguments):
-    """Settings of a drive; None means the default of the mode."""
-
-    take: str = Field(max_length=1000)
-    mode: Mode = "best"
-    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
-    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
-    level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
-    gain: float | None = Field(default=None, gt=0, le=100)
-    ears_db: float | None = Field(default=None, ge=EARS[0], le=EARS[1])
-    height_mm: float | None = Field(default=None, ge=1e3 * HEIGHTS[0], le=1e3 * HEIGHTS[1])
-    guard_mm: float | None = Field(default=None, ge=0, le=100)
-    visible_s: float | None = Field(default=None, ge=0)
-    replaces: str = Field(default="", max_length=100)
-    beside: bool = False
-    """Keep the drive of this mode and make a further one."""
-
-    def choices(self) -> tuple[tuple[str, Any], ...]:
-        """Return the settings that differ from the mode, in their own units."""
-        given = {
-            "mapping": self.mapping,
-            "method": self.method,
-            "level": self.level,
-            "gain": self.gain,
-            "ears": self.ears_db,
-            "height": None if self.height_mm is None else self.height_mm * 1e-3,
-            "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
-        }
-        return tuple((name, value) for name, value in given.items() if value is not None)
 
 
 class EditForm(TakeNamed):
@@ -120,6 +88,7 @@ class ReproducePanel(Panel):
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
         self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
+        context.playing.request = self._request
         self._edits: list[tuple[str, str]] = []  # take, and what was made of it
         self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
         store = context.store

@@ -7,8 +7,8 @@ import { drift, heatWarning, warningBox } from "/web/warnings.js";
 const HOLD = 600; // ms
 
 /** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
-export function askToPlay(studio, take, again, correct = false) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, follow: "" };
+export function askToPlay(studio, take, again, correct = false, solve = undefined) {
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, solve, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold" }, simulated ? "Play" : "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
@@ -63,7 +63,7 @@ export function askToPlay(studio, take, again, correct = false) {
     hold.disabled = true;
     done.hidden = false;
     for (const one of drifted.querySelectorAll("button")) one.disabled = true;
-    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; });
+    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said) verdict.textContent = player.said; });
     const report = await tried(link.order("play", "play", { admission }));
     off();
     done.hidden = true;
@@ -86,7 +86,7 @@ export function askToPlay(studio, take, again, correct = false) {
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   const off = link.on("air", warn);
-  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); if (given.follow) tried(link.order("play", "unfollow")); }, { once: true });
+  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); tried(link.order("play", "unfollow")); }, { once: true });
   openModal(dialog, link);
   check();
 }

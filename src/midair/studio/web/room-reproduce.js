@@ -101,8 +101,8 @@ export default class Reproduce {
     this.solve.disabled = !controls || !this.take || comes;
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
-    this.play.disabled = !controls || !row?.solved || facts.part || !playable(player);
-    this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
+    this.play.disabled = !controls || !facts || comes || facts.part || !playable(player);
+    this.play.title = facts?.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
     const [correct, again] = this.drifted.querySelectorAll("button");
     correct.disabled = this.play.disabled;
     again.disabled = this.solve.disabled;
@@ -410,7 +410,7 @@ export default class Reproduce {
     const answer = await solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) });
     if (answer && this.take && answer.take !== this.take.name) this.studio.go("reproduce", answer.take);
   }
-  _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct); }
+  _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct, { take: this.take.name, ...chosen(this.made) }); }
   async _upload(file) {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });

@@ -275,7 +275,7 @@ class TextPresenter:
         self.inner.silence()
 
 
-class SilentPresenter:
+class SilentPresenter(Presenter):
     """Presents nothing and stores the names of the last two stimuli in `felt`, for simulated participants.
 
     The members of a pair are presented one by one.
@@ -287,6 +287,3 @@ class SilentPresenter:
     def present(self, stimulus: Stimulus) -> None:
         """Store the name of the stimulus."""
         self.felt = (*self.felt[-1:], stimulus.name)
-
-    def silence(self) -> None:
-        """Do nothing."""
