@@ -223,7 +223,7 @@ def exposure_excess(
 ) -> Array:
     """How far the level of each of a few frames is above the enforced limits in dB, shape (frame,), on one core.
 
-    With a `stride`, frames between every `stride`th one get an upper bound from those beside them, since a field is
+    With a `stride`, frames between multiples of it get an upper bound from those beside them, since a field is
     linear in its drive, and all transducers together bound that of the difference. Where it is above 0 dB, or each
     transducer has a level, the frame itself is measured.
     """
