@@ -109,6 +109,6 @@ def test_its_panel_is_served_and_answers(midair):
     done = subprocess.run(command, env=os.environ | {"PYTHONPATH": midair.paths}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     tabs, script, loudest = json.loads(done.stdout)
-    assert tabs == ["record", "calibrate", "reproduce", "compare", "draw", "study", "live", "cells"]
+    assert tabs == ["record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery", "cells"]
     assert "export default class Cells" in script
     assert loudest == 1

@@ -209,12 +209,13 @@ def in_time():
 
 @pytest.fixture
 def steered(monkeypatch) -> list:
-    """(frames, pose at their end) of each block that a follower steers."""
+    """(frames, pose at their end, whether they rise from silence) of each block that a follower steers."""
     blocks, real = [], Follower.steered
 
     def kept(follower, frames, times):
+        rises = follower._gain == 0
         drive, pose = real(follower, frames, times)
-        blocks.append((frames, pose if follower._audible else None))
+        blocks.append((frames, pose if follower._audible else None, rises))
         return drive, pose
 
     monkeypatch.setattr(Follower, "steered", kept)
@@ -225,7 +226,7 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
     """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
     aims, before, found = aims_of(drive, GRID), None, 0
     fit = PalmFit(drive.array, drive.acoustics, GRID) if fitted else None
-    for frames, pose in blocks:
+    for frames, pose, rises in blocks:
         end, beside = None, 0.0
         if pose is not None:
             aim = aims[frames.stop - 1]
@@ -234,6 +235,8 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
                 fit.move(pose)
         if fit is not None and (end is not None or before is not None):
             beside = np.angle(fit(drive.phase[frames], drive.phase[frames] + held))
+        if rises:
+            before = end  # as after the failsafe acted: there is nothing to turn from
         if before is not None and end is not None:
             count = frames.stop - frames.start
             share = (np.arange(count) + 1)[:, None] / count
@@ -264,7 +267,7 @@ def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_t
     sent = {instant: phases for phases, _, instant in units.put_frames}
     assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, fitted=fit) > 200
     # The palm is that of the moment at which the frames sound, by 1.5 mm.
-    for frames, pose in steered[30:]:
+    for frames, pose, _ in steered[30:]:
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
         assert np.linalg.norm(pose.centre - true.centre) < 1.5e-3
     assert done.reaction[0] < 0.2
