@@ -70,6 +70,7 @@ class RecentFrames:
                 ("intensity", "u1"),
                 ("flags", "u1"),
                 ("instant", "i8"),
+                ("number", "i8"),
             ]
         )
         self._channels, self._most, self.frames = channels, most, 0
@@ -79,7 +80,7 @@ class RecentFrames:
         """Append frames of the ring."""
         block = np.zeros(len(found), self._kept)
         block["samples"] = found["samples"][:, : self._channels]
-        for name in ("phases", "intensity", "flags", "instant"):
+        for name in ("phases", "intensity", "flags", "instant", "number"):
             block[name] = found[name]
         self._blocks.append(block)
         self.frames += len(block)

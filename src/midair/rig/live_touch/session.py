@@ -96,8 +96,7 @@ class LiveTake:
         first = int(-found["number"][0]) % self._formed if len(found) else 0
         rest = (len(found) - first) % self._formed
         found, self._seen = found[first : len(found) - rest], seen - rest
-        if missed + first:
-            missed = (missed + first) // self._formed
+        if missed := (missed + first) // self._formed:
             self._writer.note([Event(kind="lost", frame=self._writer.frames, frames=missed)])
             self.missed += missed
         if not len(found):
