@@ -312,6 +312,7 @@ def test_network_faults_are_concealed_and_counted(way, most):
     assert speaker.spoken.frames > 2000
 
 
+@pytest.mark.long
 def test_no_frame_is_given_after_the_sender_has_ended():
     listener, _, _ = spoken(0.6)
     assert "has ended" in str(listener.problem)
