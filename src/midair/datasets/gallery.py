@@ -15,7 +15,7 @@ import tomli_w
 from midair.array_types import Array
 from midair.datasets.strokes import SAMPLES, STORED, sample
 from midair.errors import BrokenFileError, FileError, InputError
-from midair.files import atomic_file, save
+from midair.files import atomic_file, save, write_file
 from midair.model import Acoustics, Palm, TransducerArray
 from midair.patterns import PALETTE, Pattern, palm_pressure
 from midair.view import Channels, Film, Tile, ViewData, channel_sound, colour_table, write_gif
@@ -53,8 +53,7 @@ class TouchView:
             picture.save(file, format="PNG")
         with atomic_file(folder / f"{self.title}.gif") as file:
             write_gif(Film(facts, side=side, groups=[[tile]]), file)
-        with atomic_file(folder / f"{self.title}.wav") as file:
-            file.write_bytes(self.sound)
+        write_file(folder / f"{self.title}.wav", self.sound)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +78,7 @@ class Touch:
         if self.pattern is None:
             save(sample(self.name), path)
             return
-        with atomic_file(path) as partial:
-            partial.write_text(tomli_w.dumps(self.pattern), encoding="utf-8")
+        write_file(path, tomli_w.dumps(self.pattern))
 
     def view(self) -> TouchView:
         """Pictures and sound: pressure on the cells of a recording, or of ideal foci of a pattern on a palm."""

@@ -178,12 +178,8 @@ class DesignerServer(Server):
 
     def __init__(self, player: Player, stream: Stream, report: Callable[[str], object]) -> None:
         super().__init__(player, Path(), "", report)
-        self._stream, self._wanted, self._taken, self._start = (
-            stream,
-            ("", dict[str, float]()),
-            ("", dict[str, float]()),
-            0.0,
-        )
+        self._stream, self._start = stream, 0.0
+        self._wanted = self._taken = ("", dict[str, float]())
 
     def check(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse the scripts of other pages."""
