@@ -45,7 +45,7 @@ test-slow: $(VENV)/dev
 	$(BIN)/python -m pytest -m slow --timeout 3000 $(PARALLEL)
 
 test-browser: $(VENV)/dev
-	$(BIN)/python -m pytest -m browser --durations 10
+	$(BIN)/python -m pytest -m browser --numprocesses 2 --dist worksteal --durations 10
 
 # Those that failed last, alone and one after the other: what fails again does not fail for want of time. Fails where
 # nothing had failed, so that it never hides another reason.
