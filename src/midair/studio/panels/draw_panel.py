@@ -3,6 +3,7 @@
 The effect of a pattern on a palm, and its drive, are computed in the worker processes.
 """
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -171,6 +172,7 @@ class DrawPanel(Panel):
         store.offer("draw", "preview", self.preview, PatternForm, watchers=True)
         store.offer("draw", "save", self.save, SaveForm)
         store.offer("draw", "draft", self.draft, PatternForm)
+        store.offer("draw", "change", self.change, PatternForm)
         self._show(palette=PALETTE, files=[])
 
     def files(self, *_: object) -> None:
@@ -193,27 +195,38 @@ class DrawPanel(Panel):
         If a file exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
         files = [self._takes.folder.place(order.name + ending) for ending in (".toml", ".drive.h5")[: 1 + order.drive]]
-        stamps = tuple(map(stamp_of, files))
-        if any(stamps) and order.replaces != "-".join(stamps):
-            return {"asks": {"files": [each.name for each in files if each.exists()], "replaces": "-".join(stamps)}}
-        saved = await self._write(order, files, stamps)
+        request = self._request(order, files)
+        stamps = "-".join(request.replaces)
+        if any(request.replaces) and order.replaces != stamps:
+            return {"asks": {"files": [each.name for each in files if each.exists()], "replaces": stamps}}
+        saved = await self._write(request)
         self.files()
         return {"saved": saved}
 
     async def draft(self, _: Page, order: PatternForm) -> str:
         """Make the drive of a pattern in the session's folder; returns the name to check and play."""
-        (folder := self._takes.samples / "drawn").mkdir(exist_ok=True)
-        (folder / "pattern.rerecorded.h5").unlink(missing_ok=True)
-        files = [folder / "pattern.toml", folder / "pattern.drive.h5"]
-        await self._write(order, files, tuple(map(stamp_of, files)))
+        await self._draft(order, ".toml", ".drive.h5")
+        (self._takes.samples / "drawn" / "pattern.rerecorded.h5").unlink(missing_ok=True)
         return f"{DRAWN}pattern.toml"
 
-    async def _write(self, order: PatternForm, files: list[Path], stamps: tuple[str, ...]) -> list[str]:
-        request = self._request(order, files=tuple(map(str, files)), replaces=stamps)
-        queue = self._context.jobs if len(files) > 1 else self._context.reading
-        return await queue.result(f"draw {files[0].stem}", save_pattern, request)
+    async def change(self, _: Page, order: PatternForm) -> dict[str, Any]:
+        """Let a pattern replace the one that plays in a loop, when its exposure has been checked."""
+        return await self._context.playing.change(await self._draft(order, ".toml"))
 
-    def _request(self, order: PatternForm, **more: Any) -> PatternRequest:
+    async def _draft(self, order: PatternForm, *endings: str) -> Path:
+        """Write a pattern with an end into the session's folder."""
+        (folder := self._takes.samples / "drawn").mkdir(exist_ok=True)
+        files = [folder / f"pattern{ending}" for ending in endings]
+        request = self._request(order, files)
+        plain = {"duration_s": LOOP} | request.pattern
+        await self._write(replace(request, pattern=plain, text=tomli_w.dumps(plain)))
+        return files[0]
+
+    async def _write(self, request: PatternRequest) -> list[str]:
+        queue = self._context.jobs if len(request.files) > 1 else self._context.reading
+        return await queue.result(f"draw {Path(next(iter(request.files))).stem}", save_pattern, request)
+
+    def _request(self, order: PatternForm, files: Sequence[Path] = ()) -> PatternRequest:
         plain = deepcopy(order.pattern)
         for spot in plain["spot"] if isinstance(plain.get("spot"), list) else []:
             if isinstance(spot, dict) and isinstance(signal := spot.get("signal"), dict):  # pyright: ignore[reportUnknownMemberType]
@@ -225,5 +238,6 @@ class DrawPanel(Panel):
             device=context.playing.device,
             array_calibration=context.array_calibration,
             room=context.air.medium,
-            **more,
+            files=tuple(map(str, files)),
+            replaces=tuple(map(stamp_of, files)),
         )

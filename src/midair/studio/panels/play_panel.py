@@ -84,6 +84,8 @@ class PlayNow(Arguments):
     """Play a checked drive, after the button was held."""
 
     admission: int
+    loop: bool = False
+    """Play a pattern again and again, until STOP."""
 
 
 class PlayPanel:
@@ -237,15 +239,18 @@ class PlayPanel:
         self.check_same_air(room)
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
-        report = await self._sound(
-            page, take, "play", solved=solved, admission=order.admission, output=str(partial), masked=False, waits=True
-        )
+        how = {"admission": order.admission, "output": str(partial), "masked": False, "waits": True, "loop": order.loop}
+        report = await self._sound(page, take, "play", solved=solved, **how)
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
         for callback in self.played:
             callback(take)
         return report
+
+    async def change(self, pattern: Path) -> dict[str, Any]:
+        """Let the pattern of a file replace the one that plays in a loop; ExposureError if it may not."""
+        return await self._player.ask("change", path=str(pattern))
 
     async def admit_trial(
         self, path: Path, share: float, *, override: str = "", room: Medium | None = None
