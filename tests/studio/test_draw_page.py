@@ -69,11 +69,64 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     assert page.wrong == []
 
 
+def test_key_frames_are_moved_and_a_loop_plays_each_change(studio_at, look):
+    page = look(studio_at())
+    click, press, value = (lambda name: page.page.locator(name).click()), page.page.keyboard.press, page.page.evaluate
+    keys = "studio.room.one.key.map((key) => [key.at_s, ...key.centre_mm, key.part ?? 1])"
+    page.go("#draw")
+    page.until("studio.name === 'draw'")
+    page.page.get_by_role("button", name="texture on a spot").click()
+    click("#draw-key-add")
+    click("#draw-key-add")
+    assert value(keys) == [[0, 0, 0, 1], [0.5, 0, 0, 1], [1, 0, 0, 1]]
+    page.page.locator('[data-key="1"]').focus()
+    for key in ("Shift+ArrowRight", "ArrowLeft", "ArrowDown"):
+        press(key)
+    page.page.locator('[data-handle="0.k2"]').focus()
+    press("Shift+ArrowUp")
+    assert value(keys) == [[0, 0, 0, 1], [0.59, 0, 0, 0.95], [1, 0, 5, 1]]
+    box = page.page.locator(".times").bounding_box()
+
+    def at(time, part):
+        x, y = (26 + 364 * time) / 400, (62 - 50 * part) / 84
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+    page.page.mouse.move(*at(0.59, 0.95))
+    page.page.mouse.down()
+    page.page.mouse.move(*at(0.3, 0.5), steps=3)
+    page.page.mouse.up()
+    assert value(keys)[1] == [0.3, 0, 0, 0.5]
+    page.page.locator("#draw-key-ease").select_option("step")
+    page.page.mouse.dblclick(*at(0.65, 0.1))
+    assert value(keys)[2] == [0.65, 0, 0, 0.5], "a jump holds until the next key"
+    press("Control+z")
+    press("Control+z")
+    press("Control+z")
+    assert value(keys)[1] == [0.59, 0, 0, 0.95]
+    page.page.locator('[data-key="1"]').focus()
+    press("Delete")
+    assert value(keys) == [[0, 0, 0, 1], [1, 0, 5, 1]]
+    page.page.locator("#draw-shape").select_option("svg")
+    page.page.locator("#draw-svg").fill("M0 0H9V9")
+    page.until(f"{SEEN} && !document.querySelector('#draw-play').disabled", timeout=120)
+    page.page.locator("#draw-loop").check()
+    click("#draw-play")
+    page.until("studio.room.looping && studio.link.state.player.emitting", timeout=180)
+    page.page.locator("#draw-slider-grain").focus()
+    press("End")
+    said = "document.querySelector('#draw-played').innerText"
+    page.until(f"{said} === 'playing in a loop, with this change'", timeout=180)
+    press("Escape")
+    page.until(f"!studio.room.looping && {said} === 'stopped'")
+    assert page.wrong == []
+
+
 def test_the_panel_fits_and_is_accessible(studio_at, look, tmp_path):
     page = look(studio_at())
     page.go("#draw")
     page.until("studio.name === 'draw'")
     page.page.get_by_role("button", name="line stroke").click()
+    page.page.locator("#draw-key-add").click()
     page.until(SEEN, timeout=120)
     for scheme, width in (("dark", 1280), ("light", 1280), ("dark", 390), ("light", 390)):
         page.page.emulate_media(color_scheme=scheme)

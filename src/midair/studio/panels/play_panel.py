@@ -138,6 +138,7 @@ class PlayPanel:
             "said": "",
             "hot": "",
             "waits": False,
+            "loop": False,
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
@@ -316,7 +317,7 @@ class PlayPanel:
         if solved is not None:
             self._air.plays(self.device, solved)
         leave = self.permit.arm(lasts=ALIVE)
-        self._show(state="plays", take=what, done=0, total=0, said="")
+        self._show(state="plays", take=what, done=0, total=0, said="", loop=order.get("loop", False))
         try:
             report = await self._player.ask(do, leave=leave, **order)
         except MidairError as wrong:

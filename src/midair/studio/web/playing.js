@@ -1,13 +1,13 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
 
-import { field, make, openModal, tried } from "/web/dom.js";
+import { field, make, openModal, toast, tried } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
 import { drift, heatWarning, warningBox } from "/web/warnings.js";
 
 const HOLD = 600; // ms
 
-/** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
-export function askToPlay(studio, take, again, correct = false, solve = undefined) {
+/** `again` solves the take again; `correct`: with phases corrected for the air of the room; `loop`: a pattern, until STOP. */
+export function askToPlay(studio, take, again, correct = false, solve = undefined, loop = false) {
   const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, solve, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold" }, simulated ? "Play" : "Hold to play");
@@ -26,7 +26,7 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
   let admission = 0, checks = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, ...(loop ? [] : [field("Times", repeats)]), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
@@ -64,7 +64,9 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
     done.hidden = false;
     for (const one of drifted.querySelectorAll("button")) one.disabled = true;
     const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said) verdict.textContent = player.said; });
-    const report = await tried(link.order("play", "play", { admission }));
+    const played = link.order("play", "play", { admission, loop });
+    if (loop) { off(); dialog.close(); played.catch(({ message }) => toast(message)); return; } // it is changed on the page
+    const report = await tried(played);
     off();
     done.hidden = true;
     for (const one of drifted.querySelectorAll("button")) one.disabled = false;
