@@ -26,7 +26,12 @@ PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
 """The experimenter presents as soon as the page requests it. Void, since Playwright calls returned functions."""
 
-ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live")
+ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
+
+UNHELPED = """[...document.querySelectorAll('button, input:not([type=file]), select, textarea')]
+    .filter((each) => !each.title && !document.getElementById(each.getAttribute('aria-describedby'))?.textContent)
+    .map((each) => each.getAttribute('aria-label') ?? (each.labels?.[0] ?? each).innerText)"""
+"""Names of the controls without a line of help."""
 
 
 def answers(study, folder="sessions"):
@@ -297,7 +302,7 @@ def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_every_panel_is_accessible(studio_at, look, scheme):
-    """No serious finding of axe; nothing empty; SIMULATED is to be seen; nothing overflows the page."""
+    """No serious finding of axe; nothing empty; SIMULATED is shown; nothing overflows; each control has its help."""
     page = look(studio_at(), color_scheme=scheme, reduced_motion="reduce")
     page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
     assert not page.page.evaluate("studio.room.transport.playing"), "reduced motion begins paused"
@@ -305,9 +310,11 @@ def test_every_panel_is_accessible(studio_at, look, scheme):
     for room in ROOMS:
         page.go(f"#{room}")
         page.until(f"studio.name === '{room}' && document.querySelector('main').innerText.length > 40")
+        page.until("!['reproduce', 'compare'].includes(studio.name) || !!studio.room.take || !!studio.room.name")
         page.page.wait_for_timeout(400)
         assert page.page.locator("#simulated").is_visible()
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), room
+        assert page.page.evaluate(UNHELPED) == [], room
         found = Axe().run(page.page).response["violations"]
         wrong = [
             (each["id"], each["nodes"][0]["html"][:120]) for each in found if each["impact"] in ("serious", "critical")
@@ -317,7 +324,13 @@ def test_every_panel_is_accessible(studio_at, look, scheme):
     assert serious == {}
     page.page.set_viewport_size({"width": 640, "height": 400})
     page.go("#reproduce")
-    page.until("studio.name === 'reproduce'")
+    page.until("studio.name === 'reproduce' && !!studio.room.take")
+    for name in ("Edit", "Export", "Play on array", "air not stated"):
+        page.page.get_by_role("button", name=name).click()
+        assert page.page.evaluate(UNHELPED) == [], name
+        page.page.keyboard.press("Escape")
+    page.page.get_by_label("Solver").focus()
+    page.until("document.querySelector('#hint').innerText === 'Method that finds the phases'")
     assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth + 1"), "200 % of 1280 pixels"
     assert page.wrong == []
 
