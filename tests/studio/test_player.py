@@ -53,7 +53,7 @@ def test_missing_sound_output_is_reported_before_the_session():
 def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of_a_command():
     if pytest.importorskip("sounddevice", exc_type=(ImportError, OSError)).query_devices():
         pytest.skip("a sound output is here")
-    with pytest.raises(DeviceError, match="connect one, or choose the noise none$"):
+    with pytest.raises(DeviceError, match=r"connect one, or choose the noise none$"):
         NoiseOutput().take(MaskingNoise(level_dbfs=-60), "default")
 
 
