@@ -83,12 +83,12 @@ export class TimeLine {
     if (held) this.view.querySelector(`[data-key="${held}"]`)?.focus({ preventScroll: true });
     this.help.textContent = count ? "Upwards: part of the pressure. Drag a key, here in time and level, on the palm in place (diamonds). Arrow keys do the same, Delete removes it, a double click adds one." : "With key frames the spot moves, and its pressure changes, over time.";
     if (!whole) return;
-    const field = (words, name, change) => { const input = make("input", { type: "number", step: "any", id: `draw-key-${words[0]}`, value: String(this.value(keys[this.key], name)), onchange: () => { const given = Number(input.value); if (input.value !== "" && Number.isFinite(given)) change(given); else this.show(); } }); return make("label", {}, `${words} `, input); };
+    const field = (words, name, title, change) => { const input = make("input", { type: "number", step: "any", id: `draw-key-${words[0]}`, title, value: String(this.value(keys[this.key], name)), onchange: () => { const given = Number(input.value); if (input.value !== "" && Number.isFinite(given)) change(given); else this.show(); } }); return make("label", {}, `${words} `, input); };
     const chosen = keys[this.key], set = (name) => (given) => room.edit(() => { chosen.centre_mm ??= [0, 0]; room.set(chosen, name, given); }, `key ${name}`);
-    const ease = chosen && choice(EASES, chosen.ease ?? "linear", () => room.edit(() => { chosen.ease = ease.value; })), loops = make("input", { type: "checkbox", id: "draw-key-loop", checked: Boolean(one.loop_keys), disabled: count < 2, onchange: () => room.edit(() => { if (loops.checked) one.loop_keys = true; else delete one.loop_keys; }) });
-    if (ease) ease.id = "draw-key-ease";
-    this.row.replaceChildren(...(chosen ? [make("strong", {}, `Key ${this.key + 1}`), field("time, s", "at_s", (given) => this.move(this.key, given, this.value(chosen, "part"), "typed")), field("x, mm", "centre_mm.0", set("centre_mm.0")), field("y, mm", "centre_mm.1", set("centre_mm.1")),
-      field("part", "part", (given) => this.move(this.key, this.value(chosen, "at_s"), given, "typed")), make("label", {}, "way to the next ", ease), make("label", {}, loops, " repeat the keys")] : []));
+    const ease = chosen && choice(EASES, chosen.ease ?? "linear", () => room.edit(() => { chosen.ease = ease.value; })), loops = make("input", { type: "checkbox", id: "draw-key-loop", title: "After the last key they begin again", checked: Boolean(one.loop_keys), disabled: count < 2, onchange: () => room.edit(() => { if (loops.checked) one.loop_keys = true; else delete one.loop_keys; }) });
+    if (ease) Object.assign(ease, { id: "draw-key-ease", title: "How place and level change until the next key" });
+    this.row.replaceChildren(...(chosen ? [make("strong", {}, `Key ${this.key + 1}`), field("time, s", "at_s", "Time after the start of the spot", (given) => this.move(this.key, given, this.value(chosen, "part"), "typed")), field("x, mm", "centre_mm.0", "To the right of the centre of the spot", set("centre_mm.0")), field("y, mm", "centre_mm.1", "From the centre of the spot towards the fingers", set("centre_mm.1")),
+      field("part", "part", "Part of the pressure, 0 to 1", (given) => this.move(this.key, this.value(chosen, "at_s"), given, "typed")), make("label", {}, "way to the next ", ease), make("label", {}, loops, " repeat the keys")] : []));
   }
 
   _pointer() {
