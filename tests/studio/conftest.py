@@ -73,6 +73,13 @@ class Look:
         state = self.page.evaluate("JSON.stringify(globalThis.studio?.link.state ?? {}).slice(0, 3000)")
         raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
 
+    def serious(self):
+        """Serious findings of axe on accessibility, with the elements."""
+        from axe_playwright_python.sync_playwright import Axe
+
+        found = Axe().run(self.page).response["violations"]
+        return [(one["id"], one["nodes"][0]["html"]) for one in found if one["impact"] in ("serious", "critical")]
+
     def go(self, address):
         self.page.evaluate(f"location.hash = {address!r}")
 
