@@ -724,7 +724,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.until("document.querySelectorAll('#own-study option[value$=\".h5\"]').length === 3")
     page.page.get_by_label("Name", exact=True).fill("cord")
     page.page.get_by_label("Participants").fill("5")
-    page.page.get_by_label("takes to present").select_option([f"corduroy-0{n}.h5" for n in (1, 2, 3)])
+    page.page.get_by_label("takes and patterns to present").select_option([f"corduroy-0{n}.h5" for n in (1, 2, 3)])
     page.page.get_by_label("Question", exact=True).fill("Which cloth did you feel?")
     page.page.get_by_label("Second question (may stay empty)").fill("How rough was it?")
     picture("study")
