@@ -52,7 +52,7 @@ def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
 def _named(name: str, seed: int) -> SensorDevice:
     made = sensor_named(name, VirtualRig(seed=seed))
     if name.startswith("virtual:"):
-        # What a virtual sensor computes since its start would take longer and longer.
+        # A virtual sensor computes everything since its start, which would take longer and longer.
         return streamed(made, longest=1.6)
     return PacedSensor(made) if made.on_demand else made
 
