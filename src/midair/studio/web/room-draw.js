@@ -28,7 +28,7 @@ const NUMBERS = {
   draw_hz: ["Passes", "per s", 50, 0.1, 200, 0.1, "How often the path is drawn in a second.", 2000], speed_m_s: ["Speed", "m/s", 1, 0.01, 10, 0.01, "Speed along the path."],
   "am.frequency_hz": ["Vibration", "Hz", 150, 1, 400, 1, "Skin feels 100 to 300 Hz best.", 2000], "am.depth": ["Depth", "", 1, 0, 1, 0.05, "1: down to silence; 0: no vibration."],
   "lm.frequency_hz": ["Orbits", "Hz", 5, 0.5, 60, 0.5, "Turns per second of the small orbit.", 100], "lm.radius_mm": ["Orbit's radius", "mm", 3, 0.5, 20, 0.5, "Radius of the small orbit."],
-  "signal.channel": ["Its channel", "", 0, 0, 255, 1, "Cell of the take, row by row from 0."], "signal.depth": ["Its depth", "", 1, 0, 1, 0.05, "Part of the pressure that follows the signal."],
+  "signal.channel": ["Its channel", "", null, 0, 255, 1, "Cell of the take, row by row from 0; empty: the strongest."], "signal.depth": ["Its depth", "", 1, 0, 1, 0.05, "Part of the pressure that follows the signal."],
   start_s: ["Begins at", "s", 0, 0, 2, 0.01, "The spot is silent before."], stop_s: ["Ends at", "s", null, 0.01, 2, 0.01, "The spot is silent afterwards; empty: at the end."],
 };
 const get = (from, path) => path.split(".").reduce((at, name) => at?.[name], from);
