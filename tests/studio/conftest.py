@@ -80,6 +80,14 @@ class Look:
         found = Axe().run(self.page).response["violations"]
         return [(one["id"], one["nodes"][0]["html"]) for one in found if one["impact"] in ("serious", "critical")]
 
+    def unhelped(self):
+        """Names of the controls without a line of help."""
+        return self.page.evaluate(
+            """[...document.querySelectorAll('button, input:not([type=file]), select, textarea')]
+            .filter((one) => !one.title && !document.getElementById(one.getAttribute('aria-describedby'))?.textContent)
+            .map((one) => one.getAttribute('aria-label') ?? (one.labels?.[0] ?? one).innerText)"""
+        )
+
     def go(self, address):
         self.page.evaluate(f"location.hash = {address!r}")
 

@@ -161,7 +161,7 @@ def test_second_page_watches_and_takes_control_in_silence(studio_at, look):
 
 
 def test_every_key_of_the_transport(studio_at, look):
-    """Frames, speeds, loop, marks; the address has panel, take and time, and Back works."""
+    """Those of the standalone view reach the transport; the address has panel, take and time, and Back works."""
     page = look(studio_at())
     shown(page)
     press = page.page.keyboard.press
@@ -174,22 +174,6 @@ def test_every_key_of_the_transport(studio_at, look):
 
     press("Home")
     assert at() == 0
-    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("End", 1599)):
-        press(key)
-        assert at() == frame, key
-    for key, speed in (("2", 0.1), ("3", 0.01), ("1", 1)):
-        press(key)
-        assert page.page.evaluate("studio.room.transport.speed") == speed
-    press("Home")
-    press("m")
-    page.page.evaluate("studio.room.transport.seek(300)")
-    press("i")
-    press("m")
-    page.page.evaluate("studio.room.transport.seek(400)")
-    press("o")
-    assert page.page.evaluate("studio.room.transport.loop") == {"from": 300, "to": 400, "on": True}
-    press("Shift+M")
-    assert at() in (0, 300)
     press("3")
     press("Space")
     begin, then = at(), time.monotonic()
@@ -218,20 +202,10 @@ def test_every_key_of_the_transport(studio_at, look):
         press(key)
         assert (now("playing"), now("speed")) == (True, speed), key
     press("k")
-    for key, what, value in (
-        ("\\", "loop.on", False),
-        ("\\", "loop.on", True),
-        ("p", "phase", True),
-        ("f", "phase", False),
-        ("ArrowDown", "channel", 11),
-        ("ArrowUp", "channel", 10),
-        ("+", "span", 0.5),
-        ("-", "span", 1),
-        ("+", "span", 0.5),
-        ("0", "span", 1),
-    ):
+    before = now("channel"), now("span")
+    for key in ("ArrowDown", "ArrowUp", "+", "-"):
         press(key)
-        assert now(what) == value, key
+    assert (now("channel"), now("span")) == before
     page.page.evaluate("studio.room.transport.seek(742)")
     press("ArrowRight")
     press("ArrowLeft")

@@ -5,12 +5,13 @@ import tomllib
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from benchmarks.draw_minutes import SEEN, walk
 
 from midair.cli import run
+from midair.files import load_solution
+from midair.patterns import load_pattern
 
 pytestmark = pytest.mark.browser
-
-SEEN = "!studio.room.busy && studio.room.seen === JSON.stringify(studio.room.pattern)"
 
 
 def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
@@ -69,7 +70,26 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     assert page.wrong == []
 
 
-def test_key_frames_are_moved_and_a_loop_plays_each_change(studio_at, look):
+@pytest.mark.timeout(1800)
+def test_a_designer_draws_two_touches_and_a_study_of_them(studio_at, look, tmp_path):
+    """A curl with key frames, a recorded texture in a loop that is changed while it plays, a study of both."""
+    page, kept = look(studio := studio_at(), reduced_motion="reduce"), os.environ.get("MIDAIR_PICTURES", tmp_path)
+    seen = lambda name: page.page.screenshot(path=f"{kept}/draw-{name}.png")  # noqa: E731
+    assert walk(page.page, seen, lambda script: page.until(script, timeout=300)) < 60
+    curl, cloth = (load_pattern(studio.folder / f"{name}.toml") for name in ("curl", "cloth"))
+    assert [(key.centre_mm, key.part) for key in curl.spot[0].key] == [((0, 0), 1), ((30, 0), 0.3)]
+    assert cloth.foci().pressure.max() == pytest.approx(80, abs=1)
+    assert cloth.foci().pressure.std() > 5, "the take modulates it"
+    drives = studio.folder / "touches"
+    assert {load_solution(drives / f"{name}.drive.h5").drive.provenance.source for name in ("curl", "cloth")} == {
+        "curl.toml",
+        "cloth.toml",
+    }
+    assert "SIMULATED" in (drives / "report.html").read_text(encoding="utf-8")
+    assert page.wrong == []
+
+
+def test_key_frames_are_moved_by_arrow_keys_and_mouse(studio_at, look):
     page = look(studio_at())
     click, press, value = (lambda name: page.page.locator(name).click()), page.page.keyboard.press, page.page.evaluate
     keys = "studio.room.one.key.map((key) => [key.at_s, ...key.centre_mm, key.part ?? 1])"
@@ -108,16 +128,8 @@ def test_key_frames_are_moved_and_a_loop_plays_each_change(studio_at, look):
     assert value(keys) == [[0, 0, 0, 1], [1, 0, 5, 1]]
     page.page.locator("#draw-shape").select_option("svg")
     page.page.locator("#draw-svg").fill("M0 0H9V9")
-    page.until(f"{SEEN} && !document.querySelector('#draw-play').disabled", timeout=120)
-    page.page.locator("#draw-loop").check()
-    click("#draw-play")
-    page.until("studio.room.looping && studio.link.state.player.emitting", timeout=180)
-    page.page.locator("#draw-slider-grain").focus()
-    press("End")
-    said = "document.querySelector('#draw-played').innerText"
-    page.until(f"{said} === 'playing in a loop, with this change'", timeout=180)
-    press("Escape")
-    page.until(f"!studio.room.looping && {said} === 'stopped'")
+    page.until(SEEN, timeout=120)
+    assert value("studio.room._path(studio.room.one)[200].map(Math.round)") == [20, 20]
     assert page.wrong == []
 
 
@@ -134,10 +146,6 @@ def test_the_panel_fits_and_is_accessible(studio_at, look, tmp_path):
         page.page.locator("main").evaluate("(main) => main.scrollTo(0, 0)")
         page.page.screenshot(path=f"{os.environ.get('MIDAIR_PICTURES', tmp_path)}/draw-{scheme}-{width}.png")
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        assert (
-            page.page.evaluate("""[...document.querySelectorAll('.draw .field :is(input, select)')].filter((one) =>
-            !document.getElementById(one.getAttribute('aria-describedby'))?.innerText).map((one) => one.id)""")
-            == []
-        )
+        assert page.unhelped() == []
         assert Axe().run(page.page).response["violations"] == []
     assert page.wrong == []

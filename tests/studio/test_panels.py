@@ -27,11 +27,6 @@ PRESENTS = """void studio.link.on('session', session =>
 
 ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
 
-UNHELPED = """[...document.querySelectorAll('button, input:not([type=file]), select, textarea')]
-    .filter((each) => !each.title && !document.getElementById(each.getAttribute('aria-describedby'))?.textContent)
-    .map((each) => each.getAttribute('aria-label') ?? (each.labels?.[0] ?? each).innerText)"""
-"""Names of the controls without a line of help."""
-
 
 def answers(study, folder="sessions"):
     return [event for event in read_events(study.path / folder / "sub-01.jsonl") if event["event"] == "answer"]
@@ -312,14 +307,14 @@ def test_every_panel_is_accessible(studio_at, look, scheme):
         page.page.wait_for_timeout(400)
         assert page.page.locator("#simulated").is_visible()
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), room
-        assert page.page.evaluate(UNHELPED) == [], room
+        assert page.unhelped() == [], room
         assert page.serious() == [], room
     page.page.set_viewport_size({"width": 640, "height": 400})
     page.go("#reproduce")
     page.until("studio.name === 'reproduce' && !!studio.room.take")
     for name in ("Edit", "Export", "Play on array", "air not stated"):
         page.page.get_by_role("button", name=name).click()
-        assert page.page.evaluate(UNHELPED) == [], name
+        assert page.unhelped() == [], name
         page.page.keyboard.press("Escape")
     page.page.get_by_label("Solver").focus()
     page.until("document.querySelector('#hint').innerText === 'Method that finds the phases'")

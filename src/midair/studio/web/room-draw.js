@@ -184,7 +184,7 @@ export default class Draw {
         panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive),
           make("p.quiet", {}, "Save writes NAME.toml; the drive, NAME.drive.h5, can be played and used in a study."), this._row("Open", this.opens, "A pattern of the folder."), this.said)),
       make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm"), this.spots),
-        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it. Each spot is one focus; all press at once.")), this.line.box),
+        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm: a new path. Drag a handle, or press arrow keys, with Shift by 5 mm; Delete removes it. All spots press at once.")), this.line.box),
       make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play, make("label", { htmlFor: "draw-loop" }, this.loops, " in a loop")), this.played,
         make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. In a loop, each change is checked too, and then played in the next pass. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
     this._shown();
