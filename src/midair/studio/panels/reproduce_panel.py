@@ -358,6 +358,7 @@ class ReproducePanel(Panel):
             if job.title == title and job.state == "done":
                 # The comparison was made with the previous drive.
                 self._takes.comparison_path(take).unlink(missing_ok=True)
+                self._context.playing.newest = take
             self._solved(job)
 
         return ended
