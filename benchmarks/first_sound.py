@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import time
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -55,14 +55,14 @@ def start(folder: Path) -> None:
     for name, mode in MODES.items():
         cold = {"PYTHONPYCACHEPREFIX": str(folder / f"cold-{name}")}
         for label, more in (("cold", cold), ("warm", cold)):
-            began = time.time()
+            began = datetime.now(UTC)
             played = play(folder, take, mode, more)
             _, error = played.communicate()
             order, end = last_orders(folder)
             if played.returncode:
                 print(f"{name}, {label}: {error.strip()}")
                 continue
-            waited = datetime.fromisoformat(order["time"]).timestamp() - began
+            waited = (datetime.fromisoformat(order["time"]) - began).total_seconds()
             print(f"{name}, {label}: {waited:.1f} s; {end['late']} late, {end['gap_s']:g} s of gaps", flush=True)
 
 
@@ -70,12 +70,12 @@ def long(folder: Path, seconds: float) -> None:
     """Play a long recording while it is solved, and print its gaps and its memory."""
     take = recorded(folder, seconds)
     print(f"{seconds:g} s of a towel, {list(MODES)[-1]}; {load()}", flush=True)
-    began, used = time.time(), []
+    began, start, used = datetime.now(UTC), time.monotonic(), []
     played = play(folder, take, list(MODES.values())[-1], {})
     process, cpu = psutil.Process(played.pid), 0.0
     while played.poll() is None:
         try:
-            used.append((time.time() - began, process.memory_info().rss / 2**20))
+            used.append((time.monotonic() - start, process.memory_info().rss / 2**20))
             cpu = sum(process.cpu_times()[:2])
         except psutil.NoSuchProcess:
             break
@@ -84,7 +84,7 @@ def long(folder: Path, seconds: float) -> None:
     if played.returncode:
         print(f"status {played.returncode}: {error.strip()}")
     order, end = last_orders(folder)
-    waited = datetime.fromisoformat(order["time"]).timestamp() - began
+    waited = (datetime.fromisoformat(order["time"]) - began).total_seconds()
     shown = {key: end[key] for key in ("outcome", "frames", "duration_s", "late", "repeated", "gap_s", "units")}
     print(f"first sound after {waited:.0f} s; {shown}; {cpu:.0f} s of CPU time; {load()}")
     for part in range(5):
