@@ -44,8 +44,6 @@ from .perception import band_levels as band_levels
 from .perception import dominant_frequency as dominant_frequency
 from .perception import pacinian_level as pacinian_level
 from .perception import spectral_error as spectral_error
-from .perception import spqi as spqi
-from .perception import st_sim as st_sim
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
