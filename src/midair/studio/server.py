@@ -31,9 +31,7 @@ def listen(port: int) -> socket.socket:
     return listening
 
 
-def open_studio(
-    plan: StudioPlan, *, port: int = 0, browser: bool = True, say: Callable[[str], None] | None = None
-) -> None:
+def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> None:
     """Serve a studio until Ctrl-C or a signal ends it.
 
     Parameters
@@ -42,8 +40,6 @@ def open_studio(
         Port of the server; 0 chooses a free one.
     browser : bool
         Open the login link in the browser.
-    say : callable, optional
-        Receives the login link; printed if None.
 
     Raises
     ------
@@ -71,15 +67,12 @@ def open_studio(
             timeout_graceful_shutdown=2,
             lifespan="on",
         )
-        _Server(config, lambda: _announce(studio.keys.link(), browser, say)).run(sockets=[listening])
+        _Server(config, lambda: _announce(studio.keys.link(), browser)).run(sockets=[listening])
 
 
-def _announce(link: str, browser: bool, say: Callable[[str], None] | None) -> None:
-    if say is None:
-        sys.stdout.write(f"{link}\n")
-        sys.stdout.flush()
-    else:
-        say(link)
+def _announce(link: str, browser: bool) -> None:
+    sys.stdout.write(f"{link}\n")
+    sys.stdout.flush()
     if browser:
         webbrowser.open(link)
 
