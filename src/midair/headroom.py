@@ -126,8 +126,8 @@ class PressureLevel:
 
 
 def headroom(array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None) -> Headroom:
-    """Largest pressures of `array` at the height of `grid`, cached; `sensor` (4 x 4 if None) has the cells."""
-    return _headroom(ArrayKey(array), grid, acoustics, None)
+    """Largest pressures of `array` at the height of `grid` on a sensor of 4 x 4 cells, cached."""
+    return _headroom(ArrayKey(array), grid, acoustics)
 
 
 def level_of(
@@ -209,10 +209,10 @@ def _pa(value: float) -> str:
 
 
 @lru_cache(maxsize=32)
-def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None, sensor: SensorGrid | None) -> Headroom:
+def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None) -> Headroom:
     acoustics = acoustics or Acoustics()
     focus = radiation_pressure(np.array(focus_amplitude(grid, keyed.array, acoustics=acoustics)), acoustics.medium)
-    even = interpolation_matrix(sensor or SensorGrid(), grid).sum(axis=1)
+    even = interpolation_matrix(SensorGrid(), grid).sum(axis=1)
     linear, most = linear_range(keyed.array, grid, even, acoustics)
     return Headroom(height=grid.height, focus=float(focus), even=linear, most=most)
 

@@ -34,21 +34,8 @@ def listen(port: int) -> socket.socket:
 def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> None:
     """Serve a studio until Ctrl-C or a signal ends it.
 
-    Parameters
-    ----------
-    port : int
-        Port of the server; 0 chooses a free one.
-    browser : bool
-        Open the login link in the browser.
-
-    Raises
-    ------
-    InputError
-        If the port is invalid.
-    DeviceError
-        If the port is in use.
-    MissingFileError
-        If the folder does not exist.
+    Port 0 chooses a free one; `browser` opens the login link there. Raises InputError if the port is invalid,
+    DeviceError if it is in use, MissingFileError if the folder does not exist.
     """
     # One BLAS thread in each child process: several of them spin and delay the feed for seconds.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):

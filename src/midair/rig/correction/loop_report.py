@@ -303,7 +303,7 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Pic
 
 
 def strongest_channels(original: PressureFrames) -> list[int]:
-    """Numbers of the `most` channels with the greatest root mean square, in ascending order."""
+    """Numbers of the four channels with the greatest root mean square, in ascending order."""
     power = (original.pressure**2).mean(axis=0).ravel()
     return sorted(int(channel) for channel in np.argsort(power)[::-1][:4])
 
