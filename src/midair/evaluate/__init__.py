@@ -15,7 +15,6 @@ from .distortion import apply_band_twice as apply_band_twice
 from .distortion import band_settling_frames as band_settling_frames
 from .distortion import fidelity as fidelity
 from .distortion import find_delay as find_delay
-from .distortion import image_level as image_level
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
 from .error_budget import ALL as ALL
