@@ -45,10 +45,7 @@ _KEY = object()  # Key to the constructor of ExposureClearance, private to this 
 class ExposureChoices:
     """Exposure limits, the action if a drive exceeds them, and the air; passed as a whole.
 
-    Raises
-    ------
-    InputError
-        If an override has no name.
+    Raises InputError if an override has no name.
     """
 
     profile: ExposureProfile
@@ -117,14 +114,8 @@ class ExposureClearance:
             raise DeviceStateError("clearance: expected the result of check_exposure(); it cannot be made up")
 
     def check_array(self, device: ArrayInfo) -> None:
-        """Raise unless it was issued for this device.
-
-        Raises
-        ------
-        MismatchError
-            If the device's array differs from the checked one, or is louder.
-        DeviceStateError
-            If it was issued for a device without sound and this device can emit sound.
+        """Raise MismatchError if the device's array differs from the checked one, or is louder; DeviceStateError if it
+        was issued for a device without sound and this device can emit sound.
         """
         if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
             raise MismatchError(
@@ -138,10 +129,7 @@ class ExposureClearance:
     def check_for(self, device: ArrayInfo) -> Drive:
         """Return the drive if it was cleared for this device.
 
-        Raises
-        ------
-        MismatchError, DeviceStateError
-            As in `check_array`; DeviceStateError also if its frames come later.
+        Raises as `check_array`, and DeviceStateError also if its frames come later.
         """
         self.check_array(device)
         if self.drive is None:
@@ -162,12 +150,7 @@ class ExposureClearance:
     def frames(self, drive: Drive) -> "ExposureClearance":
         """Clear frames within the level of `check_exposure_level`, computed after the check.
 
-        Raises
-        ------
-        MismatchError
-            If array or rate differ.
-        ExposureError
-            If the frames exceed the cleared level.
+        Raises MismatchError if array or rate differ, ExposureError if the frames exceed the cleared level.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
@@ -184,12 +167,8 @@ class ExposureClearance:
         """Clear frames that were steered to these poses; None for silent ones.
 
         Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, or
-        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it.
-
-        Raises
-        ------
-        ExposureError
-            If a pose is outside the box, or a frame above the cleared level.
+        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it. Raises
+        ExposureError if a pose is outside the box, or a frame above the cleared level.
         """
         if self.box is None or self.solved is None:
             raise ExposureError("steered frames: expected the clearance of check_exposure_steered(), got another one")

@@ -93,12 +93,7 @@ class StudioPlan:
 class Studio:
     """The panels, job queues and state that live as long as the server.
 
-    Parameters
-    ----------
-    samples : Path
-        Folder of this session for the samples and the files made from them.
-    port : int
-        Port of the server.
+    `samples` is this session's folder for the samples and the files made from them, `port` that of the server.
     """
 
     def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
