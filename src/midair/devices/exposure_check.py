@@ -233,23 +233,9 @@ def measure_exposure(
     Computed for the range of air in the room (`airs_of_room`); the loudest counts. Levels and phases are rounded to the
     firmware's steps.
 
-    Parameters
-    ----------
-    repeats : int
-        Number of consecutive repeats, 1 or more.
-    steps : int
-        Number of phase steps per turn of the device.
-    room : Medium, optional
-        As in `ExposureChoices`.
-    heat : callable, optional
-        Returns duty and warming, given the drive as it is played.
-
-    Raises
-    ------
-    MismatchError
-        If the drive is for another array.
-    InputError
-        If the drive's speed of sound is outside the range of air.
+    `repeats` is the number of consecutive repeats, 1 or more, `steps` that of phase steps per turn of the device,
+    `room` as in `ExposureChoices`; `heat` returns duty and warming, given the drive as it is played. Raises
+    MismatchError if the drive is for another array, InputError if its speed of sound is outside the range of air.
     """
     drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
@@ -400,17 +386,8 @@ def check_exposure_steered(
     The drive is measured as it was solved, and `samples`: some of its frames, steered to poses of the box. Every frame
     is measured again once it was steered, by `ExposureClearance.steered`, before it sounds.
 
-    Parameters
-    ----------
-    device, choices
-        As in `check_exposure`.
-    box : PoseBox
-        Poses that are admitted, around the `solved` centre of the palm, shape (3,), in m.
-
-    Raises
-    ------
-    MismatchError, ExposureError
-        As in `check_exposure`.
+    `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
+    errors are those of `check_exposure`.
     """
     own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
     found = replace(
@@ -436,21 +413,10 @@ def check_exposure_level(
     In the worst case all transducers are in phase at a place. This is far above the needs of a target, so that a
     cleared level is safe for any frames.
 
-    Parameters
-    ----------
-    level : float
-        Maximum drive of any transducer, above 0 to 1.
-    device, choices
-        As in `check_exposure`. With `attenuate`, the level is lowered until the worst case meets the profile.
-    rate : float
-        Frames per second, in Hz.
-
-    Raises
-    ------
-    ExposureError
-        If the worst case exceeds the profile and there is no override.
-    InputError
-        If the level is out of range.
+    `level` is the maximum drive of any transducer, above 0 to 1, and `rate` in frames per second; `device` and
+    `choices` are as in `check_exposure`. With `attenuate`, the level is lowered until the worst case meets the profile.
+    Raises ExposureError if the worst case exceeds the profile and there is no override, InputError if the level is out
+    of range.
     """
     if not 0 < level <= 1:
         raise InputError(f"level: expected above 0 and at most 1 of full drive, got {level:g}")

@@ -135,12 +135,7 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     Both are pressures of the same cells at the same rate, at least 64 ms long; lazy frames are read block by block.
     Cells are compared down to 20 dB below the strongest cell.
 
-    Raises
-    ------
-    MismatchError, RateError
-        If the cells or the rates differ.
-    ShapeError
-        If they are too short.
+    Raises MismatchError or RateError if the cells or the rates differ, ShapeError if they are too short.
     """
     check_alike(original, reproduced)
     skin, rate = SkinModel(), original.rate

@@ -57,28 +57,12 @@ def fit_array(
 ) -> ArrayCalibration:
     """Estimate the transducers of an array from a sensor's recording of their codes.
 
-    Parameters
-    ----------
-    field : ArrayField
-        Model of the codes and of the sensor.
-    samples : ndarray, shape (frame, channel)
-        Output of the sensor from the first frame of the codes on.
-    synchronous : bool
-        Whether the first sample belongs to the first frame. If not, the delay is fitted too, and the mean time constant
-        stays unknown: slow transducers and a late array have the same effect.
-    level_uncertainty : float
-        Relative standard uncertainty of the sensor's pressure that all cells share.
-    date, provenance
-        As in `ArrayCalibration`.
-    progress : callable, optional
-        Called with (groups fitted, groups in all).
-
-    Raises
-    ------
-    InputError
-        If the recording does not match the model.
-    ShapeError
-        If there are fewer samples than codes.
+    `samples`, shape (frame, channel), are the sensor's output from the first frame of the codes on. `synchronous` means
+    that their first belongs to the first frame. If not, the delay is fitted too, and the mean time constant stays
+    unknown: slow transducers and a late array have the same effect. `level_uncertainty` is the relative standard
+    uncertainty of the sensor's pressure that all cells share; `date` and `provenance` are those of `ArrayCalibration`;
+    `progress` is called with (groups fitted, groups in all). Raises InputError if the recording does not match the
+    model, ShapeError if there are fewer samples than codes.
     """
     usual, nominal = TransducerPrior(), TransducerDynamics().pole
     count, groups = field.array.count, range(len(field.codes.groups))
@@ -260,12 +244,7 @@ def check_array(
     (`moved` is its standard uncertainty in m), another speed of sound (a phase proportional to the distance), a step of
     each unit, and what is left for each transducer.
 
-    Raises
-    ------
-    MismatchError
-        If the calibration is of another array.
-    InputError
-        If the model does not explain the recording.
+    Raises MismatchError if the calibration is of another array, InputError if the model does not explain the recording.
     """
     if not known.array.same_as(field.array):
         raise MismatchError(

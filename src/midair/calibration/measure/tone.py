@@ -32,25 +32,10 @@ def measure_tone(
     uncertainty. The calibration has one bin, with phases relative to the mean of all channels.
     `scale_to_tone` scales a whole response to this level.
 
-    Parameters
-    ----------
-    recording : Recording
-        Recorded while the tone acts on all cells.
-    frequency : float
-        Nominal frequency of the tone, correct to 1 %, in Hz.
-    pressure : float
-        Rms in Pa; 114 dB are 10.02 Pa.
-    uncertainty : float
-        Relative standard uncertainty of the pressure.
-    reference, date, version
-        As in `Measurement` and `Calibration`.
-
-    Raises
-    ------
-    BandError
-        If the recording is too short or its rate too low for the tone.
-    InputError
-        If there is no tone.
+    `recording` was made while the tone acts on all cells. `frequency` is the nominal one in Hz, correct to 1 %,
+    `pressure` the rms in Pa (114 dB are 10.02 Pa), `uncertainty` its relative standard uncertainty. `reference`, `date`
+    and `version` are as in `Measurement` and `Calibration`. Raises BandError if the recording is too short or its rate
+    too low for the tone, InputError if there is no tone.
     """
     positive(pressure, "pressure of the tone", "Pa")
     if not 0 <= uncertainty < 1:

@@ -230,23 +230,10 @@ def send_touch(
 ) -> Generator[FrameSender]:
     """Send a sensor's pressure to a `live` that listens elsewhere: connects on entering; ``run`` sends.
 
-    Parameters
-    ----------
-    sensor : str
-        Sensor name, as in `live`.
-    to : str
-        Host and port of the playing side, such as ``lab.example:5005``.
-    key : str or Path
-        Key file that both sides share.
-    settings, **changes
-        As in `live`; delay, band, calibration, wiring and seed apply.
-
-    Raises
-    ------
-    DeviceError
-        If there is no answer from a side with the key.
-    InputError
-        If an address, a key or a setting is invalid.
+    `sensor` is a name as in `live`, `to` the host and port of the playing side, such as ``lab.example:5005``, `key` the
+    key file that both sides share. Of `settings` and the fields that differ from them delay, band, calibration, wiring
+    and seed apply. Raises DeviceError if there is no answer from a side with the key, InputError if an address, a key
+    or a setting is invalid.
     """
     here = (settings or LiveSettings()).but(sensor=sensor, listen=None, **changes)
     opened, _ = sensor_for(here)
