@@ -51,14 +51,19 @@ def test_a_drift_of_the_room_is_shown_and_corrected_or_solved_again(studio_at, l
     assert page.wrong == []
 
 
-def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
-    studio = studio_at()
+def with_new_take(studio, look):
+    """A page that shows the take new.h5, which has no drive."""
     record("virtual:towel", 0.2, path=studio.folder / "new.h5")
     page = look(studio)
     page.until(SOLVED, timeout=120)
     page.until("studio.link.state.takes.some((row) => row.name === 'new.h5')", timeout=60)
     page.page.evaluate("studio.go('reproduce', 'new.h5')")
     page.until("studio.room.take?.name === 'new.h5' && studio.room.take.facts", timeout=60)
+    return page
+
+
+def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
+    page = with_new_take(studio_at(), look)
     page.page.get_by_label("Mode").select_option("paper")
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!document.querySelector('#hold').disabled", timeout=120)
@@ -70,13 +75,7 @@ def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
 
 
 def test_a_drive_that_is_solved_while_it_loops_is_played_from_the_next_pass(studio_at, look):
-    studio = studio_at()
-    record("virtual:towel", 0.2, path=studio.folder / "new.h5")
-    page = look(studio)
-    page.until(SOLVED, timeout=120)
-    page.until("studio.link.state.takes.some((row) => row.name === 'new.h5')", timeout=60)
-    page.page.evaluate("studio.go('reproduce', 'new.h5')")
-    page.until("studio.room.take?.name === 'new.h5' && studio.room.take.facts", timeout=60)
+    page = with_new_take(studio_at(), look)
 
     def solve(gain):
         page.page.get_by_label("Mode").select_option("quick")
