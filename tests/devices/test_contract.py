@@ -1,6 +1,5 @@
 """The contract of every array; to test a new one, add an entry to a table. Sensors: sensors/test_sensor_contract.py."""
 
-import gc
 import weakref
 
 import numpy as np
@@ -193,7 +192,6 @@ def test_an_array_holds_no_drive_of_an_order_that_another_replaced():
         begin(admission, "a.toml", {})
         held = weakref.ref(admission.drive.phase)
         del admission
-        gc.collect()
         assert held() is None
 
 

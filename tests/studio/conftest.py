@@ -1,9 +1,75 @@
+import json
 import os
 import subprocess
 import sys
 import time
+import warnings
 
 import pytest
+
+from midair.studio import Studio, StudioPlan
+
+PORT = 8345
+ROOT = f"http://127.0.0.1:{PORT}"
+SOCKET = f"ws://127.0.0.1:{PORT}/socket"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The folder of a studio in this process."""
+    (made := tmp_path / "folder").mkdir()
+    return made
+
+
+@pytest.fixture
+def studio(folder, tmp_path):
+    (samples := tmp_path / "samples").mkdir()
+    made = Studio(StudioPlan(folder=folder), samples, PORT)
+    yield made
+    for each in (made.panels["live"], made.playing, made.jobs, made.reading):
+        each.close()
+
+
+@pytest.fixture
+def client(studio):
+    with warnings.catch_warnings():
+        # Starlette recommends another client library, which is not needed otherwise.
+        warnings.simplefilter("ignore")
+        from starlette.testclient import TestClient
+    client = TestClient(studio.application(), base_url=ROOT)
+    client.cookies.set(studio.keys.cookie, studio.keys.session)
+    return client
+
+
+class PageClient:
+    """A page that can send any message."""
+
+    def __init__(self, socket):
+        self.socket, self.number = socket, 0
+        self.state = json.loads(socket.receive_text())
+
+    @property
+    def page(self):
+        return self.state["page"]
+
+    def order(self, room, order, **given):
+        self.number += 1
+        return self.say({"id": self.number, "room": room, "order": order, "with": given})
+
+    def say(self, said):
+        self.socket.send_text(json.dumps(said))
+        while True:
+            answer = json.loads(self.socket.receive_text())
+            if "set" in answer:
+                self.state["whole"] |= answer["set"]
+            elif answer.get("id") == said.get("id", 0):
+                return answer
+
+
+@pytest.fixture
+def talk(client):
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        yield PageClient(socket)
 
 
 class LoopStarted:

@@ -3,12 +3,12 @@ import json
 import os
 import re
 import time
-import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from starlette.websockets import WebSocketDisconnect
+from tests.studio.conftest import ROOT, SOCKET, PageClient
 from tests.waiting import wait_until
 
 from midair.datasets import stroke
@@ -16,81 +16,18 @@ from midair.errors import DeviceStateError, InputError, StoppedError
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern
-from midair.studio import Studio, StudioPlan
 from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
-with warnings.catch_warnings():
-    # Starlette recommends another client library, which is not needed otherwise.
-    warnings.simplefilter("ignore")
-    from starlette.testclient import TestClient
-
-PORT = 8345
-ROOT = f"http://127.0.0.1:{PORT}"
-SOCKET = f"ws://127.0.0.1:{PORT}/socket"
-
 
 @pytest.fixture
-def studio(tmp_path):
-    folder, samples = tmp_path / "folder", tmp_path / "samples"
-    folder.mkdir()
-    samples.mkdir()
-    frames = stroke("towel", duration=0.2)
-    save(
-        Recording(
-            samples=frames.pressure,
-            rate=frames.rate,
-            sensor=frames.sensor,
-            unit="Pa",
-            provenance=Provenance(source="x"),
-        ),
-        folder / "towel.h5",
-    )
-    made = Studio(StudioPlan(folder=folder), samples, PORT)
-    yield made
-    made.playing.close()
-    made.jobs.close()
-    made.reading.close()
-
-
-@pytest.fixture
-def client(studio):
-    client = TestClient(studio.application(), base_url=ROOT)
-    client.cookies.set(studio.keys.cookie, studio.keys.session)
-    return client
-
-
-class PageClient:
-    """A page that can send any message."""
-
-    def __init__(self, socket):
-        self.socket, self.number = socket, 0
-        self.state = json.loads(socket.receive_text())
-
-    @property
-    def page(self):
-        return self.state["page"]
-
-    def order(self, room, order, **given):
-        self.number += 1
-        return self.say({"id": self.number, "room": room, "order": order, "with": given})
-
-    def say(self, said):
-        self.socket.send_text(json.dumps(said))
-        while True:
-            answer = json.loads(self.socket.receive_text())
-            if "set" in answer:
-                self.state["whole"] |= answer["set"]
-            elif answer.get("id") == said.get("id", 0):
-                return answer
-
-
-@pytest.fixture
-def talk(client):
-    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        yield PageClient(socket)
+def folder(folder):
+    frames, of = stroke("towel", duration=0.2), Provenance(source="x")
+    take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=of)
+    save(take, folder / "towel.h5")
+    return folder
 
 
 def test_page_and_files_are_served(client):
@@ -103,6 +40,15 @@ def test_page_and_files_are_served(client):
     assert len(client.get("/colours/inferno").content) == 768
     for name in ("/web/nothing.js", "/web/..%2fapp.py", "/colours/../../x", "/colours/hot"):
         assert client.get(name).status_code == 404
+
+
+def test_takes_that_a_command_wrote_are_listed(client, studio, talk):
+    """When the page is loaded, and when it gets the focus again."""
+    takes = studio.folder.path
+    for name, seen in (("loaded.h5", lambda: client.get("/")), ("focus.h5", lambda: talk.order("reproduce", "list"))):
+        (takes / name).write_bytes((takes / "towel.h5").read_bytes())
+        seen()
+        assert name in [row["name"] for row in studio.store.state["takes"]]
 
 
 def test_all_files_of_a_page_are_small_and_preloaded(client):
@@ -238,8 +184,8 @@ def test_code_shows_the_mode_and_the_chosen_settings(talk):
     assert "choose fast or glide" in wrong, "refused when it is ordered, not when its turn comes"
 
 
-def test_request_without_cookie_is_refused(studio):
-    client = TestClient(studio.application(), base_url=ROOT)
+def test_request_without_cookie_is_refused(client):
+    client.cookies.clear()
     for path in ("/", "/web/app.js", "/file/towel.h5", "/frames/samples/0?take=towel.h5"):
         assert client.get(path).status_code == 403
     with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKET, headers={"origin": ROOT}):

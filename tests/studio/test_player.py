@@ -59,6 +59,7 @@ def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of
         NoiseOutput().take(MaskingNoise(level_dbfs=-60), "default")
 
 
+@pytest.mark.long
 def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tmp_path):
     pytest.importorskip("autd3")
     path = quiet_drive(tmp_path / "a.drive.h5")
@@ -174,8 +175,7 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
         path.write_text(f"duration_s = 0.05\nrate_hz = 1000\n[[spot]]\npressure_pa = {pressure}", encoding="utf-8")
 
     def plays():
-        permit.renew(lasts=10.0)
-        return player.loops and player.loops.state()["drive"]
+        return permit.renew(lasts=10.0) and player.loops and player.loops.state()["drive"]
 
     def ask(pressure):
         write(pressure)
@@ -205,7 +205,6 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
         with pytest.raises(DeviceStateError, match="expected a pattern that plays in a loop"):
             player.act({"do": "change", "path": str(path)})
     assert "pressure_pa: expected 0 to 10000 Pa" in answers[0]["error"]
-    assert answers[1]["value"]["seconds"] == 0.05
     assert len(dose_report().orders) == 2, "what was refused never played"
 
 

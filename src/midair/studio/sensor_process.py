@@ -34,6 +34,10 @@ STEP = 1 / 120
 """Seconds of samples per message: two 60 Hz clocks would beat against each other."""
 
 
+STROKE = 1.6
+"""Duration in s of the stroke of a virtual sensor, which is repeated: it computes everything since its start."""
+
+
 def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
     """Main function of the sensor process, which ends with its studio.
 
@@ -52,8 +56,7 @@ def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
 def _named(name: str, seed: int) -> SensorDevice:
     made = sensor_named(name, VirtualRig(seed=seed))
     if name.startswith("virtual:"):
-        # A virtual sensor computes everything since its start, which would take longer and longer.
-        return streamed(made, longest=1.6)
+        return streamed(made, longest=STROKE)
     return PacedSensor(made) if made.on_demand else made
 
 

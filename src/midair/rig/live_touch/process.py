@@ -91,8 +91,7 @@ def streamed(sensor: SensorDevice, *, longest: float = 30.0) -> StreamedSensor:
         block = sensor.read(round(longest * sensor.rate))
     samples = np.asarray(block.samples).reshape(len(block.samples), -1)
     stream = Stream(channels=sensor.grid.count, rate=sensor.rate, unit=sensor.unit, stored=sensor.stored)
-    order = tuple(range(sensor.grid.count))
-    wiring = SensorWiring(grid=sensor.grid, order=order, unit=sensor.unit, full_scale=sensor.full_scale)
+    wiring = SensorWiring(grid=sensor.grid, unit=sensor.unit, full_scale=sensor.full_scale)
     made = StreamedSensor(RepeatedSource(samples, stream), name=sensor.name, wire=lambda _: wiring)
     made.calibration, made.simulated = sensor.calibration, sensor.simulated
     return made

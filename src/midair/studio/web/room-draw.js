@@ -465,7 +465,7 @@ export default class Draw {
       say("drawing …");
       this.sent = JSON.stringify(this.pattern);
       const take = await link.order("draw", "draft", { pattern: this.pattern });
-      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take, () => this._play(), false, undefined, loop); return; }
+      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take, () => this._play()); document.getElementById("loop").checked = loop; return; }
       say("checking the exposure …");
       const found = await link.order("play", "check", { take });
       if (this.left || !found.number) { say(found.refused || ""); return; }
