@@ -215,14 +215,19 @@ class Pattern(Checked):
                         f"{asked:g} Hz"
                     )
 
-    def foci(self, duration: float | None = None) -> Foci:
-        """The foci of every frame for `duration` in s, one pass if None. Raises InputError for a loop without one."""
+    def seconds(self, duration: float | None = None) -> float:
+        """`duration` in s, that of one pass if None. Raises InputError for a loop without one."""
         seconds = self.duration_s if duration is None else duration
         if seconds is None:
             raise InputError(
                 "duration: expected a time, since the pattern is a loop; give duration_s in the file, or "
                 "midair draw --duration"
             )
+        return seconds
+
+    def foci(self, duration: float | None = None) -> Foci:
+        """The foci of every frame for `duration` in s, one pass if None. Raises InputError for a loop without one."""
+        seconds = self.seconds(duration)
         frames = max(round(seconds * self.rate_hz), 1)
         check_memory_for(100.0 * frames * len(self.spot), f"{seconds:g} s of the pattern", "make it shorter")
         time = np.arange(frames) / self.rate_hz
