@@ -11,7 +11,7 @@ import numpy as np
 from midair.dsp import band_window, filter_response
 from midair.figures.style import STYLE, new_figure, plain_axes
 from midair.model import PressureFrames, Provenance
-from midair.targets import MAPPINGS, mapping_report
+from midair.targets import MAPPINGS
 
 RATE, DURATION = 4000.0, 4.0
 time = np.arange(int(DURATION * RATE)) / RATE
@@ -46,13 +46,30 @@ def frames(x):
 # The columns: gain and signal-to-distortion ratio of the wanted part, its rms over the highest pressure, mean over peak
 # of the pressure, and the change of the mean sound energy for the same wanted part.
 
+
+def gain_of(wanted, got):
+    return (wanted * got).sum() / (wanted**2).sum()
+
+
+def decibels(signal, rest):
+    return 10 * np.log10(signal / rest) if rest > 0 else np.inf
+
+
 print(f"{'':14}{'':18}{'gain':>6}{'SDR dB':>8}{'wanted/peak':>13}{'mean/peak':>11}{'energy dB':>11}{'on':>6}")
-for name, x in signals.items():
-    for mapping in MAPPINGS:
-        one = mapping_report(frames(x), mapping)
+for signal, x in signals.items():
+    x = frames(x).pressure[:, 1, 1]
+    wanted = in_band(x)
+    cut = MAPPINGS["half-wave"](x[:, None], RATE)[:, 0]
+    for name, push in MAPPINGS.items():
+        pushed = push(x[:, None], RATE)[:, 0]
+        got = in_band(pushed)
+        gain, peak = gain_of(wanted, got), pushed.max()
+        distortion = decibels(gain**2 * (wanted**2).sum(), ((got - gain * wanted) ** 2).sum())
+        # The half-wave mapping keeps half of the wanted part, so it needs twice the pressure for the same.
+        energy = decibels(pushed.sum() * gain_of(wanted, in_band(cut)), cut.sum() * gain)
         print(
-            f"{name:14}{mapping:18}{one.gain:6.2f}{one.distortion_ratio:8.1f}{one.wanted:13.3f}"
-            f"{one.mean / one.peak:11.2f}{one.exposure:11.1f}{one.on:6.2f}"
+            f"{signal:14}{name:18}{gain:6.2f}{distortion:8.1f}{gain * wanted.std() / peak:13.3f}"
+            f"{pushed.mean() / peak:11.2f}{energy:11.1f}{(pushed > 0).mean():6.2f}"
         )
 
 # %%

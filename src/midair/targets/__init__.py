@@ -1,7 +1,6 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from .mapping import MAPPINGS as MAPPINGS
-from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream
 from .mapping import SlowBias as SlowBias
 from .mapping import add_lead as add_lead
@@ -10,7 +9,6 @@ from .mapping import default_lead as default_lead
 from .mapping import frames_without_lead as frames_without_lead
 from .mapping import half_wave as half_wave
 from .mapping import mapping_of as mapping_of
-from .mapping import mapping_report as mapping_report
 from .mapping import precompensate as precompensate
 from .mapping import precompensate_sound as precompensate_sound
 from .mapping import remove_lead as remove_lead
