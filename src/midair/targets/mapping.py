@@ -1,12 +1,13 @@
 """How signed pressure is made positive, cell by cell, while it is recorded too.
 
-Radiation pressure is never negative (paper, 4.1). There are three mappings, each a pure function of (frame, ...) in Pa
-and the frame rate:
+Radiation pressure is never negative (paper, 4.1). There are four mappings, each a pure function of (frame, ...) in Pa
+and the frame rate; the last one is in `midair.targets.receptors`:
 
 - `half_wave`, the paper's: negative values are cut off. ``max(x, 0) = x/2 + |x|/2`` keeps half of the signal and adds
   harmonics.
 - `constant_offset`: adds the magnitude of each cell's minimum. Nothing is cut; every cell has pressure all the time.
 - `slow_bias`: adds an upper bound of the recent negative values, which changes too slowly to be felt as vibration.
+- `receptors`: replaces the waveform by its mean and vibrations of 30 and 150 Hz.
 
 The low-pass effect of frames and transducers is compensated too. Holding a frame and the envelope of a transducer both
 act on the amplitude of the sound. `precompensate_sound` inverts them there, at all frequencies: exact if the phase of
@@ -28,6 +29,7 @@ from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
+from midair.targets.receptors import receptors
 from midair.validation import one_of, positive
 
 
@@ -146,7 +148,7 @@ slow_bias = SlowBias()
 """The slow bias with a corner of 8 Hz, for a band from 20 Hz on."""
 
 MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
-    {"half-wave": half_wave, "constant-offset": constant_offset, "slow-bias": slow_bias}
+    {"half-wave": half_wave, "constant-offset": constant_offset, "slow-bias": slow_bias, "receptors": receptors}
 )
 """Mappings by name; each takes (frame, row, column) in Pa and the rate in Hz."""
 
@@ -175,6 +177,8 @@ class MappingStream:
         self, mapping: str, rate: float, *, offset: Array | float | None = None, band: tuple[float, float] | None = None
     ) -> None:
         chosen = mapping_of(mapping, band)
+        if chosen is receptors:
+            raise InputError("mapping: expected one of a single frame for a stream, or slow-bias, got receptors")
         if (mapping == "constant-offset") != (offset is not None):
             raise InputError(
                 "offset: expected one in Pa for constant-offset and none for the others, got "
