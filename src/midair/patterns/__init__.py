@@ -20,6 +20,7 @@ from .pattern import PATTERN_ENDINGS as PATTERN_ENDINGS
 from .pattern import AmplitudeModulation as AmplitudeModulation
 from .pattern import LateralModulation as LateralModulation
 from .pattern import Pattern as Pattern
+from .pattern import ReceptorWeights as ReceptorWeights
 from .pattern import SignalModulation as SignalModulation
 from .pattern import Spot as Spot
 from .pattern import draw_file as draw_file

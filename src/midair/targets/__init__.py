@@ -21,6 +21,7 @@ from .preparing import interpolation_matrix as interpolation_matrix
 from .preparing import moved_interpolation as moved_interpolation
 from .preparing import prepare as prepare
 from .preparing import sensor_from_provenance as sensor_from_provenance
+from .receptors import PACINIAN as PACINIAN
 from .receptors import receptor_levels as receptor_levels
 from .receptors import receptor_pressure as receptor_pressure
 from .receptors import receptors as receptors
