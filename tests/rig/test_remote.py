@@ -34,7 +34,8 @@ from websockets.exceptions import InvalidStatus
 
 from midair.devices import VirtualUnits, read_log, stop_playing, virtual_immediate
 from midair.errors import StoppedError
-from midair.model import Acoustics, Medium, TransducerArray
+from midair.files import save_palm_path
+from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
 from midair.rig import default_exposure, dose_report, remote
@@ -224,6 +225,32 @@ def test_the_designer_plays_its_pattern_until_it(designed, way):
         else:
             assert "expected a pattern" in designer(client, "update_pattern", pattern_json="{}")["error"]
         wait_until(lambda: not designed.sounds())
+
+
+def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
+    time_ = np.arange(0, 120, 0.02)
+    still = np.tile([0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 1.0], (len(time_), 1))
+    rows = np.column_stack([time_, 1e-4 * time_, 2e-4 * time_, 0.2 + 0 * time_, still])
+    save_palm_path(PalmPath.from_rows(rows), tmp_path / "palm.csv")
+    units = VirtualUnits(kept=1000)
+    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    how = {"serve": partial(remote.serve_adaptics, port=0), "follow": f"replay:{tmp_path / 'palm.csv'}"}
+    with closing(Here(tmp_path, units, **how)) as one, one.client() as client:
+
+        def hand():
+            while (found := json.loads(client.recv(10)))["cmd"] != "tracking_data":
+                pass
+            return found["data"]["tracking_frame"]["hand"]
+
+        seen = [each for each in (hand() for _ in range(20)) if each]
+        monkeypatch.setattr(remote.adaptics, "PATIENCE", -1.0)
+        wait_until(lambda: hand() is None)
+    places = np.array([list(each["palm"]["position"].values()) for each in seen])
+    assert (np.diff(places[:, 0]) >= 0).all()
+    assert np.ptp(places[:, 0]) > 0
+    assert places[:, 1:] == pytest.approx(np.column_stack([2 * places[:, 0], 200 + 0 * places[:, 0]]), abs=1e-3)
+    assert (seen[0]["palm"]["normal"]["z"], seen[0]["palm"]["direction"]["y"]) == (-1, 1)
+    assert [len(digit["bones"]) for digit in seen[0]["digits"]] == 5 * [4]
 
 
 @pytest.mark.long
