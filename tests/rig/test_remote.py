@@ -277,14 +277,21 @@ def test_the_page_names_every_message_and_field():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("language", ["python", "javascript"])
+@pytest.mark.parametrize("language", ["python", "javascript", "csharp"])
 def test_the_clients_of_the_page_run(served, language, tmp_path):
     programs = {"python": [sys.executable], "javascript": ["node", "--experimental-websocket", "--no-warnings"]}
-    program = programs[language]
-    if not shutil.which(program[0]) or subprocess.run([*program, "--version"], check=False).returncode:
-        pytest.skip("no Node.js with WebSocket here")
+    program = programs.get(language, ["mono"])
+    if (
+        not shutil.which(program[0])
+        or (language == "csharp" and not shutil.which("mcs"))
+        or subprocess.run([*program, "--version"], check=False).returncode
+    ):
+        pytest.skip("no Node.js with WebSocket, or no Mono, here")
     (code,) = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     (tmp_path / "client.mjs").write_text(code, encoding="utf-8")
+    if language == "csharp":
+        (tmp_path / "client.mjs").rename(tmp_path / "client.cs")
+        subprocess.run(["mcs", "-out:client.mjs", "client.cs"], cwd=tmp_path, check=True)
     line = [*program, tmp_path / "client.mjs", served.url + KEY]
     told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True).stdout
     assert [word in told for word in ("rate_hz", "play", "silent", "error")] == [True, True, True, False]
