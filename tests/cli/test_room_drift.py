@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.test_room_air import PLAN
 
 from midair.cli import run
 from midair.files import save_solution
@@ -17,15 +18,6 @@ from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
 ARRAY = TransducerArray.autd3()
 ROOM = ["--temperature", "file:room.txt"]
 DRIFTED = "air: file:room.txt measures 23.5 °C, the drive was solved for 22.0 °C; "
-PLAN = """
-name = "quiet"
-participants = 1
-seed = 1
-consent = "You may stop at any time."
-questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
-stimuli = [{ name = "f", kind = "drive", source = "quiet.drive.h5", levels = { object = "one" } }]
-blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -98,7 +90,7 @@ def test_a_study_on_emulated_units_warns_once_and_logs_it():
     drive = Drive(phase=np.zeros((10, ARRAY.count)), level=np.full(10, 0.001), rate=1000.0, array=ARRAY, acoustics=room)
     solved = {"error": np.zeros(10), "iterations": np.ones(10, int), "status": ("converged",) * 10}
     save_solution(Solution(drive=drive, **solved), "quiet.drive.h5")
-    Path("plan.toml").write_text(PLAN, encoding="utf-8")
+    Path("plan.toml").write_text(PLAN.replace("loud", "quiet"), encoding="utf-8")
     assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
     words = ["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", "--noise", "none", "--lines"]
     status, lines = run_in_a_room_that_warms(words, until=DRIFTED)

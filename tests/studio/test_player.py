@@ -50,6 +50,14 @@ def test_missing_sound_output_is_reported_before_the_session():
         NoiseOutput().take(MaskingNoise(level_dbfs=-60), "no such output")
 
 
+def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of_a_command():
+    if pytest.importorskip("sounddevice", exc_type=(ImportError, OSError)).query_devices():
+        pytest.skip("a sound output is here")
+    with pytest.raises(DeviceError, match=r"connect one, or choose the noise none$"):
+        NoiseOutput().take(MaskingNoise(level_dbfs=-60), "default")
+
+
+@pytest.mark.long
 def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tmp_path):
     pytest.importorskip("autd3")
     path = quiet_drive(tmp_path / "a.drive.h5")
