@@ -37,6 +37,7 @@ def walk(page: Any, seen: Callable[[str], None], until: Callable[[str], Any]) ->
 
     def drag(selector: str, *way: tuple[float, float]) -> None:
         """Move the pointer over the picture of the palm, in mm, or of the time line, in its own units."""
+        page.locator(selector).scroll_into_view_if_needed()
         box, times = page.locator(selector).bounding_box(), "times" in selector
         for number, (x, y) in enumerate(way):
             across, up = (x / 400, y / 84) if times else (x / 2 / HALF + 0.5, 0.5 - y / 2 / HALF)
