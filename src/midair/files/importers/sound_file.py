@@ -1,6 +1,6 @@
 """Sound files (WAV, RF64, Wave64, FLAC, AIFF, Ogg, MP3): one audio channel per cell, full scale 1.
 
-midair writes WAV and stores its header in a chunk that other programs skip.
+midair writes WAV and FLAC, and stores its header in a chunk or a comment that other programs skip.
 
 RIFF: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters,
 the length of its content as a little-endian uint32, and the content, padded to an even length. RF64 (ITU-R BS.2088): as
@@ -132,16 +132,47 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
     # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
-    # Rates in WAV are integers; midair's header stores the exact rate.
-    rate = max(1, round(recording.rate))
-    exponent = int(np.frexp(moments(recording.samples).largest)[1])
+    rate, exponent = _rate_and_exponent(recording)
     with atomic_file(path) as partial:
         check_disk_space(partial.parent, recording.samples.nbytes, path)
         with soundfile.SoundFile(partial, "w", rate, cells, subtype="DOUBLE", format="WAV") as file:
             for block in blocks(recording.samples):
                 file.write(np.ldexp(block, -exponent).reshape(len(block), cells))
         append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
-    return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
+    return (*_losses("WAV", recording, rate, exponent), *calibration_lost(calibration, "WAV"))
+
+
+FLAC_CHANNELS, FLAC_RATE, FLAC_BITS = 8, 655_350, 23
+"""Limits of FLAC (RFC 9639) and bits of a sample without the sign."""
+
+
+def write_flac(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write at most 8 cells, as integers of 24 bits whose full scale is the power of two above the peak."""
+    import soundfile
+
+    cells, (rate, exponent) = recording.sensor.count, _rate_and_exponent(recording)
+    if cells > FLAC_CHANNELS or rate > FLAC_RATE:
+        raise FileError(
+            f"{path}: a FLAC holds up to {FLAC_CHANNELS} channels of up to {FLAC_RATE} Hz, got {cells} of {rate} Hz; "
+            "choose some with --channels 5,6, or save to .wav"
+        )
+    most = 2**FLAC_BITS - 1
+    with atomic_file(path) as partial:
+        check_disk_space(partial.parent, 3 * recording.samples.size, path)
+        with soundfile.SoundFile(partial, "w", rate, cells, subtype="PCM_24", format="FLAC") as file:
+            file.comment = header_of(recording, scale_exponent=exponent)
+            for block in blocks(recording.samples):
+                whole = np.clip(np.rint(np.ldexp(block, FLAC_BITS - exponent)), -most, most)
+                # The upper 24 of 32 bits; libsndfile would scale numbers of its own by 2^23 - 1.
+                file.write(whole.astype(np.int32).reshape(len(block), cells) << 8)
+    text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - FLAC_BITS):.3g} {recording.unit}."
+    rounded = FormatLoss(what="waveform", text=text)
+    return (*_losses("FLAC", recording, rate, exponent), rounded, *calibration_lost(calibration, "FLAC"))
+
+
+def _rate_and_exponent(recording: Recording) -> tuple[int, int]:
+    """Rate as an integer, which sound files hold (midair's header has the exact one), and exponent of full scale."""
+    return max(1, round(recording.rate)), int(np.frexp(moments(recording.samples).largest)[1])
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
@@ -160,7 +191,12 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         samples: Any = _lazy_samples(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
         return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
-    parsed = parse_header(header.decode("ascii"), path)
+    return _own(header.decode("ascii"), samples, given, path)
+
+
+def _own(header: str, samples: Any, given: ImportOptions, path: Path) -> OpenedTake:
+    """The recording of a file that midair wrote."""
+    parsed = parse_header(header, path)
     exponent = parsed["scale_exponent"]
     recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)
     given.check(recording, path)
@@ -212,12 +248,12 @@ def _counts(subtype: str, path: Path) -> tuple[float, str]:
     return 1.0, f"Samples of {subtype} were not scaled."
 
 
-def _losses(recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss, ...]:
+def _losses(form: str, recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss, ...]:
     text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads this factor, the sensor and the provenance."
     scale = FormatLoss(what="scale", text=text)
     if rate == recording.rate:
         return (scale,)
-    text = f"WAV holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
+    text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
     return (FormatLoss(what="rate", text=text), scale)
 
 
@@ -236,12 +272,15 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
 
     with soundfile.SoundFile(path) as file:
         form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
+        comment = file.comment
         if form not in _FORMATS:
             raise BrokenFileError(f"{path}: expected one of {', '.join(_FORMATS)}, got {form}")
         samples: Any = file.read(dtype="float64", always_2d=True)
     # The decoder only estimates the length of an MP3.
     if form != "MP3" and len(samples) < promised:
         raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
+    if form == "FLAC" and '"midair recording"' in comment:
+        return _own(comment, samples, given, path)
     found = sound_of(samples, subtype, rate, given, path, form=form)
     if subtype in _LOSSY:
         lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."
@@ -249,7 +288,7 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
     return found.resolve(given, path)
 
 
-FLAC = Format(name="FLAC", read=read_sound)
+FLAC = Format(name="FLAC", read=read_sound, write=write_flac)
 AIFF = Format(name="AIFF", read=read_sound)
 OGG = Format(name="Ogg", read=read_sound)
 MP3 = Format(name="MP3", read=read_sound)
