@@ -11,6 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
@@ -113,9 +114,21 @@ Template = Literal["paper", "detection", "intervals", "paired"]
 paired comparison."""
 
 
-def template_text(template: Template) -> str:
-    """TOML of an included design."""
-    return files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
+def template_text(template: Template, *, take: str = "") -> str:
+    """TOML of an included design; `take` is the name of a recording whose threshold `detection` measures.
+
+    Raises InputError for a take with another design.
+    """
+    text = files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
+    if not take:
+        return text
+    if template != "detection":
+        raise InputError(f"take: expected the template detection, which measures its threshold, got {template}")
+    raw, stem = toml_of(text), take.removesuffix(".h5")
+    for one in raw["stimuli"]:
+        if one.pop("made_from", "") or "source" in one:
+            one["source"] = f"{stem}.drive.h5"
+    return tomli_w.dumps(raw | {"title": f"Detection threshold of {stem} in midair"})
 
 
 def read_design(

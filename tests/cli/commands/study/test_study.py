@@ -142,6 +142,37 @@ def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the
     assert note in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.slow
+def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path, capsys):
+    """Its drive lies beside it, and is presented at 13 shares of its pressure."""
+    array = TransducerArray.autd3(columns=1, rows=1)
+    drive = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
+    solved = {"error": np.zeros(20), "iterations": np.ones(20), "status": ("converged",) * 20}
+    save_solution(Solution(drive=drive, **solved), tmp_path / 'my "wool".drive.h5')
+    take = ("--template", "detection", "--take", tmp_path / 'my "wool".h5')
+    study("new", tmp_path / "faint", *take, "--participants", 5)
+    assert 'my "wool".drive.h5: 0.02 s, copied' in capsys.readouterr().out
+    assert study("run", tmp_path / "faint", "--simulate") == 0
+    study("analyse", tmp_path / "faint", "--draws", 50)
+    said = " ".join(capsys.readouterr().out.split())
+    low, high = map(
+        float, re.search(r"5 thresholds: [\d.]+ \(95 % limits over people ([\d.]+) to ([\d.]+)\)", said).groups()
+    )
+    assert 1 < low < 10 < high < 100, "per cent of the pressure of the drive"
+    report = (tmp_path / "faint" / "report.html").read_text(encoding="utf-8")
+    assert "Detection threshold of my &#34;wool&#34; in midair" in report
+
+
+def test_a_take_belongs_to_the_template_that_measures_its_threshold(tmp_path):
+    with pytest.raises(InputError, match=r"expected the template detection, .* got paper"):
+        study("new", tmp_path / "b", "--take", "wool.h5")
+    with pytest.raises(InputError, match="--take: expected it with --template alone"):
+        study("new", tmp_path / "b", "--template", "detection", "--take", "wool.h5", "--drives", "none")
+    with pytest.raises(MissingFileError, match=r"expected wool\.drive\.h5 in "):
+        study("new", tmp_path / "b", "--template", "detection", "--take", tmp_path / "wool.h5")
+    assert not (tmp_path / "b").exists()
+
+
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
