@@ -38,12 +38,6 @@ def _folder(folder, monkeypatch):
         assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
 
 
-def one_line_of(capsys):
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-    assert len(lines) == 1
-    return lines[0]
-
-
 @pytest.mark.long
 def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys):
     assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
@@ -82,7 +76,7 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 
 @pytest.mark.long
-def test_budget_trades_levels_at_the_ears(capsys):
+def test_budget_trades_levels_at_the_ears(capsys, one_line):
     words = ["budget", "take.h5", "--points", "6", "--pitch", "11mm", "--duration", "0.03s", "--lead", "5ms"]
     assert run([*words, "--gain", "3", "--trade", "100dB,118dB,120dB", "--json"]) == 0
     first, second, third = json.loads(capsys.readouterr().out)
@@ -92,11 +86,11 @@ def test_budget_trades_levels_at_the_ears(capsys):
     # The gain is the highest, so that a level above its own changes nothing.
     assert third == second | {"limit": 120.0}
     assert run([*words, "--trade", "110"]) == 1
-    assert "--trade: expected a quantity such as 110dB, got '110'; add the unit" in one_line_of(capsys)
+    assert "--trade: expected a quantity such as 110dB, got '110'; add the unit" in one_line()
 
 
 @pytest.mark.long
-def test_budget_as_json_and_as_a_figure(capsys):
+def test_budget_as_json_and_as_a_figure(capsys, one_line):
     assert run(["budget", "take.h5", "budget.png", *QUICK, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["stages"][0]["stage"] == "mapping"
@@ -105,7 +99,7 @@ def test_budget_as_json_and_as_a_figure(capsys):
     assert len(answer["palm"]["sdr_displacement_db"]) == 4
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
     assert run(["budget", "take.h5", "budget.png", *QUICK]) == 1
-    assert "budget.png" in one_line_of(capsys)
+    assert "budget.png" in one_line()
 
 
 @pytest.mark.parametrize(
@@ -117,7 +111,7 @@ def test_budget_as_json_and_as_a_figure(capsys):
         (["--lead", "20s"], "lead"),
     ],
 )
-def test_what_makes_no_sense_is_one_line_and_leaves_no_report(wrong, words, capsys):
+def test_what_makes_no_sense_is_one_line_and_leaves_no_report(wrong, words, one_line):
     assert run(["loop", "take.h5", "none.html", *QUICK, *wrong]) == 1
-    assert words in one_line_of(capsys)
+    assert words in one_line()
     assert not Path("none.html").exists()

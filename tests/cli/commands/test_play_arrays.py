@@ -12,13 +12,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.drives import save_drive
 from tests.model.test_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.files import save_solution
-from midair.model import Drive, Provenance, Solution, TransducerArray
+from midair.model import Provenance, TransducerArray
 from midair.rig import keep_array_calibration
 
 pytest.importorskip("autd3")
@@ -34,12 +34,7 @@ def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
     rng = np.random.default_rng(0)
     phase, solved = rng.uniform(0, 6, (frames, array.count)), {"array_calibration": array.calibration_id}
     life = Provenance().then("solve", solved)
-    drive = Drive(phase=phase, level=np.full(frames, level), rate=rate, array=array, provenance=life)
-    solution = Solution(
-        drive=drive, error=np.zeros(frames), iterations=np.ones(frames, int), status=("converged",) * frames
-    )
-    save_solution(solution, name)
-    return name
+    return save_drive(name, phase, level, rate=rate, array=array, provenance=life)
 
 
 def said(capsys):

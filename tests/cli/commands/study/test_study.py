@@ -7,12 +7,13 @@ import shutil
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.drives import save_drive
 from tests.palms import palm_path
 
 from midair.cli.commands.study import study_app as app
 from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError
-from midair.files import save_palm_path, save_solution
-from midair.model import Drive, Provenance, Solution, TransducerArray
+from midair.files import save_palm_path
+from midair.model import Provenance, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import dose_report
 from midair.settings import Settings
@@ -145,10 +146,7 @@ def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the
 @pytest.mark.slow
 def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path, capsys):
     """Its drive lies beside it, and is presented at 13 shares of its pressure."""
-    array = TransducerArray.autd3(columns=1, rows=1)
-    drive = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
-    solved = {"error": np.zeros(20), "iterations": np.ones(20), "status": ("converged",) * 20}
-    save_solution(Solution(drive=drive, **solved), tmp_path / 'my "wool".drive.h5')
+    save_drive(tmp_path / 'my "wool".drive.h5')
     take = ("--template", "detection", "--take", tmp_path / 'my "wool".h5')
     study("new", tmp_path / "faint", *take, "--participants", 5)
     assert 'my "wool".drive.h5: 0.02 s, copied' in capsys.readouterr().out
@@ -255,12 +253,8 @@ def study_of_drives(folder, level, frames=10):
     array = TransducerArray.autd3()
     phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (frames, array.count))
     made = Settings().noted(Provenance())
-    drive = Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array, provenance=made)
     (folder / "drives.toml").write_text(DRIVES)
-    solution = Solution(
-        drive=drive, error=np.zeros(frames), iterations=np.ones(frames), status=("iterations",) * frames
-    )
-    save_solution(solution, folder / "focus.drive.h5")
+    save_drive(folder / "focus.drive.h5", phase, level, provenance=made)
     study("new", folder / "s", "--source", folder / "drives.toml")
     return folder / "s"
 
