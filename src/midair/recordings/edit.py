@@ -124,11 +124,11 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 def select(recording: Recording, channels: Sequence[int]) -> Recording:
     """Some channels, numbered row by row from 0, in this order and as one row of cells of the same pitch.
 
-    Raises InputError if there is no such channel, or none is named.
+    Raises ShapeError if a channel does not exist, or none is named.
     """
-    chosen, count = list(channels), recording.sensor.count
-    if not chosen or not set(chosen) <= set(range(count)):
-        raise InputError(f"select: expected channels from 0 to {count - 1}, got {chosen}")
+    chosen = list(channels)
+    for channel in chosen:
+        recording.sensor.channel_position(channel)
     samples = each_frame(recording.samples, lambda block: block.reshape(len(block), 1, -1)[..., chosen], exact=True)
     settings: dict[str, Setting] = {"channels": tuple(chosen)}
     sensor = replace(recording.sensor, rows=1, columns=len(chosen))

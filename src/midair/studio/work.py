@@ -269,7 +269,7 @@ class StudyRequest:
         """TOML of the plan."""
         names = [Path(take).stem for take in self.takes]
         if not names or self.template == "detection":
-            return template_text(self.template, take="".join(names))
+            return template_text(self.template, take="".join(names) or None)
         named: dict[str, Any] = {"kind": "choice", "options": names, "truth": "object"}
         rating = {"kind": "rating", "low": 1, "high": 7}
         asked = [

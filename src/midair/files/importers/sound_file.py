@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -123,56 +123,52 @@ _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 
 def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write float64 divided by the power of two above the peak, without rounding; at most 1024 cells and 4 GB."""
-    import soundfile
-
-    cells = recording.sensor.count
-    if cells > 1024:
-        raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
+    """Write float64 without rounding; at most 1024 cells and 4 GB."""
+    if recording.sensor.count > 1024:
+        raise FileError(
+            f"{path}: a WAV holds up to 1024 channels, got a sensor of {recording.sensor.count}; save to .h5"
+        )
     # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
-    rate, exponent = _rate_and_exponent(recording)
-    with atomic_file(path) as partial:
-        check_disk_space(partial.parent, recording.samples.nbytes, path)
-        with soundfile.SoundFile(partial, "w", rate, cells, subtype="DOUBLE", format="WAV") as file:
-            for block in blocks(recording.samples):
-                file.write(np.ldexp(block, -exponent).reshape(len(block), cells))
-        append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
-    return (*_losses("WAV", recording, rate, exponent), *calibration_lost(calibration, "WAV"))
-
-
-FLAC_CHANNELS, FLAC_RATE, FLAC_BITS = 8, 655_350, 23
-"""Limits of FLAC (RFC 9639) and bits of a sample without the sign."""
+    return _write(recording, path, calibration, "WAV")
 
 
 def write_flac(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write at most 8 cells, as integers of 24 bits whose full scale is the power of two above the peak."""
+    """Write integers of 24 bits; at most 8 cells and 655,350 Hz (RFC 9639)."""
+    if recording.sensor.count > 8 or recording.rate > 655_350:
+        raise FileError(
+            f"{path}: a FLAC holds up to 8 channels of up to 655350 Hz, got {recording.sensor.count} of "
+            f"{recording.rate:g} Hz; choose some with --channels 5,6, or save to .wav"
+        )
+    return _write(recording, path, calibration, "FLAC")
+
+
+def _write(
+    recording: Recording, path: Path, calibration: Calibration | None, form: Literal["WAV", "FLAC"]
+) -> tuple[FormatLoss, ...]:
+    """Write the samples divided by the power of two above the peak, and midair's header."""
     import soundfile
 
-    cells, (rate, exponent) = recording.sensor.count, _rate_and_exponent(recording)
-    if cells > FLAC_CHANNELS or rate > FLAC_RATE:
-        raise FileError(
-            f"{path}: a FLAC holds up to {FLAC_CHANNELS} channels of up to {FLAC_RATE} Hz, got {cells} of {rate} Hz; "
-            "choose some with --channels 5,6, or save to .wav"
-        )
-    most = 2**FLAC_BITS - 1
+    # Sound files have integer rates; midair's header stores the exact rate.
+    rate, most = max(1, round(recording.rate)), 2**23 - 1
+    exponent = int(np.frexp(moments(recording.samples).largest)[1])
+    header = header_of(recording, scale_exponent=exponent)
+    subtype = "DOUBLE" if form == "WAV" else "PCM_24"
     with atomic_file(path) as partial:
-        check_disk_space(partial.parent, 3 * recording.samples.size, path)
-        with soundfile.SoundFile(partial, "w", rate, cells, subtype="PCM_24", format="FLAC") as file:
-            file.comment = header_of(recording, scale_exponent=exponent)
+        check_disk_space(partial.parent, recording.samples.nbytes, path)
+        with soundfile.SoundFile(partial, "w", rate, recording.sensor.count, subtype=subtype, format=form) as file:
+            if form == "FLAC":
+                file.comment = header
             for block in blocks(recording.samples):
-                whole = np.clip(np.rint(np.ldexp(block, FLAC_BITS - exponent)), -most, most)
-                # The upper 24 of 32 bits; libsndfile would scale numbers of its own by 2^23 - 1.
-                file.write(whole.astype(np.int32).reshape(len(block), cells) << 8)
-    text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - FLAC_BITS):.3g} {recording.unit}."
-    rounded = FormatLoss(what="waveform", text=text)
-    return (*_losses("FLAC", recording, rate, exponent), rounded, *calibration_lost(calibration, "FLAC"))
-
-
-def _rate_and_exponent(recording: Recording) -> tuple[int, int]:
-    """Rate as an integer, which sound files hold (midair's header has the exact one), and exponent of full scale."""
-    return max(1, round(recording.rate)), int(np.frexp(moments(recording.samples).largest)[1])
+                part = np.ldexp(block, -exponent).reshape(len(block), -1)
+                if form == "FLAC":
+                    # The upper 24 of 32 bits, since libsndfile would multiply numbers by 2^23 - 1.
+                    part = np.clip(np.rint(part * 2**23), -most, most).astype(np.int32) << 8
+                file.write(part)
+        if form == "WAV":
+            append_chunk(partial, header.encode("ascii"))
+    return (*_losses(form, recording, rate, exponent), *calibration_lost(calibration, form))
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
@@ -248,13 +244,15 @@ def _counts(subtype: str, path: Path) -> tuple[float, str]:
     return 1.0, f"Samples of {subtype} were not scaled."
 
 
-def _losses(form: str, recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss, ...]:
+def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterator[FormatLoss]:
+    if rate != recording.rate:
+        text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
+        yield FormatLoss(what="rate", text=text)
     text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads this factor, the sensor and the provenance."
-    scale = FormatLoss(what="scale", text=text)
-    if rate == recording.rate:
-        return (scale,)
-    text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
-    return (FormatLoss(what="rate", text=text), scale)
+    yield FormatLoss(what="scale", text=text)
+    if form == "FLAC":
+        text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - 23):.3g} {recording.unit}."
+        yield FormatLoss(what="waveform", text=text)
 
 
 WAV = Format(name="WAV", read=read_wav, write=write_wav)

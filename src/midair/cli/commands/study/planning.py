@@ -102,11 +102,7 @@ def new_command(
     if trials is not None and source is None:
         raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
     table = "" if trials is None else read_text(trials, "the table of trials")
-    text = (
-        template_text(template, take="" if take is None else take.name)
-        if source is None
-        else read_text(source, "the TOML of a study")
-    )
+    text = template_text(template, take=take and take.name) if source is None else read_text(source, "a study in TOML")
     beside = take or source
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
