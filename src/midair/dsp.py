@@ -65,14 +65,8 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     Before the first and after the last frame the signal is held, then fades to its mean as a half cosine. A constant is
     therefore filtered exactly, and a signal that starts at rest is assumed to have been at rest before.
 
-    Parameters
-    ----------
-    x : ndarray, shape (frame, ...)
-        Any unit.
-    response : callable
-        Takes frequencies, shape (bin,), from 0 to half the rate in Hz; returns factors, shape (bin, ...).
-    reach : float
-        Duration of the response in time, in s; the signal is extended by it on both sides.
+    `x` has the shape (frame, ...) and any unit. `response` takes frequencies (bin,) from 0 to half the rate in Hz, and
+    returns factors (bin, ...). `reach` is its duration in s, by which the signal is extended on both sides.
     """
     if isinstance(x, LazyFrames):
         return cast("Array", filter_lazily(x, rate, response, reach=reach))

@@ -125,11 +125,9 @@ class PressureLevel:
         return plain
 
 
-def headroom(
-    array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None, *, sensor: SensorGrid | None = None
-) -> Headroom:
-    """Largest pressures of `array` at the height of `grid`, cached; `sensor` (4 x 4 if None) has the cells."""
-    return _headroom(ArrayKey(array), grid, acoustics, sensor)
+def headroom(array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None) -> Headroom:
+    """Largest pressures of `array` at the height of `grid` on a sensor of 4 x 4 cells, cached."""
+    return _headroom(ArrayKey(array), grid, acoustics)
 
 
 def level_of(
@@ -196,9 +194,9 @@ def linear_range(
     return float(asked[first - 1] * (asked[first] / asked[first - 1]) ** share), float((part * asked).max())
 
 
-def thinned(grid: ControlGrid, *, side: int = 16) -> tuple[NDArray[np.int64], ControlGrid]:
+def thinned(grid: ControlGrid) -> tuple[NDArray[np.int64], ControlGrid]:
     """Every n-th point of a grid, so that a fine grid costs no more than the paper's: their indices and their grid."""
-    step = max(1, -(-max(grid.shape) // side))
+    step = max(1, -(-max(grid.shape) // 16))
     rows, columns = np.arange(0, grid.rows, step), np.arange(0, grid.columns, step)
     middle = (float(grid.x[columns].mean()) + grid.centre[0], float(grid.y[rows].mean()) + grid.centre[1])
     part = replace(grid, rows=len(rows), columns=len(columns), pitch=step * grid.pitch, centre=middle)
@@ -211,10 +209,10 @@ def _pa(value: float) -> str:
 
 
 @lru_cache(maxsize=32)
-def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None, sensor: SensorGrid | None) -> Headroom:
+def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None) -> Headroom:
     acoustics = acoustics or Acoustics()
     focus = radiation_pressure(np.array(focus_amplitude(grid, keyed.array, acoustics=acoustics)), acoustics.medium)
-    even = interpolation_matrix(sensor or SensorGrid(), grid).sum(axis=1)
+    even = interpolation_matrix(SensorGrid(), grid).sum(axis=1)
     linear, most = linear_range(keyed.array, grid, even, acoustics)
     return Headroom(height=grid.height, focus=float(focus), even=linear, most=most)
 
@@ -266,7 +264,7 @@ def _frames_of(drive: Drive, frames: list[int]) -> Drive:
     return Drive(phase=phase, level=level, rate=drive.rate, array=drive.array, acoustics=drive.acoustics)
 
 
-def _peak_on_palm(drive: Drive, grid: ControlGrid, *, candidates: int = 12) -> float:
+def _peak_on_palm(drive: Drive, grid: ControlGrid) -> float:
     """Highest steady pressure in Pa on a palm around the control points: every 2.5 mm, then every .5 mm."""
     palm = Palm.disc()
     skin = palm.grid(grid.height).position[palm.inside.ravel()] + [*grid.centre, 0.0]
@@ -279,7 +277,7 @@ def _peak_on_palm(drive: Drive, grid: ControlGrid, *, candidates: int = 12) -> f
     steps = np.linspace(-palm.pitch / 2, palm.pitch / 2, 6)
     around = np.stack([*np.meshgrid(steps, steps), np.zeros((6, 6))], axis=-1).reshape(-1, 3)
     # The highest points of the frame in which each is highest.
-    points = np.argsort(coarse.max(axis=0))[-candidates:]
+    points = np.argsort(coarse.max(axis=0))[-12:]
     return max(
         float(pressure(drive.q[frame], skin[point] + around).max())
         for point, frame in zip(points, coarse[:, points].argmax(axis=0), strict=True)

@@ -66,16 +66,9 @@ class Reproduction:
 def calibrated_pressure(
     recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
 ) -> PressureFrames:
-    """Pressure on the sensor, in the settings' band and at their rate.
+    """Pressure on the sensor, as by `calibrate` with the settings' band and inverse method, at their rate.
 
-    Parameters
-    ----------
-    recording, calibration
-        As in `calibrate`.
-    settings : Settings
-        Band, inverse method and rate.
-    from_rest : bool
-        True if the sensor was at rest before the first and after the last frame; otherwise the end values are held.
+    With `from_rest` it was at rest before the first and after the last frame; otherwise the end values are held.
     """
     chosen, rate = settings.calibration, settings.target.rate
     if not from_rest:
@@ -136,10 +129,7 @@ def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrame
 def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
     """Sound amplitude at the control points that reproduces the pressure: all stages before the solver.
 
-    Raises
-    ------
-    InputError
-        If a setting is out of range or unknown.
+    Raises InputError if a setting is out of range or unknown.
     """
     chosen = settings.compensation
     if chosen.compensate not in ("sound", "pressure"):
@@ -153,12 +143,7 @@ def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeF
 def with_fitted_gain(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
     """The settings with the gain for their strength, reduced where they limit the level at the ears.
 
-    Unchanged if they have neither.
-
-    Raises
-    ------
-    InputError
-        If the target is zero everywhere.
+    Unchanged if they have neither. Raises InputError if the target is zero everywhere.
     """
     if settings.target.ears is not None:
         limit = settings.target.ears
@@ -236,10 +221,7 @@ def solve_with(
 ) -> Solution:
     """Solve for a target with the solver, the error terms and the air of the settings.
 
-    Raises
-    ------
-    InputError
-        If the solution would not fit into memory.
+    Raises InputError if the solution would not fit into memory.
     """
     check_size(target.frames, array, settings.but(grid=target.grid), parts=False)
     made = solve(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
@@ -295,10 +277,7 @@ def reproduce_stream(
 ) -> tuple[AmplitudeFrames, Iterator[Solution]]:
     """`reproduce` for a pressure of any length: the target, and an iterator over the blocks of its solution.
 
-    Raises
-    ------
-    RateError
-        If the array cannot take frames at the pressure's rate.
+    Raises RateError if the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=True)
@@ -313,12 +292,8 @@ def reproduce(
 ) -> Reproduction:
     """Compute the drive that reproduces a pressure: prepare, then solve.
 
-    All settings are stored as a step of the drive's provenance; `Settings.of` restores them.
-
-    Raises
-    ------
-    RateError
-        If the array cannot take frames at the pressure's rate.
+    All settings are stored as a step of the drive's provenance; `Settings.of` restores them. Raises RateError if the
+    array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=False)

@@ -18,12 +18,8 @@ class Registry(Mapping[str, T], Generic[T]):
         [project.entry-points."midair.sensors"]
         udp = "my_package.udp:UdpSensor [fast]"
 
-    Parameters
-    ----------
-    group : str
-        Group of the entry points, such as "midair.sensors".
-    own : mapping of str to str
-        The objects of midair as "module:object [extra]". Other packages cannot replace them.
+    `group` is that of the entry points, such as "midair.sensors"; `own` are the objects of midair by name, as
+    "module:object [extra]", which other packages cannot replace.
     """
 
     def __init__(self, group: str, own: Mapping[str, str]) -> None:
@@ -52,12 +48,7 @@ class Registry(Mapping[str, T], Generic[T]):
     def __getitem__(self, name: str) -> T:
         """Import the object of a name.
 
-        Raises
-        ------
-        KeyError
-            If nothing has the name.
-        MissingExtraError
-            If a package or a library that it needs is missing.
+        Raises KeyError if nothing has the name; MissingExtraError if a package or a library that it needs is missing.
         """
         entry = self._own.get(name) or self._others[name]
         try:

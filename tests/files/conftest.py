@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from tests import foreign_files
 
+from midair.files import save
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
@@ -43,6 +44,13 @@ def recording(provenance: Provenance) -> Recording:
 def options(recording: Recording) -> dict[str, Any]:
     """Options that the writer of `recording` needs."""
     return {"rate": recording.rate, "sensor": recording.sensor, "unit": "Pa", "provenance": recording.provenance}
+
+
+@pytest.fixture
+def path(recording, calibration, tmp_path):
+    """A file of `recording` with its calibration."""
+    save(recording, tmp_path / "towel.h5", calibration=calibration)
+    return tmp_path / "towel.h5"
 
 
 @pytest.fixture(scope="session")

@@ -53,7 +53,7 @@ def test_the_right_order_undoes_swapped_wires(order):
     signal = np.arange(32.0).reshape(2, 16)
     channels = np.empty_like(signal)
     channels[:, list(order)] = signal
-    put_right = SensorWiring().with_order(order)
+    put_right = SensorWiring(order=tuple(order))
     np.testing.assert_array_equal(put_right.arrange(channels).reshape(2, 16), signal)
 
 

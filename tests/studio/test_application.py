@@ -105,6 +105,15 @@ def test_page_and_files_are_served(client):
         assert client.get(name).status_code == 404
 
 
+def test_takes_that_a_command_wrote_are_listed(client, studio, talk):
+    """When the page is loaded, and when it gets the focus again."""
+    takes = studio.folder.path
+    for name, seen in (("loaded.h5", lambda: client.get("/")), ("focus.h5", lambda: talk.order("reproduce", "list"))):
+        (takes / name).write_bytes((takes / "towel.h5").read_bytes())
+        seen()
+        assert name in [row["name"] for row in studio.store.state["takes"]]
+
+
 def test_all_files_of_a_page_are_small_and_preloaded(client):
     """The page preloads every module, so that none waits for another; a line of 1 Mbit/s loads it within a second."""
     page = client.get("/").text

@@ -49,6 +49,7 @@ def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of
         NoiseOutput().take(MaskingNoise(level_dbfs=-60), "default")
 
 
+@pytest.mark.long
 def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tmp_path):
     pytest.importorskip("autd3")
     path = save_drive(tmp_path / "a.drive.h5", frames=50)

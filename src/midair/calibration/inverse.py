@@ -143,32 +143,11 @@ def causal_fir(
     drifts is far stronger below 10 Hz than any texture in the band, and would otherwise leak through. If the band
     excludes 0 Hz, a constant input (such as a converter's offset) gives exactly 0.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        Provides H, and the noise in eps.
-    rate : float
-        Frame rate in Hz.
-    band, edges, floor
-        As in `calibrate`.
-    delay : float
-        In s; at most half of the filter's length.
-    taps : int
-        Length of the filter; at 1 kHz, 256 taps match the result of 1024 to 1 %.
-    below : float
-        Corner of phi in Hz; 0 for a flat phi.
-
-    Returns
-    -------
-    ndarray, shape (taps, row, column)
-        In Pa per unit of the output.
-
-    Raises
-    ------
-    BandError
-        If the band does not fit the rate or the calibration.
-    InputError
-        If delay, taps or below is out of range.
+    `calibration` provides H, and the noise in eps; `rate` is the frame rate in Hz; `band`, `edges` and `floor` are as
+    in `calibrate`. `delay` in s is at most half of the filter's length, which is `taps`: at 1 kHz, 256 match the result
+    of 1024 to 1 %. `below` is the corner of phi in Hz, 0 for a flat phi. Returns the filter in Pa per unit of the
+    output, shape (taps, row, column). Raises BandError if the band does not fit the rate or the calibration, InputError
+    if delay, taps or below is out of range.
     """
     band, edges = _checked(calibration, rate, band, edges, delay, taps)
     within(below, "below", 0, unit="Hz")

@@ -98,17 +98,14 @@ Function = Callable[[Single], tuple[float, Single]]
 """x -> cost and gradient."""
 
 
-def descend(
-    function: Function, x: Single, *, scale: Single, first: float, iterations: int, memory: int, shrink: float = 0.3
-) -> Single:
+def descend(function: Function, x: Single, *, scale: Single, first: float, iterations: int, memory: int) -> Single:
     """The x with the least cost after this number of evaluations, besides two, found by L-BFGS.
 
     Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4, with one evaluation per step: a step that
     fails the Armijo test is rejected, and a shorter one is tried next.
 
     `scale`, of a shape that broadcasts to `x`, is the relative inverse curvature of each variable; its unit is
-    determined by a first step of root mean square `first`. `memory` is the number of pairs kept, `shrink` the factor on
-    the step length after a rejection.
+    determined by a first step of root mean square `first`. `memory` is the number of pairs kept.
     """
     cost, gradient = function(x)
     step = scale * gradient
@@ -128,7 +125,7 @@ def descend(
         if better:
             x, cost, gradient, length = x + moved, trial, slope, 1.0
         else:
-            length *= shrink
+            length *= 0.3
     return x
 
 

@@ -32,7 +32,6 @@ from .interface import PlayReport as PlayReport
 from .interface import SensorDevice as SensorDevice
 from .motion_stages import StageDevice as StageDevice
 from .reading import GapFiller as GapFiller
-from .reading import fill_gaps as fill_gaps
 from .reading import read_frames as read_frames
 from .safety import Stopped as Stopped
 from .safety import append_line as append_line

@@ -45,10 +45,7 @@ _KEY = object()  # Key to the constructor of ExposureClearance, private to this 
 class ExposureChoices:
     """Exposure limits, the action if a drive exceeds them, and the air; passed as a whole.
 
-    Raises
-    ------
-    InputError
-        If an override has no name.
+    Raises InputError if an override has no name.
     """
 
     profile: ExposureProfile
@@ -117,14 +114,8 @@ class ExposureClearance:
             raise DeviceStateError("clearance: expected the result of check_exposure(); it cannot be made up")
 
     def check_array(self, device: ArrayInfo) -> None:
-        """Raise unless it was issued for this device.
-
-        Raises
-        ------
-        MismatchError
-            If the device's array differs from the checked one, or is louder.
-        DeviceStateError
-            If it was issued for a device without sound and this device can emit sound.
+        """Raise MismatchError if the device's array differs from the checked one, or is louder; DeviceStateError if it
+        was issued for a device without sound and this device can emit sound.
         """
         if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
             raise MismatchError(
@@ -138,10 +129,7 @@ class ExposureClearance:
     def check_for(self, device: ArrayInfo) -> Drive:
         """Return the drive if it was cleared for this device.
 
-        Raises
-        ------
-        MismatchError, DeviceStateError
-            As in `check_array`; DeviceStateError also if its frames come later.
+        Raises as `check_array`, and DeviceStateError also if its frames come later.
         """
         self.check_array(device)
         if self.drive is None:
@@ -162,12 +150,7 @@ class ExposureClearance:
     def frames(self, drive: Drive) -> "ExposureClearance":
         """Clear frames within the level of `check_exposure_level`, computed after the check.
 
-        Raises
-        ------
-        MismatchError
-            If array or rate differ.
-        ExposureError
-            If the frames exceed the cleared level.
+        Raises MismatchError if array or rate differ, ExposureError if the frames exceed the cleared level.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
@@ -184,12 +167,8 @@ class ExposureClearance:
         """Clear frames that were steered to these poses; None for silent ones.
 
         Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, or
-        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it.
-
-        Raises
-        ------
-        ExposureError
-            If a pose is outside the box, or a frame above the cleared level.
+        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it. Raises
+        ExposureError if a pose is outside the box, or a frame above the cleared level.
         """
         if self.box is None or self.solved is None:
             raise ExposureError("steered frames: expected the clearance of check_exposure_steered(), got another one")
@@ -254,23 +233,9 @@ def measure_exposure(
     Computed for the range of air in the room (`airs_of_room`); the loudest counts. Levels and phases are rounded to the
     firmware's steps.
 
-    Parameters
-    ----------
-    repeats : int
-        Number of consecutive repeats, 1 or more.
-    steps : int
-        Number of phase steps per turn of the device.
-    room : Medium, optional
-        As in `ExposureChoices`.
-    heat : callable, optional
-        Returns duty and warming, given the drive as it is played.
-
-    Raises
-    ------
-    MismatchError
-        If the drive is for another array.
-    InputError
-        If the drive's speed of sound is outside the range of air.
+    `repeats` is the number of consecutive repeats, 1 or more, `steps` that of phase steps per turn of the device,
+    `room` as in `ExposureChoices`; `heat` returns duty and warming, given the drive as it is played. Raises
+    MismatchError if the drive is for another array, InputError if its speed of sound is outside the range of air.
     """
     drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
@@ -421,17 +386,8 @@ def check_exposure_steered(
     The drive is measured as it was solved, and `samples`: some of its frames, steered to poses of the box. Every frame
     is measured again once it was steered, by `ExposureClearance.steered`, before it sounds.
 
-    Parameters
-    ----------
-    device, choices
-        As in `check_exposure`.
-    box : PoseBox
-        Poses that are admitted, around the `solved` centre of the palm, shape (3,), in m.
-
-    Raises
-    ------
-    MismatchError, ExposureError
-        As in `check_exposure`.
+    `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
+    errors are those of `check_exposure`.
     """
     own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
     found = replace(
@@ -457,21 +413,10 @@ def check_exposure_level(
     In the worst case all transducers are in phase at a place. This is far above the needs of a target, so that a
     cleared level is safe for any frames.
 
-    Parameters
-    ----------
-    level : float
-        Maximum drive of any transducer, above 0 to 1.
-    device, choices
-        As in `check_exposure`. With `attenuate`, the level is lowered until the worst case meets the profile.
-    rate : float
-        Frames per second, in Hz.
-
-    Raises
-    ------
-    ExposureError
-        If the worst case exceeds the profile and there is no override.
-    InputError
-        If the level is out of range.
+    `level` is the maximum drive of any transducer, above 0 to 1, and `rate` in frames per second; `device` and
+    `choices` are as in `check_exposure`. With `attenuate`, the level is lowered until the worst case meets the profile.
+    Raises ExposureError if the worst case exceeds the profile and there is no override, InputError if the level is out
+    of range.
     """
     if not 0 < level <= 1:
         raise InputError(f"level: expected above 0 and at most 1 of full drive, got {level:g}")

@@ -63,10 +63,7 @@ def actual_level(level: Array) -> Array:
 def divider(rate: float) -> int:
     """Number N of ultrasound periods in a frame: rate = 40 kHz / N.
 
-    Raises
-    ------
-    RateError
-        If there is none from 1 to 65535.
+    Raises RateError if there is none from 1 to 65535.
     """
     exact = 40e3 / rate
     whole = round(exact)

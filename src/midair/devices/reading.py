@@ -1,6 +1,5 @@
 """Combine the blocks of a sensor into frames without gaps."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,31 +54,20 @@ class GapFiller:
         return FilledBlock(samples=samples, first=first, lost=lost if len(samples) else 0)
 
 
-def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
-    """Yield the first `frames` frames after a start, block by block, shape (frame, row, column); fewer if it ends.
-
-    `block` is the number of frames per read; all remaining ones if None. Raises DeviceError if the sensor loses frames.
-    """
-    have = 0
-    while have < frames:
-        part = sensor.read(min(block or frames, frames - have))
-        if part.overflow or part.first != have:
-            raise DeviceError(
-                f"{sensor.name}: lost frames before {have / sensor.rate:.3f} s; close other programs and try again"
-            )
-        if not len(part.samples):
-            return
-        have += len(part.samples)
-        yield part.samples
-
-
 def read_frames(sensor: SensorDevice, frames: int) -> Array:
     """Return the first `frames` frames after a start, shape (frame, row, column).
 
     Raises DeviceError if the sensor loses frames or ends early.
     """
-    parts = list(fill_gaps(sensor, frames))
-    have = sum(len(part) for part in parts)
-    if have < frames:
-        raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; check the connection")
+    parts, have = list[Array](), 0
+    while have < frames:
+        part = sensor.read(frames - have)
+        if part.overflow or part.first != have:
+            raise DeviceError(
+                f"{sensor.name}: lost frames before {have / sensor.rate:.3f} s; close other programs and try again"
+            )
+        if not len(part.samples):
+            raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; check the connection")
+        parts.append(part.samples)
+        have += len(part.samples)
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -15,7 +15,6 @@ from .distortion import apply_band_twice as apply_band_twice
 from .distortion import band_settling_frames as band_settling_frames
 from .distortion import fidelity as fidelity
 from .distortion import find_delay as find_delay
-from .distortion import image_level as image_level
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
 from .error_budget import ALL as ALL
@@ -44,8 +43,6 @@ from .perception import band_levels as band_levels
 from .perception import dominant_frequency as dominant_frequency
 from .perception import pacinian_level as pacinian_level
 from .perception import spectral_error as spectral_error
-from .perception import spqi as spqi
-from .perception import st_sim as st_sim
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none

@@ -78,8 +78,6 @@ def compare(
     reproduced: PressureFrames,
     *,
     first: int = 0,
-    longest_delay: float = 0.05,
-    band: tuple[float, float] | None = None,
     noise: Array | None = None,
 ) -> Comparison:
     """Compare a reproduction with its original.
@@ -93,10 +91,6 @@ def compare(
         Frame of the reproduction at which the original begins; everything before and after is ignored. If the
         reproduction was cut before its delay was known, samples at its ends are missing, and even a perfect one reaches
         only 30 to 50 dB.
-    longest_delay : float
-        Largest delay in s.
-    band : tuple of float, optional
-        (low, high) in Hz of the compared spectra; by default the original's band.
     noise : ndarray, shape (row, column), optional
         Rms noise of the sensor in the reproduction, in its band, in Pa.
 
@@ -112,15 +106,15 @@ def compare(
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames - first)
     part, x, shape = slice(first, first + frames), original.pressure[:frames], original.sensor.shape
-    delay = find_delay(x, reproduced.pressure[part], original.rate, longest=longest_delay)
+    delay = find_delay(x, reproduced.pressure[part], original.rate)
     # The delay is removed before all figures: half a period of delay would invert a wave.
     y = advance(reproduced.pressure, delay, original.rate)[part]
     sums = _Sums.of(x, y, original.rate)
     gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
-    low, high = band or original.band or (0.0, original.rate / 2)
+    low, high = original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
     found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
-    least, most = band or original.band or (0.0, float("inf"))
+    least, most = original.band or (0.0, float("inf"))
     inside = (sums.frequency >= least) & (sums.frequency <= most)
     return Comparison(
         delay=delay,

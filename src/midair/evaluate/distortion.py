@@ -128,6 +128,12 @@ def _edges(asked: PressureFrames) -> tuple[float, float]:
     return band_edges(asked.band or (0.0, asked.rate / 2), asked.rate)
 
 
+WEAKEST = 20.0
+"""Cells count as targets down to this many dB below the strongest cell."""
+
+IMAGES = (530.0, 1000.0)
+"""Band in Hz in which frame steps create images of the signal band."""
+
 Limits = tuple[float, float, float]
 """A ratio in dB, and its lower and upper limit: those of 95 % for the scatter of the sensor's noise."""
 
@@ -183,7 +189,6 @@ def distortion_ratios(
     noise: Array | None,
     frames: int,
     values: float,
-    weakest: float = 20.0,
 ) -> dict[str, Limits]:
     """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
 
@@ -191,7 +196,7 @@ def distortion_ratios(
     `own`; `gain` is the best one over all channels. `noise` is the rms of each channel over the `frames`, with `values`
     independent values: twice its bandwidth times the duration.
     """
-    touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
+    touched = (power > 0) & (power >= power.max() * 10 ** (-WEAKEST / 10))
     # Residual of each channel after its own gain, plus the deviation of that gain from the common one.
     parts = {
         TOUCHED: (float((own**2 * power)[touched].sum()), apart[touched], touched),
@@ -224,8 +229,6 @@ def fidelity(
     delivered: PressureFrames,
     *,
     band: Band = BAND,
-    images: Band = (530.0, 1000.0),
-    weakest: float = 20.0,
     judged: tuple[float, float] | None = None,
     noise: Array | None = None,
 ) -> Fidelity:
@@ -237,10 +240,6 @@ def fidelity(
         On the same cells; the slower one is resampled to the rate of the faster one.
     band : tuple of float
         (low, high) in Hz; both pressures are filtered to it with sharp edges.
-    images : tuple of float
-        Band in Hz in which frame steps create images of the signal band.
-    weakest : float
-        Cells count as targets down to this many dB below the strongest cell.
     judged : tuple of float, optional
         (begin, duration) of the evaluated part, in s of the original; all if None. It is cut after filtering and
         alignment: a perfect piece with a delay of an eighth of a millisecond would otherwise lose samples at its ends
@@ -272,12 +271,12 @@ def fidelity(
     gain = float(product.sum() / max(float(power.sum()), np.finfo(float).tiny))
     apart = ((y - own.reshape(x.shape[1:]) * x) ** 2).sum(axis=0).ravel()
     values = 2 * (band[1] - band[0]) * len(x) / rate
-    found = distortion_ratios(power, own, gain, apart, noise=noise, frames=len(x), values=values, weakest=weakest)
+    found = distortion_ratios(power, own, gain, apart, noise=noise, frames=len(x), values=values)
     return Fidelity(
         distortion_ratio=found[TOUCHED][0],
         overall_ratio=found[OVERALL][0],
         ratios=found,
-        images=image_level(delivered.cut(begin, duration) if judged else delivered, band=band, images=images),
+        images=image_level(delivered.cut(begin, duration) if judged else delivered, band=band),
         spatial_correlation=map_correlation(x, y),
         gain=gain,
         delay=delay,
@@ -292,11 +291,11 @@ def in_band(pressure: Array, rate: float, band: Band) -> Array:
     )
 
 
-def image_level(delivered: PressureFrames, *, band: Band = BAND, images: Band = (530.0, 1000.0)) -> float | None:
+def image_level(delivered: PressureFrames, *, band: Band = BAND) -> float | None:
     """Power in the band of the images over that in the band, over all cells, in dB; None if the rate is too low."""
-    if delivered.rate < 2 * images[1]:
+    if delivered.rate < 2 * IMAGES[1]:
         return None
-    above, within = (float(band_energy(delivered.pressure, delivered.rate, each).sum()) for each in (images, band))
+    above, within = (float(band_energy(delivered.pressure, delivered.rate, each).sum()) for each in (IMAGES, band))
     return decibels(above, within)
 
 

@@ -112,14 +112,13 @@ class Leak:
     """Highest target pressure in Pa."""
 
 
-def surroundings(
-    grid: ControlGrid, *, reach: float = 0.02, pitch: float = 2.5e-3
-) -> tuple[ControlGrid, NDArray[np.bool_]]:
+def surroundings(grid: ControlGrid) -> tuple[ControlGrid, NDArray[np.bool_]]:
     """Create a larger grid around a control grid, with a mask (point,) of its points outside the square.
 
-    The square ends half a pitch beyond the outermost control points. The larger grid has the margin `reach` around it
-    and another `pitch`, both in m; 2.5 mm is a third of a wavelength at 40 kHz.
+    The square ends half a pitch beyond the outermost control points. The larger grid has a margin of 20 mm around it
+    and a pitch of 2.5 mm, a third of a wavelength at 40 kHz.
     """
+    reach, pitch = 0.02, 2.5e-3
     half_x, half_y = grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2
     rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))
     around = ControlGrid(rows=rows, columns=columns, pitch=pitch, height=grid.height, centre=grid.centre)
@@ -129,27 +128,18 @@ def surroundings(
     return around, outside.ravel()
 
 
-def leak(
-    drive: Drive,
-    amplitude: Array,
-    grid: ControlGrid,
-    *,
-    acoustics: Acoustics | None = None,
-    frames: int = 64,
-    reach: float = 0.02,
-) -> Leak:
+def leak(drive: Drive, amplitude: Array, grid: ControlGrid, *, acoustics: Acoustics | None = None) -> Leak:
     """Compute the pressure of a drive outside the square that it was solved for.
 
     `amplitude`, shape (frame, point), is the target at the points of `grid`, peak sound pressure in Pa; `acoustics` are
-    those of the drive by default. `frames` evenly spaced frames are computed, besides the strongest one, with the
-    margin `reach` around the square, in m.
+    those of the drive by default. 64 evenly spaced frames are computed, besides the strongest one.
     """
     acoustics = acoustics or drive.acoustics
     wanted = radiation_pressure(amplitude, acoustics.medium)
-    chosen = np.unique(np.linspace(0, drive.frames - 1, min(frames, drive.frames)).astype(int))
+    chosen = np.unique(np.linspace(0, drive.frames - 1, min(64, drive.frames)).astype(int))
     # Include the strongest frame, because its pressure is the reference.
     chosen = np.union1d(chosen, [int(np.argmax(wanted.max(axis=1)))])
-    around, outside = surroundings(grid, reach=reach)
+    around, outside = surroundings(grid)
     part = Drive(phase=drive.phase[chosen], level=drive.level[chosen], rate=drive.rate, array=drive.array)
     field = propagate(part, around, acoustics=acoustics)
     pressure = np.where(outside, radiation_pressure(field, acoustics.medium), 0.0)
@@ -334,20 +324,19 @@ def budget(
     strength: float,
     kept: float | None = None,
     band: Band = BAND,
-    images: Band = (530.0, 1000.0),
     judged: tuple[float, float] | None = None,
     palm: PalmFidelity | None = None,
 ) -> Budget:
     """Compare the output of each stage with its input and with the original.
 
     `original` is the recorded pressure in the band. `outputs` are in processing order, all on the original's cells and
-    with the same start and duration. `strength`, `kept` and `palm` are fields of `Budget`; `band`, `images` and
-    `judged` are as in `fidelity`.
+    with the same start and duration. `strength`, `kept` and `palm` are fields of `Budget`; `band` and `judged`
+    are as in `fidelity`.
     """
     lines: list[StageLoss] = []
     before = original
     for output in outputs:
-        compared = partial(fidelity, delivered=output.pressure, band=band, images=images, judged=judged)
+        compared = partial(fidelity, delivered=output.pressure, band=band, judged=judged)
         so_far = compared(output.reference or original, noise=output.noise)
         alone = so_far if before is original else compared(before)
         if not output.tells_images:

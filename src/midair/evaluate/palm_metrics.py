@@ -101,20 +101,10 @@ def palm_fidelity(
 ) -> PalmFidelity:
     """Compare the pressure delivered to a palm with the target.
 
-    Parameters
-    ----------
-    wanted, delivered : ndarray, shape (frame, point)
-        Pressure in Pa at the points of the palm that are skin, row by row.
-    rates : tuple of float
-        Rates of the two in Hz.
-    square : tuple of float
-        Half the sides of the square that the sensor covers, along x and y, in m.
-    judged : tuple of float, optional
-        (begin, duration) of the evaluated part in s, all if None; earlier pressure still moves the skin.
-    band : tuple of float
-        (low, high) in Hz, with sharp edges.
-    skins : Mapping of str to Tissue
-        Skin models by name.
+    `wanted` and `delivered`, shape (frame, point), are pressures in Pa at the points of the palm that are skin, row by
+    row, at two `rates` in Hz. `square` are half the sides of the square that the sensor covers, along x and y, in m.
+    `judged` is (begin, duration) of the evaluated part in s, all if None; earlier pressure still moves the skin. `band`
+    (low, high) in Hz has sharp edges; `skins` are skin models by name.
     """
     x, y, slow = _aligned_in_band(wanted, delivered, rates, band)
     frames = len(x)

@@ -270,36 +270,19 @@ def perceptual_spectrum(signal: Array) -> Array:
         return 20 * np.log10(size) - Threshold().at(BLOCK)
 
 
-def st_sim(reference: Array, distorted: Array) -> float:
-    """Compute the spectral and temporal similarity: tau^(2/3) s^(1/3).
-
-    tau compares the normalised blocks (zero mean, unit variance), s the supports Phi(S / 12) of their perceptual
-    spectra; both are means over the blocks of sum(r d) / sum(r^2). Blocks with a silent reference are ignored; vibromaf
-    counts them as 0. A negative tau, for which vibromaf has no result, gives 0.
-
-    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals, 0
-    for no similarity; above 1 if the distorted signal is felt more than the reference.
-    """
-    return _alone(reference, distorted)[0]
-
-
-def spqi(reference: Array, distorted: Array) -> float:
-    """Compute the spectral perceptual quality index: the mean over the blocks of (1 - tanh(0.3 d + 2)) / 2.
-
-    ``d = 10 log10(sum |10^(Sr/10) - 10^(Sd/10)| / sum 10^(Sr/10))`` with the perceptual spectra Sr and Sd of the
-    reference and the distorted signal: differences are weighted by their level over the threshold, and phase is
-    ignored. Blocks with a silent reference are ignored.
-
-    The signals, shape (sample,), at 8 kHz are on one scale; the longer one is cut. The result is 1 for equal signals;
-    .02 if the difference is as large as the reference.
-    """
-    return _alone(reference, distorted)[1]
-
-
 def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_]) -> Array:
     """ST-SIM and SPQI of the channels in the mask `compared`, shape (2, channel); NaN for the others.
 
-    The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut.
+    The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut. Both are 1 for equal
+    signals. Blocks with a silent reference are ignored; vibromaf counts them as 0 in ST-SIM.
+
+    ST-SIM is tau^(2/3) s^(1/3). tau compares the normalised blocks (zero mean, unit variance), s the supports
+    Phi(S / 12) of their perceptual spectra; both are means over the blocks of sum(r d) / sum(r^2). A negative tau, for
+    which vibromaf has no result, gives 0. ST-SIM is above 1 if the distorted signal is felt more than the reference.
+
+    SPQI is the mean over the blocks of (1 - tanh(0.3 d + 2)) / 2, with ``d = 10 log10(sum |10^(Sr/10) - 10^(Sd/10)| /
+    sum 10^(Sr/10))`` of the perceptual spectra Sr and Sd: differences are weighted by their level over the threshold,
+    and phase is ignored. SPQI is .02 if the difference is as large as the reference.
     """
     those, found = np.flatnonzero(compared), np.full((2, len(compared)), np.nan)
     sums = np.zeros((len(those), 6))
@@ -309,11 +292,6 @@ def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *
             each += _similarity_sums(a[:, channel], b[:, channel])
     found[:, those] = np.reshape([_similarity(each) for each in sums], (-1, 2)).T
     return found
-
-
-def _alone(reference: Array, distorted: Array) -> tuple[float, float]:
-    whole = _stretches(np.asarray(reference, float), np.asarray(distorted, float))
-    return _similarity(sum(_similarity_sums(*each) for each in whole))
 
 
 def _similarity_sums(reference: Array, distorted: Array) -> Array:
@@ -341,7 +319,7 @@ def _similarity(sums: Any) -> tuple[float, float]:
     return alike, total / heard if heard else 0.0
 
 
-def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | None = None) -> Array:
+def pacinian_level(pressure: Array | LazyFrames, rate: float) -> Array:
     """Level of the power in the Pacinian channel, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
@@ -349,31 +327,27 @@ def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | 
     segments is used, see `midair.evaluate.perception.long_stretches`. A sine at the threshold has 0 dB, silence minus
     infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
     """
-    skin = skin or SkinModel()
-    return _weighted_level(pressure, rate, skin, lambda f: 1 / skin.threshold(f)[None] ** 2)[0]
+    return _weighted_level(pressure, rate, lambda f: 1 / SkinModel().threshold(f)[None] ** 2)[0]
 
 
 FELT_BANDS = ((20.0, 40.0), (40.0, 150.0), (150.0, 470.0))
 """Bands in Hz of `band_levels`: not Pacinian, rising sensitivity, and the most sensitive frequencies."""
 
 
-def band_levels(pressure: Array | LazyFrames, rate: float, *, area: float, skin: SkinModel | None = None) -> Array:
+def band_levels(pressure: Array | LazyFrames, rate: float, *, area: float) -> Array:
     """Level over the detection threshold of a palm in each of `FELT_BANDS`, in dB, shape (band, ...).
 
     Power is weighted by `SkinModel.detection_threshold`; pressure as in `pacinian_level`, `area` of contact in m2.
     """
-    skin = skin or SkinModel()
 
     def weights(frequency: Array) -> Array:
         inside = [(frequency >= low) & (frequency < high) for low, high in FELT_BANDS]
-        return np.stack(inside) / skin.detection_threshold(frequency, area) ** 2
+        return np.stack(inside) / SkinModel().detection_threshold(frequency, area) ** 2
 
-    return _weighted_level(pressure, rate, skin, weights)
+    return _weighted_level(pressure, rate, weights)
 
 
-def _weighted_level(
-    pressure: Array | LazyFrames, rate: float, skin: SkinModel, weights: Callable[[Array], Array]
-) -> Array:
+def _weighted_level(pressure: Array | LazyFrames, rate: float, weights: Callable[[Array], Array]) -> Array:
     """Level in dB of the skin's displacement with several weights (weight, bin), shape (weight, ...)."""
     parts = long_stretches(len(pressure))
     frames = parts[0][1]
@@ -382,7 +356,7 @@ def _weighted_level(
     power = np.zeros((len(weight), int(np.prod(pressure.shape[1:], dtype=np.int64))))
     for first, last in parts:
         for channel, values in enumerate(read_frames(pressure, first, last).reshape(frames, -1).T):
-            spectrum = np.fft.rfft(skin.displacement(values))[1:] * 2 / frames
+            spectrum = np.fft.rfft(SkinModel().displacement(values))[1:] * 2 / frames
             power[:, channel] += weight @ np.abs(spectrum) ** 2
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(power / len(parts)), np.float64).reshape(-1, *pressure.shape[1:])

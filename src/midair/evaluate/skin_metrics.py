@@ -10,7 +10,7 @@ from midair.array_types import Array
 from midair.dsp import resample
 from midair.errors import ShapeError
 from midair.evaluate.comparison import check_alike
-from midair.evaluate.distortion import advance, find_delay
+from midair.evaluate.distortion import WEAKEST, advance, find_delay
 from midair.evaluate.perception import (
     FELT_BANDS,
     LONGEST,
@@ -125,9 +125,7 @@ class PerceptualMetrics:
         return f"<PerceptualMetrics {len(self.figures)} figures on {cells}{', SIMULATED' if self.simulated else ''}>"
 
 
-def perceptual_metrics(
-    original: PressureFrames, reproduced: PressureFrames, *, skin: SkinModel | None = None, weakest: float = 20.0
-) -> PerceptualMetrics:
+def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics:
     """Compute the perceptual metrics of a reproduction.
 
     A delay common to all cells is removed first; the level is not fitted. ST-SIM and SPQI are computed at 8 kHz after
@@ -135,17 +133,12 @@ def perceptual_metrics(
     summed over the cells.
 
     Both are pressures of the same cells at the same rate, at least 64 ms long; lazy frames are read block by block.
-    Cells are compared down to `weakest` dB below the strongest cell.
+    Cells are compared down to 20 dB below the strongest cell.
 
-    Raises
-    ------
-    MismatchError, RateError
-        If the cells or the rates differ.
-    ShapeError
-        If they are too short.
+    Raises MismatchError or RateError if the cells or the rates differ, ShapeError if they are too short.
     """
     check_alike(original, reproduced)
-    skin, rate = skin or SkinModel(), original.rate
+    skin, rate = SkinModel(), original.rate
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, rate)
@@ -154,8 +147,8 @@ def perceptual_metrics(
     power = np.zeros(original.sensor.shape)
     for block in blocks(x):
         power += (block**2).sum(axis=0) / frames
-    before, after = pacinian_level(x, rate, skin), pacinian_level(y, rate, skin)
-    compared = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
+    before, after = pacinian_level(x, rate), pacinian_level(y, rate)
+    compared = (power > 0) & (power >= power.max() * 10 ** (-WEAKEST / 10))
     apart = _difference(_total(after), _total(before))
     # The level is that of the felt vibration, so that it does not depend on the waveform.
     level = float(10 ** (apart / 20)) if np.isfinite(apart) else 1.0
@@ -228,7 +221,7 @@ def _over_threshold(
     x: Array | LazyFrames, y: Array | LazyFrames, rate: float, skin: SkinModel, area: float
 ) -> list[PerceptualFigure]:
     """Level of each band over the detection threshold for a contact area in m2."""
-    pair = [band_levels(each, rate, area=area, skin=skin) for each in (x, y)]
+    pair = [band_levels(each, rate, area=area) for each in (x, y)]
     meaning = (
         "Vibration of the strongest cell in dB over the nominal detection threshold of a palm for the touched area; "
         f"the thresholds of people lie {skin.people[0]:+g} to {skin.people[1]:+g} dB from it."

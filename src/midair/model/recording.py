@@ -1,6 +1,5 @@
 """Samples of a sensor, its wiring and events, and frames of the pressure and of the sound that is to produce it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isqrt
 from typing import Literal
@@ -143,10 +142,6 @@ class SensorWiring:
     def channels(self) -> int:
         """Minimum number of channels of the source."""
         return max(self.order) + 1
-
-    def with_order(self, order: Sequence[int]) -> "SensorWiring":
-        """The same sensor with another order of channels."""
-        return replace(self, order=tuple(order))
 
     def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
         """Assign samples of the source's channels, (frame, channel), to the cells, (frame, row, column).

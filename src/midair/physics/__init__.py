@@ -46,14 +46,11 @@ from .propagation import wavenumber as wavenumber
 from .sensing import Between as Between
 from .sensing import SensorModel as SensorModel
 from .sensing import calibration_of as calibration_of
-from .sensing import cell_pressure as cell_pressure
 from .sensing import cell_weights as cell_weights
 from .sensing import channel_response as channel_response
-from .sensing import channel_volts as channel_volts
 from .sensing import fade_window as fade_window
 from .sensing import sense as sense
 from .sensing import sense_lazily as sense_lazily
-from .sensing import sensor_output as sensor_output
 from .sensing import storage_precision as storage_precision
 from .skin import SKINS as SKINS
 from .skin import TOUCH_CHANNELS as TOUCH_CHANNELS

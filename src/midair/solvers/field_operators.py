@@ -204,18 +204,16 @@ class FieldOperators:
         sorted_x = xp.concat([xp.take(state.x, order[:good], axis=0), better], axis=0)
         return xp.take(sorted_x, xp.argsort(order), axis=0)
 
-    def refine_together(
-        self, theta: Rows, batch: Batch, before: Rows, iterations: int, *, slowest: float = 1e-2
-    ) -> Rows:
+    def refine_together(self, theta: Rows, batch: Batch, before: Rows, iterations: int) -> Rows:
         """Minimise the errors and the costs of the phases of all rows at once, from theta on, (row, transducer).
 
         One descent for the whole batch, since each row depends on its neighbours. The cost of a faint frame is steeper
-        by the square of its gain; its unknown is the phase over a factor between `slowest` and 1, so that one step
+        by the square of its gain; its unknown is the phase over a factor between .01 and 1, so that one step
         length suits all. `before` (1, transducer) is the fixed drive before the first frame, zero if there is none.
         """
         xp, shape = self.backend.xp, theta.shape
         least = xp.min(batch.gain)
-        part = xp.clip(least / batch.gain, slowest, None)
+        part = xp.clip(least / batch.gain, 1e-2, None)
         alone = self.phase_function(batch)
 
         def function(x: Rows) -> tuple[Numbers, Rows]:

@@ -108,12 +108,7 @@ class Glide:
         With `after`, the problem's first frame must be the last sounding frame of the previous part, a mark that is
         solved already.
 
-        Raises
-        ------
-        InputError
-            If the backend is unknown, or `jobs` is below 1.
-        MissingExtraError
-            If the backend is not installed.
+        Raises InputError if the backend is unknown or `jobs` is below 1; MissingExtraError if it is not installed.
         """
         if self.jobs < 1:
             raise InputError(f"jobs: expected 1 or more, got {self.jobs}")

@@ -79,12 +79,8 @@ def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iter
     """Yield all frames of a recording in pieces of `together` blocks of the solver.
 
     Pieces can be solved anywhere in any order, with bit-identical results: consecutive blocks share one frame, the last
-    mark of the earlier block, and the marks of that block alone give everything that the next block needs.
-
-    Parameters
-    ----------
-    sounds : ndarray of bool, shape (frame,)
-        False for silent frames.
+    mark of the earlier block, and the marks of that block alone give everything that the next block needs. `sounds`,
+    shape (frame,), is False for silent frames.
     """
     audible = np.flatnonzero(sounds)
     how = {"coarse": solver.coarse, "size": solver.block_on(), "opening": solver.opening}

@@ -29,22 +29,9 @@ def memory_needed(
 ) -> int:
     """Maximum memory in bytes that solving needs, besides the memory in use already.
 
-    Parameters
-    ----------
-    points : int
-        Number of control points.
-    transducers : int
-        Number of transducers; twice as many with bounded amplitudes.
-    frames : int
-        Frames solved in one call; for `solve_parts`, those of a part.
-    method : str
-        A name in `METHODS`.
-    guard : int
-        Points outside the control grid that shall be quiet.
-    airs : int
-        Number of temperatures that are solved for at once, see `terms.temperatures`.
-    folded : bool
-        Whether the array is folded by its mirrors, see `solve_plan.folds`.
+    Transducers count twice with bounded amplitudes. `frames` are those of one call, for `solve_parts` of a part;
+    `guard` counts the points outside the control grid that shall be quiet, `airs` the temperatures that are solved for
+    at once (`terms.temperatures`). `folded` means by the array's mirrors (`solve_plan.folds`).
     """
     M, N = airs * points, transducers
     listeners = M + airs * guard

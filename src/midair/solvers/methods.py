@@ -72,10 +72,7 @@ def check_terms(method: str | Method, asked: Iterable[str]) -> None:
 def name_of(method: str | Method) -> str:
     """The name in `METHODS` of a configured solver; a name is returned unchanged.
 
-    Raises
-    ------
-    InputError
-        If the argument is neither a name nor a solver of `METHODS`.
+    Raises InputError if the argument is neither a name nor a solver of `METHODS`.
     """
     if isinstance(method, str):
         return method

@@ -127,12 +127,8 @@ def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Arra
     The paper prints an additional factor 1/M, with which its 5 to 15 % would be .02 to .06 %; it is left out here. If
     the problem has `cells`, the error is ``|| w |G q|^2 - P || / || P ||`` of their pressures.
 
-    Parameters
-    ----------
-    theta : ndarray, shape (frame, transducer)
-        Phases, in rad.
-    level : ndarray, shape (frame,) or (frame, transducer), optional
-        Factor on the problem's level; 1 if None.
+    `theta`, shape (frame, transducer), are the phases in rad; `level`, shape (frame,) or (frame, transducer), is a
+    factor on the problem's level, 1 if None.
     """
     if level is None:
         field = np.abs(problem.field(theta))

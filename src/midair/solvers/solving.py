@@ -88,14 +88,8 @@ def solve_parts(
     Each part continues from the end of the previous one. Parts end where the method ends a batch or a block, so all
     parts together equal the result of `solve`, except for rounding.
 
-    Parameters
-    ----------
-    target : AmplitudeFrames
-        Its amplitude may be lazy frames, which are read once, and once more for the level "auto".
-    progress : callable, optional
-        Called with (frames done, frames in total).
-    settings, **changes
-        As in `solve`.
+    The target's amplitude may be lazy frames, which are read once, and once more for the level "auto". The parameters
+    are those of `solve`.
     """
     return _parts(SolvePlan.of(target, array, settings, **changes), target, progress)
 
@@ -111,23 +105,10 @@ def solve_piece(
 ) -> Iterator[Solution]:
     """Yield the solution of one of the `pieces` of a recording, part by part, without the frames before it.
 
-    The phases are bit-identical to those of the whole recording.
-
-    Parameters
-    ----------
-    target : AmplitudeFrames
-        The frames of the piece.
-    marks : ndarray, shape (mark, point)
-        Amplitude of the piece's marks, in Pa; empty for the first piece.
-    loudest : float
-        Highest amplitude of the whole recording, in Pa, which determines the level "auto".
-    settings, **changes
-        As in `solve`, with method "glide".
-
-    Raises
-    ------
-    InputError
-        As in `solve`, or if the method is not "glide".
+    The phases are bit-identical to those of the whole recording. `target` holds the frames of the piece, `marks` the
+    amplitude of its marks in Pa, shape (mark, point), empty for the first piece; `loudest` is the highest amplitude of
+    the whole recording in Pa, which determines the level "auto". The other parameters and errors are those of `solve`;
+    InputError also if the method is not "glide".
     """
     order = SolvePlan.of(target, array, settings, loudest=loudest, **changes)
     if not order.leads:

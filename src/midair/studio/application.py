@@ -93,12 +93,7 @@ class StudioPlan:
 class Studio:
     """The panels, job queues and state that live as long as the server.
 
-    Parameters
-    ----------
-    samples : Path
-        Folder of this session for the samples and the files made from them.
-    port : int
-        Port of the server.
+    `samples` is this session's folder for the samples and the files made from them, `port` that of the server.
     """
 
     def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
@@ -205,6 +200,7 @@ class Studio:
         self.store.put(jobs=[each.as_dict(now) for each in self._shown.values()])
 
     async def _index(self, request: Request) -> Response:
+        self.store.put(takes=self.takes.rows())
         return self._files.answer(request, "index.html")
 
     async def _icon(self, request: Request) -> Response:

@@ -24,6 +24,7 @@ from midair.rig import (
     identify_by_taps,
     record_take,
     sensor_named,
+    streamed,
     take_problems,
 )
 from midair.studio.worker_process import StudioPipe
@@ -33,38 +34,8 @@ STEP = 1 / 120
 """Seconds of samples per message: two 60 Hz clocks would beat against each other."""
 
 
-class RepeatedStroke(WrappedSensor):
-    """Repeats one stroke (`duration` in s) of an open virtual sensor endlessly.
-
-    A virtual sensor computes everything since its start, which would take longer and longer.
-    """
-
-    def __init__(self, sensor: SensorDevice, duration: float = 1.6) -> None:
-        super().__init__(sensor)
-        self.calibration, self._duration = sensor.calibration, duration
-        self._samples: NDArray[np.float64] | None = None
-        self._next = 0
-
-    def start(self) -> None:
-        """Start at the beginning of the stroke."""
-        if self._samples is None:
-            self._sensor.start()
-            self._samples = np.array(self._sensor.read(round(self._duration * self.rate)).samples)
-            self._sensor.stop()
-        self._next = 0
-
-    def read(self, frames: int) -> FrameBlock:
-        """Return the next frames."""
-        if self._samples is None:
-            self.start()
-        kept = np.zeros((1, *self.grid.shape)) if self._samples is None else self._samples
-        first, self._next = self._next, self._next + frames
-        now = first / self.rate
-        samples = kept[np.arange(first, self._next) % len(kept)]
-        return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
-
-    def stop(self) -> None:
-        """Do nothing."""
+STROKE = 1.6
+"""Duration in s of the stroke of a virtual sensor, which is repeated: it computes everything since its start."""
 
 
 def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
@@ -85,7 +56,7 @@ def run_sensor(pipe: StudioPipe, name: str, seed: int) -> None:
 def _named(name: str, seed: int) -> SensorDevice:
     made = sensor_named(name, VirtualRig(seed=seed))
     if name.startswith("virtual:"):
-        return PacedSensor(RepeatedStroke(made))
+        return streamed(made, longest=STROKE)
     return PacedSensor(made) if made.on_demand else made
 
 

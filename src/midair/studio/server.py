@@ -31,28 +31,11 @@ def listen(port: int) -> socket.socket:
     return listening
 
 
-def open_studio(
-    plan: StudioPlan, *, port: int = 0, browser: bool = True, say: Callable[[str], None] | None = None
-) -> None:
+def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> None:
     """Serve a studio until Ctrl-C or a signal ends it.
 
-    Parameters
-    ----------
-    port : int
-        Port of the server; 0 chooses a free one.
-    browser : bool
-        Open the login link in the browser.
-    say : callable, optional
-        Receives the login link; printed if None.
-
-    Raises
-    ------
-    InputError
-        If the port is invalid.
-    DeviceError
-        If the port is in use.
-    MissingFileError
-        If the folder does not exist.
+    Port 0 chooses a free one; `browser` opens the login link there. Raises InputError if the port is invalid,
+    DeviceError if it is in use, MissingFileError if the folder does not exist.
     """
     # One BLAS thread in each child process: several of them spin and delay the feed for seconds.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -71,15 +54,12 @@ def open_studio(
             timeout_graceful_shutdown=2,
             lifespan="on",
         )
-        _Server(config, lambda: _announce(studio.keys.link(), browser, say)).run(sockets=[listening])
+        _Server(config, lambda: _announce(studio.keys.link(), browser)).run(sockets=[listening])
 
 
-def _announce(link: str, browser: bool, say: Callable[[str], None] | None) -> None:
-    if say is None:
-        sys.stdout.write(f"{link}\n")
-        sys.stdout.flush()
-    else:
-        say(link)
+def _announce(link: str, browser: bool) -> None:
+    sys.stdout.write(f"{link}\n")
+    sys.stdout.flush()
     if browser:
         webbrowser.open(link)
 

@@ -8,12 +8,6 @@ from midair.files import load, load_solution, save, save_pressure, save_solution
 from midair.model import PressureFrames, Recording, SensorGrid
 
 
-@pytest.fixture
-def path(recording, calibration, tmp_path):
-    save(recording, tmp_path / "towel.h5", calibration=calibration)
-    return tmp_path / "towel.h5"
-
-
 def test_xarray_opens_a_recording_with_axes_and_units(path, recording):
     with xarray.open_dataset(path, engine="h5netcdf") as table:
         assert table.samples.dims == ("time", "row", "column")

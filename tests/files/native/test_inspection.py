@@ -11,16 +11,10 @@ import h5py
 import pytest
 
 from midair.errors import BrokenFileError, FileError
-from midair.files import load, save
+from midair.files import load
 from midair.files.native import inspection
 
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
-
-
-@pytest.fixture
-def path(recording, tmp_path):
-    save(recording, tmp_path / "a.h5")
-    return tmp_path / "a.h5"
 
 
 @pytest.mark.long

@@ -11,18 +11,12 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MidairError
-from midair.files import load, load_calibration, load_pressure, load_solution, open_take, save
+from midair.files import load, load_calibration, load_pressure, load_solution, open_take
 from midair.files.native import inspection
 from midair.files.native.hdf5_recovery import checksum, openable
 from midair.files.native.inspector import refusal
 
 PLAIN = ("v110", "v110")
-
-
-@pytest.fixture
-def path(recording, tmp_path):
-    save(recording, tmp_path / "a.h5")
-    return tmp_path / "a.h5"
 
 
 def edited(path, edit):

@@ -6,12 +6,6 @@ from midair.files import load, load_calibration, load_pressure, repair, save, sa
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
-@pytest.fixture
-def path(recording, calibration, tmp_path):
-    save(recording, tmp_path / "towel.h5", calibration=calibration)
-    return tmp_path / "towel.h5"
-
-
 @pytest.mark.parametrize("band", [None, (20.0, 470.0)])
 def test_adds_the_pressure_and_keeps_the_rest(band, path, recording, calibration, alike):
     life = recording.provenance.then("calibrate", {"band": band})

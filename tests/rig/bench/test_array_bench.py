@@ -17,8 +17,7 @@ from midair.files import load_tracker, profile_named
 from midair.model import Acoustics, Provenance, SensorGrid, TransducerArray
 from midair.physics import SensorModel, Transducers, calibration_of, channel_response, sense
 from midair.rig import PLACES, VirtualRig, calibrate_array, calibrate_tracker
-from midair.rig.bench import check_silence
-from midair.rig.bench.array_bench import _check_fit, calibrate_by_beam, no_warning
+from midair.rig.bench.array_bench import _check_fit, calibrate_by_beam, check_silence, no_warning
 
 WHOLE = TransducerArray.autd3(columns=1, rows=1)
 NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])

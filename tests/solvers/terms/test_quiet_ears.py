@@ -4,7 +4,6 @@ import pytest
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
 from midair.physics import focus_amplitude, propagate, transfer_matrix
-from midair.settings import CHOICES, Settings
 from midair.solvers import solve
 from midair.solvers.terms import GuardField, QuietEars
 
@@ -72,9 +71,3 @@ def test_half_an_ear_is_refused():
 def test_impossible_settings_are_refused(method, weight, says):
     with pytest.raises(InputError, match=says):
         solve(target(), ARRAY, method=method, quiet_ears=weight)
-
-
-def test_it_can_be_typed():
-    (choice,) = [each for each in CHOICES if each.name == "quiet-ears"]
-    assert choice.put(Settings(), 3.0).solver.quiet_ears == 3.0
-    assert Settings.from_plain(Settings().but(quiet_ears=3.0).plain()).solver.quiet_ears == 3.0

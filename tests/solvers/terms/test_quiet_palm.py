@@ -104,9 +104,3 @@ def _parts(array):
 def test_impossible_settings_are_refused(method, asked, says):
     with pytest.raises(InputError, match=says):
         solve(target(), ARRAY, method=method, quiet_palm=asked)
-
-
-def test_it_can_be_typed():
-    (choice,) = [each for each in CHOICES if each.name == "quiet-palm"]
-    assert choice.put(Settings(), 0.1).solver.quiet_palm == 0.1
-    assert Settings.from_plain(Settings().but(quiet_palm=0.1).plain()).solver.quiet_palm == 0.1

@@ -78,6 +78,10 @@ def test_every_term_has_a_setting_an_option_and_methods():
         assert getattr(Settings().solver, keyword) == term.default
         assert term.of(term.default) is None
         assert term.methods <= set(METHODS)
+    for keyword in ("quiet_ears", "quiet_palm"):
+        typed = options[keyword.replace("_", "-")].put(Settings(), 0.1)
+        assert typed == Settings().but(**{keyword: 0.1}) == Settings.from_plain(typed.plain())
+        assert getattr(typed.solver, keyword) == 0.1
 
 
 def test_a_term_of_another_package_is_solved_with_and_noted(register):

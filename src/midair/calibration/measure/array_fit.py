@@ -36,6 +36,11 @@ _UNIT_ERROR = 0.11e-3
 of another model (benchmarks/unknown_arrays.py).
 """
 
+_SWEEPS = 12
+"""Largest number of fits of each group; at least 4. It ends when the units stay where they are, and the remainder is
+close to the noise or no longer falls.
+"""
+
 _CLOSE = 1.5
 """Power of the remainder over that of the noise below which a fit may end, once the units stay where they are."""
 
@@ -44,9 +49,6 @@ def fit_array(
     field: ArrayField,
     samples: Array,
     *,
-    dynamics: TransducerDynamics | None = None,
-    usual: TransducerPrior | None = None,
-    sweeps: int = 12,
     synchronous: bool = True,
     level_uncertainty: float = 0.0,
     date: str = "",
@@ -55,37 +57,14 @@ def fit_array(
 ) -> ArrayCalibration:
     """Estimate the transducers of an array from a sensor's recording of their codes.
 
-    Parameters
-    ----------
-    field : ArrayField
-        Model of the codes and of the sensor.
-    samples : ndarray, shape (frame, channel)
-        Output of the sensor from the first frame of the codes on.
-    dynamics : TransducerDynamics, optional
-        Dynamics of the model's transducers.
-    usual : TransducerPrior, optional
-        Prior of the transducers.
-    sweeps : int
-        Largest number of fits of each group; at least 4, if that many are allowed. It ends when the units stay where
-        they are, and the remainder is close to the noise or no longer falls.
-    synchronous : bool
-        Whether the first sample belongs to the first frame. If not, the delay is fitted too, and the mean time constant
-        stays unknown: slow transducers and a late array have the same effect.
-    level_uncertainty : float
-        Relative standard uncertainty of the sensor's pressure that all cells share.
-    date, provenance
-        As in `ArrayCalibration`.
-    progress : callable, optional
-        Called with (groups fitted, groups in all).
-
-    Raises
-    ------
-    InputError
-        If the recording does not match the model.
-    ShapeError
-        If there are fewer samples than codes.
+    `samples`, shape (frame, channel), are the sensor's output from the first frame of the codes on. `synchronous` means
+    that their first belongs to the first frame. If not, the delay is fitted too, and the mean time constant stays
+    unknown: slow transducers and a late array have the same effect. `level_uncertainty` is the relative standard
+    uncertainty of the sensor's pressure that all cells share; `date` and `provenance` are those of `ArrayCalibration`;
+    `progress` is called with (groups fitted, groups in all). Raises InputError if the recording does not match the
+    model, ShapeError if there are fewer samples than codes.
     """
-    usual, nominal = usual or TransducerPrior(), (dynamics or TransducerDynamics()).pole
+    usual, nominal = TransducerPrior(), TransducerDynamics().pole
     count, groups = field.array.count, range(len(field.codes.groups))
     state = ArrayState(np.ones(count, complex), np.full(count, nominal), SensorPlace(z=field.height))
     measured = [field.spectrum(samples, group) for group in groups]
@@ -107,7 +86,7 @@ def fit_array(
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
     left, settled = [np.inf], units == 1
-    for sweep in range(sweeps):
+    for sweep in range(_SWEEPS):
         if sweep > 3 and settled and (left[-1] < _CLOSE or left[-1] > 0.97 * min(left[:-2])):
             break
         if units > 1 and sweep > 1:
@@ -120,7 +99,7 @@ def fit_array(
             fit.slopes[group : group + 1] = [fit.slope(group)]
             fit.step(group)
             if progress:
-                progress(sweep * len(groups) + group + 1, sweeps * len(groups))
+                progress(sweep * len(groups) + group + 1, _SWEEPS * len(groups))
         common = fit.balance()
         left.append(float(np.mean([np.square(fit.residual(group)).mean() / fit.noise[group] for group in groups])))
         if sweep < 2:
@@ -214,7 +193,7 @@ def _errors(covariance: Array, response: Complex, *, alone: bool) -> Array:
     return np.sqrt(np.stack([along, across, variance[2], variance[3]]))
 
 
-_SWEEPS = 2
+_QUICK_SWEEPS = 2
 """Fits of each group; the calibration is a close start."""
 
 
@@ -265,12 +244,7 @@ def check_array(
     (`moved` is its standard uncertainty in m), another speed of sound (a phase proportional to the distance), a step of
     each unit, and what is left for each transducer.
 
-    Raises
-    ------
-    MismatchError
-        If the calibration is of another array.
-    InputError
-        If the model does not explain the recording.
+    Raises MismatchError if the calibration is of another array, InputError if the model does not explain the recording.
     """
     if not known.array.same_as(field.array):
         raise MismatchError(
@@ -292,7 +266,7 @@ def check_array(
         slopes=[],
     )
     fit.slopes = [fit.slope(group) for group in groups]
-    for _ in range(_SWEEPS):
+    for _ in range(_QUICK_SWEEPS):
         for group in groups:
             fit.step(group)
         fit.balance()

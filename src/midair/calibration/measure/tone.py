@@ -11,6 +11,9 @@ from midair.errors import BandError, InputError, MismatchError
 from midair.model import Calibration, Measurement, Provenance, Recording
 from midair.validation import positive
 
+_PARTS = 10
+"""Segments to which the tone is fitted; their scatter is part of the uncertainty."""
+
 
 def measure_tone(
     recording: Recording,
@@ -19,7 +22,6 @@ def measure_tone(
     pressure: float,
     uncertainty: float = 0.0,
     reference: str = "pistonphone",
-    segments: int = 10,
     date: str = "",
     version: int = 1,
 ) -> Calibration:
@@ -30,43 +32,24 @@ def measure_tone(
     uncertainty. The calibration has one bin, with phases relative to the mean of all channels.
     `scale_to_tone` scales a whole response to this level.
 
-    Parameters
-    ----------
-    recording : Recording
-        Recorded while the tone acts on all cells.
-    frequency : float
-        Nominal frequency of the tone, correct to 1 %, in Hz.
-    pressure : float
-        Rms in Pa; 114 dB are 10.02 Pa.
-    uncertainty : float
-        Relative standard uncertainty of the pressure.
-    segments : int
-        Three or more.
-    reference, date, version
-        As in `Measurement` and `Calibration`.
-
-    Raises
-    ------
-    BandError
-        If the recording is too short or its rate too low for the tone.
-    InputError
-        If there is no tone.
+    `recording` was made while the tone acts on all cells. `frequency` is the nominal one in Hz, correct to 1 %,
+    `pressure` the rms in Pa (114 dB are 10.02 Pa), `uncertainty` its relative standard uncertainty. `reference`, `date`
+    and `version` are as in `Measurement` and `Calibration`. Raises BandError if the recording is too short or its rate
+    too low for the tone, InputError if there is no tone.
     """
     positive(pressure, "pressure of the tone", "Pa")
-    if segments < 3 or not 0 <= uncertainty < 1:
-        raise InputError(
-            f"tone: expected 3 segments or more and an uncertainty as a part of 1, got {segments}, {uncertainty:g}"
-        )
+    if not 0 <= uncertainty < 1:
+        raise InputError(f"tone: expected an uncertainty as a part of 1, got {uncertainty:g}")
     if not 0 < frequency < recording.rate / 2:
         raise BandError(f"tone: expected below {recording.rate / 2:g} Hz, half the rate, got {frequency:g} Hz")
-    needed = 4 * segments / frequency
+    needed = 4 * _PARTS / frequency
     if recording.duration < needed:
         raise BandError(
-            f"tone: expected {needed:.3g} s or more for {segments} segments of 4 cycles, got {recording.duration:.3g} s"
+            f"tone: expected {needed:.3g} s or more for {_PARTS} segments of 4 cycles, got {recording.duration:.3g} s"
         )
     flat = recording.samples.reshape(recording.frames, -1)
     found = _refined(flat, recording.rate, frequency)
-    time = np.arange(recording.frames // segments * segments).reshape(segments, -1) / recording.rate
+    time = np.arange(recording.frames // _PARTS * _PARTS).reshape(_PARTS, -1) / recording.rate
     wave, rest = _fit(flat[: time.size].reshape(*time.shape, -1), time, found)
     amplitude = wave.mean(axis=0)
     size = np.abs(amplitude)
@@ -74,13 +57,13 @@ def measure_tone(
     noise = np.sqrt(2 * rest / recording.rate)
     heard = size > 0
     # Half of the variance of complex numbers is in the magnitude, the other half in the phase.
-    random = wave.std(axis=0, ddof=1) / np.sqrt(2 * segments) / np.where(heard, size, 1)
+    random = wave.std(axis=0, ddof=1) / np.sqrt(2 * _PARTS) / np.where(heard, size, 1)
     if not (heard.any() and np.median(random[heard]) < 0.2):
         raise InputError(
             f"tone: expected a steady tone near {frequency:g} Hz, got an unsteady {size.max():.3g} {recording.unit} in "
             f"a noise of {np.sqrt(rest.max()):.3g} {recording.unit} rms; switch it on, and check its frequency"
         )
-    magnitude = np.sqrt(widened(random, 2 * (segments - 1)) ** 2 + uncertainty**2)
+    magnitude = np.sqrt(widened(random, 2 * (_PARTS - 1)) ** 2 + uncertainty**2)
     explained = 1 - rest / np.maximum(flat.var(axis=0), 1e-300)
     turned = np.exp(-1j * np.angle(amplitude.sum()))
     details = {"frequency_hz": frequency, "found_hz": found, "pressure_pa": pressure, "uncertainty": uncertainty}
@@ -104,12 +87,12 @@ def measure_tone(
             magnitude_uncertainty=np.where(heard, magnitude, 1).reshape(1, *cells),
             phase_uncertainty=np.full((1, *cells), np.pi),
             noise_density=noise.reshape(1, *cells),
-            noise_uncertainty=np.full(cells, 1 / np.sqrt(2 * max(flat.shape[0] - 3 * segments, 1))),
+            noise_uncertainty=np.full(cells, 1 / np.sqrt(2 * max(flat.shape[0] - 3 * _PARTS, 1))),
             delay=nothing,
             delay_uncertainty=nothing,
             reference_uncertainty=uncertainty,
             reference=reference,
-            method=f"a tone of {found:.6g} Hz and {pressure:.6g} Pa rms, {segments} segments",
+            method=f"a tone of {found:.6g} Hz and {pressure:.6g} Pa rms, {_PARTS} segments",
         ),
     )
 

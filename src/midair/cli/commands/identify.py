@@ -1,7 +1,7 @@
 """The command `identify`: find the channel of each cell by taps or tones, and correct the sensor file."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -99,7 +99,7 @@ def _write(found: Identity, wiring: SensorWiring, path: Path | None) -> bool:
         raise InputError(
             f"{path}: not changed, because the order is uncertain: {'; '.join(assignment_problems(found))}"
         )
-    save_sensor(wiring.with_order([wiring.order[channel] for channel in found.order]), path)
+    save_sensor(replace(wiring, order=tuple(wiring.order[channel] for channel in found.order)), path)
     return True
 
 

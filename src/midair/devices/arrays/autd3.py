@@ -115,16 +115,10 @@ def autd3_array(
 ) -> BankedArray:
     """An array of units with firmware series 0.12, over Ethernet; UnknownDeviceError if an address is invalid.
 
-    Parameters
-    ----------
-    where : str
-        A network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback, the
-        address of a running one, such as ``[::1]:50000``, or one of the manufacturer's programs on this computer:
-        ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``.
-    placement : Placement, optional
-        Default: two by two units.
-    silencer : {"auto", "off", "quarter", "half", "default"}
-        As in `choose_silencer`.
+    `where` is a network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback,
+    the address of a running one, such as ``[::1]:50000``, or one of the manufacturer's programs on this computer:
+    ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``. The default placement is two by two units;
+    `silencer` is as in `choose_silencer`.
     """
     place = autd3_place(where)
     return BankedArray(
@@ -148,18 +142,9 @@ def autd3_immediate(
 ) -> ImmediateArray:
     """Units as in `autd3_array`, for frames that are computed during playback; InputError if the silencer is unknown.
 
-    Parameters
-    ----------
-    where, placement
-        As in `autd3_array`; not a server, whose own heartbeat would keep the units on.
-    silencer : {"off", "quarter", "half", "default"}
-        As in `choose_silencer`; not "auto", which depends on a drive.
-    rate : float
-        Frames per second, in Hz.
-    hold : float
-        Maximum time by which a frame is sent ahead of its instant, in s.
-    failsafe : float
-        Time without a frame after which the units go silent, in s.
+    `where` is not a server, whose own heartbeat would keep the units on; `silencer` not "auto", which depends on a
+    drive. `rate` is in frames per second, `hold` the maximum time in s by which a frame is sent ahead of its instant,
+    `failsafe` the time in s without a frame after which the units go silent.
     """
     place = autd3_place(where)
     return ImmediateArray(
@@ -176,13 +161,8 @@ def autd3_immediate(
 def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
     """An array of units with older firmware, over EtherCAT.
 
-    Parameters
-    ----------
-    link : str
-        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and ``nop``
-        without hardware. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
-    placement, silencer
-        As in `autd3_array`.
+    `link` is ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and
+    ``nop`` without hardware. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
     """
     return BankedArray(
         lambda placement: _module("pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link),

@@ -68,10 +68,8 @@ class AudioSource:
     are those of the device by default. `piece` is the length of a PortAudio block, in s.
     """
 
-    def __init__(
-        self, device: str = "", *, channels: int | None = None, rate: float | None = None, piece: float = 0.02
-    ) -> None:
-        self._device, self._channels, self._rate_wanted, self._piece = device, channels, rate, piece
+    def __init__(self, device: str = "", *, channels: int | None = None, rate: float | None = None) -> None:
+        self._device, self._channels, self._rate_wanted, self._piece = device, channels, rate, 0.02
         self._pieces: queue.SimpleQueue[_Piece] = queue.SimpleQueue()
         self._last: _Piece | None = None
         self._stream: sounddevice.RawInputStream | None = None
@@ -175,7 +173,7 @@ class AudioSource:
         since = piece.taken - self._last.taken - len(self._last.samples) / self._rate
         return max(0 if self._on_jack else 1, round(since * self._rate))
 
-    def _within_limit(self, call: Callable[[], Any], limit: float = 2.0) -> None:
+    def _within_limit(self, call: Callable[[], Any]) -> None:
         """Call with a time limit, since PortAudio waits forever for a JACK server that has ended."""
 
         def quietly() -> None:
@@ -184,7 +182,7 @@ class AudioSource:
 
         thread = threading.Thread(target=quietly, daemon=True)
         thread.start()
-        thread.join(limit)
+        thread.join(2.0)
         if thread.is_alive():
             _PORTAUDIO.never_terminate()
 

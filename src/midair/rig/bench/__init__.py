@@ -6,7 +6,6 @@ from .array_bench import calibrate_array as calibrate_array
 from .array_bench import calibrate_by_beam as calibrate_by_beam
 from .array_bench import calibrate_tracker as calibrate_tracker
 from .array_bench import check_array_calibration as check_array_calibration
-from .array_bench import check_silence as check_silence
 from .calibration_page import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
 from .calibration_page import ReferenceChoice as ReferenceChoice
 from .calibration_page import calibration_rows as calibration_rows

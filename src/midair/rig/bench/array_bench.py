@@ -73,7 +73,6 @@ def calibrate_by_beam(
     *,
     setting: BeamSetting | None = None,
     acoustics: Acoustics | None = None,
-    dynamics: TransducerDynamics | None = None,
     exposure: ExposureChoices | None = None,
     date: str = "",
     version: int = 1,
@@ -82,14 +81,14 @@ def calibrate_by_beam(
     """Calibrate an open sensor with an open array.
 
     `plan` is the signal on each cell, `setting` the position of the sensor, the directivity of its cells, and their
-    uncertainties, `acoustics` and `dynamics` the model of the array. The exposure limits of each drive are those of the
-    default profile if None; `progress` is called with (cells done, total cells).
+    uncertainties, `acoustics` those of the array. The exposure limits of each drive are those of the default profile if
+    None; `progress` is called with (cells done, total cells).
 
     MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
     of the plan's rate, InputError if the array cannot reach the plan's pressure or the sensor does not detect the beam.
     """
     plan, setting = plan or BeamPlan(), setting or BeamSetting()
-    acoustics, dynamics = acoustics or Acoustics(), dynamics or TransducerDynamics()
+    acoustics = acoustics or Acoustics()
     steps = samples_per_frame(sensor, plan.rate, "the beam's")
     field = beam_field(array.array, sensor.grid, setting, acoustics=acoustics)
     strongest = float(field.middle.mean())
@@ -99,7 +98,7 @@ def calibrate_by_beam(
     played = amplitude_of(np.rint(level * 255).astype(np.uint8)) if array.gated else level
     recordings: list[Recording] = []
     output: list[Complex] = []
-    expected, commanded, slow = _command(plan, strongest, played, dynamics)
+    expected, commanded, slow = _command(plan, strongest, played)
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_position(sensor.grid, cell, setting), acoustics)
@@ -130,11 +129,9 @@ def calibrate_by_beam(
     return measure_beam(reading, sensor=told, quiet=record_silence(sensor), date=date, version=version)
 
 
-def _command(
-    plan: BeamPlan, strongest: float, played: Array, dynamics: TransducerDynamics
-) -> tuple[Array, Complex, Array]:
+def _command(plan: BeamPlan, strongest: float, played: Array) -> tuple[Array, Complex, Array]:
     """Commanded pressure at a focus: of each frame, of each tone, and the share lost to the dynamics."""
-    fine = strongest * np.abs(envelope(played[:, None].astype(complex), plan.rate, FINE, dynamics)) ** 2
+    fine = strongest * np.abs(envelope(played[:, None].astype(complex), plan.rate, FINE, TransducerDynamics())) ** 2
     still = strongest * np.repeat(played**2, FINE)[:, None]
     tones, at_once = (tone_amplitudes(pressure, FINE * plan.rate, plan)[..., 0] for pressure in (fine, still))
     # A sensor sample at the start of frame i is the mean from half a frame before to half a frame after.
@@ -197,7 +194,6 @@ def calibrate_array(
     *,
     height: float = HEIGHT,
     acoustics: Acoustics | None = None,
-    dynamics: TransducerDynamics | None = None,
     exposure: ExposureChoices | None = None,
     date: str = "",
     stage: Stage = no_progress,
@@ -205,8 +201,7 @@ def calibrate_array(
 ) -> ArrayCalibration:
     """Measure the transducers of an open array, whose silencer is off, with an open, calibrated sensor.
 
-    Height, acoustics, exposure, stage and warn are those of `ArraySession`; `dynamics` is the envelope of the model's
-    transducers.
+    Height, acoustics, exposure, stage and warn are those of `ArraySession`.
 
     MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
     of the codes' rate, InputError if the sensor has no calibration, does not detect the beam, clips, is too noisy, or
@@ -223,7 +218,6 @@ def calibrate_array(
     found = fit_array(
         model,
         samples,
-        dynamics=dynamics,
         synchronous=sensor.simulated,
         level_uncertainty=(typical_uncertainty(model.calibration, model.band) or 0.0) / 2,
         date=date,
@@ -361,7 +355,6 @@ STILL, STEADY = 2e-3, 20
 def calibrate_tracker(
     tracker: Tracker,
     array: ArrayDevice,
-    places: Array = PLACES,
     *,
     top: float = 100.0,
     acoustics: Acoustics | None = None,
@@ -371,15 +364,15 @@ def calibrate_tracker(
 ) -> TrackerPlacement:
     """Mark each place by a focus until the palm is held still there, and fit the placement.
 
-    Devices are open, and the tracker in its own coordinates; `places` are in m, `top` is the highest pressure of the
-    focus in Pa. `say` gets the index of a place before it is marked; `entered` returns whether the person confirmed the
-    place since the last call, which accepts a palm that is not still.
+    Devices are open, and the tracker in its own coordinates; `top` is the highest pressure of the focus in Pa. `say`
+    gets the index of a place before it is marked; `entered` returns whether the person confirmed the place since the
+    last call, which accepts a palm that is not still.
 
     ExposureError if the focus exceeds the profile, DeviceError if the palm is not held still for a minute or the
     tracker sends nothing, InputError if the places are collinear or do not fit; `fit_tracker`.
     """
     held: list[Array] = []
-    for at, place in enumerate(places):
+    for at, place in enumerate(PLACES):
         admission = check_exposure(_focus(array, place, top, acoustics or Acoustics()), array, exposure)
         say(at)
         said = tracker.clock()
@@ -397,7 +390,7 @@ def calibrate_tracker(
                 f"{tracker.name}: expected a palm held still at place {at + 1} within {ROUND * ROUNDS:.0f} s, got none "
                 f"(the tracker is {state}); hold it where the focus is felt"
             )
-    return fit_tracker(np.array(held), np.asarray(places, np.float64))
+    return fit_tracker(np.array(held), PLACES)
 
 
 def _focus(array: ArrayDevice, place: Array, top: float, acoustics: Acoustics) -> Drive:

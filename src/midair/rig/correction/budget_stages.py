@@ -70,14 +70,8 @@ def error_budget(
     sensor's cells by the exact weights of the gel, and before the hold stage the pressure is band-limited between
     frames. Then follow frame hold, transducers with their own resonance and strength, silencer, and sensor with noise.
 
-    Parameters
-    ----------
-    original : PressureFrames
-        Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
-    kept : float, optional
-        Share of the recording's power in the band, see `band_power_share`.
-    stage : callable
-        Called with the name of each stage at its start; returns its progress callback.
+    `original` comes from `pipeline.calibrated_pressure`, `kept` from `band_power_share`. `stage` is called with the
+    name of each stage at its start, and returns its progress callback.
     """
     asked = add_lead(original, plan.lead)
     plan = replace(plan, settings=with_fitted_gain(asked, plan.measured or plan.rig.array, plan.settings))

@@ -131,9 +131,7 @@ class Loop:
         return f"<Loop of {len(self.passes)} passes, the last {self.passes[-1]!r}>"
 
 
-def beam_test(
-    rig: OpenRig, settings: Settings, *, top: float = 100.0, levels: int = 6, progress: Progress | None = None
-) -> BeamTest:
+def beam_test(rig: OpenRig, settings: Settings, *, top: float = 100.0, progress: Progress | None = None) -> BeamTest:
     """Measure the beam's gain over the model's, by a beating focus at levels up to `top` Pa on the centre channel."""
     middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
     # A period has at least four frames, as `beam_drive` requires.
@@ -144,7 +142,7 @@ def beam_test(
     point = np.array([*sensor.grid.channel_position(channel), settings.target.grid.height])
     point[:2] += settings.target.grid.centre
     full = float(commanded_pressure(transducers, point, np.ones(1), acoustics=settings.acoustics)[0])
-    drives = np.sqrt(np.linspace(1 / levels, 1, levels) * min(top / full, 1.0))
+    drives = np.sqrt(np.linspace(1 / 6, 1, 6) * min(top / full, 1.0))
     drive = beam_drive(
         transducers,
         point,
@@ -158,7 +156,7 @@ def beam_test(
     recording = rerecord(admission, rig.array, sensor, progress=progress)
     heard = calibrated_pressure(recording, sensor.calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
-    measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
+    measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=6)
     # Half peak to peak, as in `sine_amplitude`, of the cell's reading: a cell is wider than the focus.
     on_cell = focus_on_cell(transducers, sensor.grid, channel, settings)
     # Hold and transducers attenuate the beat.

@@ -13,7 +13,6 @@ import numpy as np
 from midair.evaluate import (
     RATIOS,
     LaboratoryLoss,
-    PalmFidelity,
     PerceptualMetrics,
     printed_error,
     ratio_text,
@@ -51,18 +50,16 @@ def write_report(
     path: Path,
     *,
     commands: tuple[str, ...] = (),
-    palm: PalmFidelity | None = None,
     beside: Sequence[Outcome] = (),
     laboratory: LaboratoryLoss | None = None,
     progress: Progress | None = None,
 ) -> list[Picture]:
     """Write the report of a loop as HTML, and return its figures in order.
 
-    `commands` reproduce the result, `palm` is the fidelity of the last pass on a simulated palm; `beside` holds the
-    outcomes of other settings for the same recording, in the order of the page, the loop's own among them; `progress`
-    is called with (pictures drawn, total pictures).
+    `commands` reproduce the result; `beside` holds the outcomes of other settings for the same recording, in the order
+    of the page, the loop's own among them; `progress` is called with (pictures drawn, total pictures).
     """
-    outcomes = tuple(beside) or (Outcome.of(loop, palm=palm),)
+    outcomes = tuple(beside) or (Outcome.of(loop),)
     # Drawn once, since drawing takes longer than solving.
     own = next(each for each in outcomes if each.loop is loop)
     shown = drawn(loop, own.card, progress)
@@ -305,10 +302,10 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Pic
         )
 
 
-def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
-    """Numbers of the `most` channels with the greatest root mean square, in ascending order."""
+def strongest_channels(original: PressureFrames) -> list[int]:
+    """Numbers of the four channels with the greatest root mean square, in ascending order."""
     power = (original.pressure**2).mean(axis=0).ravel()
-    return sorted(int(channel) for channel in np.argsort(power)[::-1][:most])
+    return sorted(int(channel) for channel in np.argsort(power)[::-1][:4])
 
 
 def _level_text(drive: Drive, frame: int) -> str:

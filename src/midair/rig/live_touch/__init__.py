@@ -10,7 +10,7 @@ from .playing_live import live as live
 from .playing_live import live_clearance as live_clearance
 from .playing_live import send_touch as send_touch
 from .process import LoopStarted as LoopStarted
-from .process import play_live as play_live
+from .process import streamed as streamed
 from .session import LiveSession as LiveSession
 from .session import LiveStatistics as LiveStatistics
 from .session import LiveTake as LiveTake

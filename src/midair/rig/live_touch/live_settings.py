@@ -36,10 +36,7 @@ LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 class LiveSettings(Declared):
     """Settings of a run of live touch, in SI units.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range or does not fit another.
+    Raises InputError if a value is out of range or does not fit another.
     """
 
     sensor: str = setting(

@@ -214,47 +214,26 @@ def live(
     )
 
 
-def live_clearance(order: LiveSettings, *, rate: float = RATE) -> ExposureClearance:
+def live_clearance(order: LiveSettings) -> ExposureClearance:
     """Check the exposure of live settings without opening a device; `live` checks again with the device.
 
     `rate` is the frame rate in Hz. Raises ExposureError if the worst case at this level exceeds the profile without an
     override.
     """
-    array = array_for(order, rate)
-    return check_exposure_level(order.level, array, order.exposure, rate=order.schedule(rate).formed * rate)
+    array = array_for(order, RATE)
+    return check_exposure_level(order.level, array, order.exposure, rate=order.schedule(RATE).formed * RATE)
 
 
 @contextmanager
 def send_touch(
-    sensor: str,
-    to: str,
-    key: str | Path,
-    *,
-    patience: float = 30.0,
-    settings: LiveSettings | None = None,
-    **changes: Any,
+    sensor: str, to: str, key: str | Path, *, settings: LiveSettings | None = None, **changes: Any
 ) -> Generator[FrameSender]:
     """Send a sensor's pressure to a `live` that listens elsewhere: connects on entering; ``run`` sends.
 
-    Parameters
-    ----------
-    sensor : str
-        Sensor name, as in `live`.
-    to : str
-        Host and port of the playing side, such as ``lab.example:5005``.
-    key : str or Path
-        Key file that both sides share.
-    patience : float
-        Longest time to wait for an answer in s.
-    settings, **changes
-        As in `live`; delay, band, calibration, wiring and seed apply.
-
-    Raises
-    ------
-    DeviceError
-        If there is no answer from a side with the key.
-    InputError
-        If an address, a key or a setting is invalid.
+    `sensor` is a name as in `live`, `to` the host and port of the playing side, such as ``lab.example:5005``, `key` the
+    key file that both sides share. Of `settings` and the fields that differ from them delay, band, calibration, wiring
+    and seed apply. Raises DeviceError if there is no answer from a side with the key, InputError if an address, a key
+    or a setting is invalid.
     """
     here = (settings or LiveSettings()).but(sensor=sensor, listen=None, **changes)
     opened, _ = sensor_for(here)
@@ -262,7 +241,7 @@ def send_touch(
         check_rate(opened)
         calibration = calibration_for(here, opened) or Calibration.flat(opened.grid, unit="Pa")
         address, secret = host_and_port(to, "--to"), read_key(Path(key))
-        speaker = FrameSender(opened, calibration, address, secret, band=here.band, delay=here.delay, patience=patience)
+        speaker = FrameSender(opened, calibration, address, secret, band=here.band, delay=here.delay)
         try:
             speaker.greet()
             yield speaker

@@ -38,14 +38,12 @@ class Meters:
 
     `full_scale` is the limit of the converter on either side. If it is unknown, a channel clips where it stays at its
     own highest or lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
-    `window` is the time of the levels, `still` the time without change of a dead or stuck channel, both in s.
+    The levels are those of 0.3 s; a channel is dead or stuck after 0.5 s without change.
     """
 
-    def __init__(
-        self, channels: int, rate: float, *, full_scale: float | None = None, window: float = 0.3, still: float = 0.5
-    ) -> None:
+    def __init__(self, channels: int, rate: float, *, full_scale: float | None = None) -> None:
         self._rate, self._full_scale = rate, full_scale
-        self._window, self._still = max(4, round(window * rate)), max(2, round(still * rate))
+        self._window, self._still = max(4, round(0.3 * rate)), max(2, round(0.5 * rate))
         self._recent = np.zeros((0, channels))
         self._frames = 0
         self._since = np.zeros(channels, np.int64)  # first frame of each channel's current value
@@ -125,12 +123,12 @@ class Meters:
 class Trigger:
     """Detects frames in which any channel deviates from its resting value by more than `level`, in the sensor's unit.
 
-    The resting value of each channel is its running mean with the time constant `settle` in s, starting at the first
+    The resting value of each channel is its running mean with a time constant of 0.5 s, starting at the first
     frame; it is frozen while the trigger is exceeded.
     """
 
-    def __init__(self, level: float, rate: float, *, settle: float = 0.5) -> None:
-        self._level, self._keep = level, float(np.exp(-1 / (settle * rate)))
+    def __init__(self, level: float, rate: float) -> None:
+        self._level, self._keep = level, float(np.exp(-1 / (0.5 * rate)))
         self._rest: Array | None = None
 
     def exceeded(self, samples: Array) -> NDArray[np.bool_]:

@@ -81,10 +81,7 @@ class Guard(Term):
     def ring(self, grid: ControlGrid) -> NDArray[np.float64]:
         """The points of the ring, shape (point, 3), in m, at least half a pitch from the control grid.
 
-        Raises
-        ------
-        InputError
-            If the margin is less than a pitch, so that the ring is empty.
+        Raises InputError if the margin is less than a pitch, so that the ring is empty.
         """
         pitch = self.pitch or grid.pitch
         larger = ControlGrid(

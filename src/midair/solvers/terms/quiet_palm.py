@@ -63,10 +63,7 @@ class QuietPalm(QuietTerm):
     def points(self, grid: ControlGrid) -> NDArray[np.float64]:
         """Points of the palm outside the grid, shape (row, 3), in m.
 
-        Raises
-        ------
-        InputError
-            If the grid covers the palm.
+        Raises InputError if the grid covers the palm.
         """
         skin, half = self._skin(grid), np.array([grid.columns, grid.rows]) * grid.pitch / 2
         # One nanometre of margin, so that points on the edge do not depend on rounding.

@@ -95,6 +95,7 @@ class ReproducePanel(Panel):
         self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        store.offer("reproduce", "list", lambda _, __: context.show_takes(), watchers=True)
         store.offer("reproduce", "drives", self.drives, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
         store.offer("reproduce", "rename", self.rename, NewName)
@@ -359,6 +360,7 @@ class ReproducePanel(Panel):
             if job.title == title and job.state == "done":
                 # The comparison was made with the previous drive.
                 self._takes.comparison_path(take).unlink(missing_ok=True)
+                self._context.playing.newest = take
             self._solved(job)
 
         return ended

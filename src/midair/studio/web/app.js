@@ -149,6 +149,7 @@ listen({
   transport: () => studio.room?.transport,
 });
 addEventListener("hashchange", show);
+addEventListener("focus", () => tried(link.order("reproduce", "list"))); // a command may have written files
 show();
 export { stop };
 globalThis.studio = studio; // for the browser's developer tools

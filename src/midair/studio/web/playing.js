@@ -13,6 +13,7 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold", title: simulated ? "Plays and re-records" : "Hold for 0.6 s" }, simulated ? "Play" : "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
   const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
+  const loop = make("input", { type: "checkbox", id: "loop" });
   const tracker = make("input", { type: "text", id: "follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: follow });
   const latency = make("input", { type: "number", id: "latency", min: 0, max: 1000, placeholder: "measured", onchange: follow });
   const palm = palmView(link);
@@ -25,8 +26,8 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
   const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
     make("button", { type: "button", id: "solve-again", title: "Solves a new drive for the air of now", onclick: () => { dialog.close(); again(); } }, "Solve again"));
-  let admission = 0, checks = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
+  let admission = 0, checks = 0, looping = false, timer = 0, solved = NaN;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Loop until STOP", loop, "A drive that is solved meanwhile is played from the next pass"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", title: "Back to the panel", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
@@ -63,8 +64,12 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
     hold.disabled = true;
     done.hidden = false;
     for (const one of drifted.querySelectorAll("button")) one.disabled = true;
-    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said) verdict.textContent = player.said; });
-    const report = await tried(link.order("play", "play", { admission }));
+    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said && !looping) verdict.textContent = player.said; });
+    looping = loop.checked;
+    if (looping) verdict.textContent = "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
+    const report = await tried(link.order("play", "play", { admission, loop: looping }));
+    looping = false;
+    if (!dialog.open) tried(link.order("play", "unfollow"));
     off();
     done.hidden = true;
     for (const one of drifted.querySelectorAll("button")) one.disabled = false;
@@ -86,7 +91,7 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   const off = link.on("air", warn);
-  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); tried(link.order("play", "unfollow")); }, { once: true });
+  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); if (!looping) tried(link.order("play", "unfollow")); }, { once: true });
   openModal(dialog, link);
   check();
 }
