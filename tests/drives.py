@@ -1,7 +1,10 @@
-"""Drives that are written without a solver, and the plan of a study that presents one."""
+"""Drives that are written without a solver, the plan of a study that presents one, and the log of what played."""
+
+import json
 
 import numpy as np
 
+from midair.devices import state_folder
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 
@@ -28,3 +31,8 @@ questions = [{{ name = "which", kind = "choice", text = "Which?", options = ["on
 stimuli = [{{ name = "f", kind = "drive", source = "{source}", levels = {{ object = "one" }} }}]
 blocks = [{{ name = "all", stimuli = ["f"], questions = ["which"] }}]
 """
+
+
+def log():
+    """The entries of the log of playback."""
+    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]

@@ -54,7 +54,7 @@ def test_chosen_channels_are_exported_as_flac_which_holds_no_more_than_eight(ans
     np.save("a.npy", RNG.normal(size=(300, 4, 4)))
     assert run(["import", "a.npy", "a.h5", "--unit", "V", "--rate", "1kHz"]) == 0
     assert run(["export", "a.h5", "a.flac"]) == 1
-    assert "up to 8 channels" in capsys.readouterr().err
+    assert "up to 8 channels of up to 655350 Hz, got 16 of 1000 Hz; choose some with --ch" in capsys.readouterr().err
     told = answer("export", "a.h5", "a.flac", "--channels", "9,6")
     assert "Calibration and places of the chosen channels were left out." in told["notes"]
     back = load("a.flac")

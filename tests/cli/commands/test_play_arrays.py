@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tests.drives import save_drive
+from tests.drives import log, save_drive
 from tests.model.test_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
@@ -39,10 +39,6 @@ def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
 
 def said(capsys):
     return [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-
-
-def log():
-    return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_quiet_drive_plays_with_a_timing_report(capsys):

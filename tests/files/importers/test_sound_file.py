@@ -75,11 +75,6 @@ def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
         load(tmp_path / "a.flac", scale=2.0)
 
 
-def test_a_flac_of_too_many_channels_names_the_option(recording, tmp_path):
-    with pytest.raises(FileError, match=r"up to 8 channels .* got 15 of 333 Hz; choose some with --channels"):
-        save(recording, tmp_path / "a.flac")
-
-
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
     seen = open_take(foreign(subtype), unit="V")

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.drives import save_drive
+from tests.drives import log, save_drive
 from tests.waiting import wait_until
 
 from midair.cli import run
@@ -40,10 +40,6 @@ SWITCH, SILENCE = 0x12, 0x16
 def stored(name="autd3:emulator"):
     path = state_folder() / f"checkup-{name.replace(':', '%3A')}.json"
     return {each["subject"]: each for each in json.loads(path.read_text(encoding="utf-8"))["checks"]}
-
-
-def log():
-    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def answered(monkeypatch, text):

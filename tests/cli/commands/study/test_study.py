@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 from rich.console import Console
-from tests.drives import save_drive
+from tests.drives import log, save_drive
 from tests.palms import palm_path
 
 from midair.cli.commands.study import study_app as app
@@ -259,10 +259,6 @@ def study_of_drives(folder, level, frames=10):
     return folder / "s"
 
 
-def played(folder):
-    return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
-
-
 @pytest.mark.long
 def test_the_air_of_the_room_is_printed_and_stored(tmp_path, monkeypatch, capsys):
     folder = study_of_drives(tmp_path, level=0.001)
@@ -274,7 +270,7 @@ def test_the_air_of_the_room_is_printed_and_stored(tmp_path, monkeypatch, capsys
     assert told.count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
     first = json.loads((folder / "sessions" / "sub-01.jsonl").read_text(encoding="utf-8").splitlines()[0])
     assert first["room"] == {"temperature_c": 15.0, "humidity": 0.4}
-    assert [entry["room"] for entry in played(tmp_path) if entry["event"] == "play"] == [first["room"]] * 2
+    assert [entry["room"] for entry in log() if entry["event"] == "play"] == [first["room"]] * 2
 
 
 @pytest.mark.long
@@ -289,7 +285,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     )
     assert study("run", folder, "--participant", 1, "--array", array) == 0
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
-    events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
+    events = [(entry["event"], entry["drive"], entry["device"]) for entry in log()]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
     (day,) = dose_report("s/1").days
     assert (day["orders"], day["without_end"], day["simulated"]) == (2, 0, True)
@@ -311,7 +307,7 @@ def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, caps
         study("run", folder, "--participant", 1, "--array", "virtual", "--follow", line[-1])
     assert study("run", folder, "--participant", 1, *line) == 0
     assert "the palm is followed" in capsys.readouterr().err
-    assert [entry["event"] for entry in played(tmp_path)] == ["play", "end"] * 2
+    assert [entry["event"] for entry in log()] == ["play", "end"] * 2
     sent = {bytes(datagram[20:269]) for _, _, order, datagram in tap.frames() if order == 0x16}
     assert len(sent) > 20, "5 when they are not steered: the frames of one focus differ, since they are steered"
 
@@ -326,7 +322,7 @@ def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypat
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
     answered_for = ("--override-exposure", "A. Person")
     assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
-    assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
+    assert {entry.get("override_by") for entry in log() if entry["event"] == "play"} == {"A. Person"}
 
 
 @pytest.mark.parametrize(("line", "word"), [("serial:/dev/none", "nothing plays"), ("keyboard", "the answers need")])
