@@ -27,7 +27,7 @@ DESIGNS = {  # within- and between-subject factors
 
 
 def read(name):
-    return pd.read_csv(HERE / f"{name}.csv", dtype=str).to_dict("list")
+    return pd.read_csv(HERE / f"{name}.csv", dtype=str, keep_default_na=False).to_dict("list")
 
 
 @pytest.mark.parametrize("name", DESIGNS)
