@@ -436,7 +436,7 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form = SaveForm(name="tap", pattern=pattern, drive=True)
     assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
     assert panel.open(None, one) == pattern
-    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 12
+    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 13
     louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
     asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()
     assert asked["files"] == ["tap.toml", "tap.drive.h5"]

@@ -9,7 +9,7 @@ import { TakeView, chosen, colours, driveButtons, driveLabel, drivesOf, leadOf, 
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
-const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
+const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"], ["receptors", "receptors"]];
 const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
 const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet ears"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
