@@ -161,16 +161,6 @@ def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path
     assert "Detection threshold of my &#34;wool&#34; in midair" in report
 
 
-def test_a_take_belongs_to_the_template_that_measures_its_threshold(tmp_path):
-    with pytest.raises(InputError, match=r"expected the template detection, .* got paper"):
-        study("new", tmp_path / "b", "--take", "wool.h5")
-    with pytest.raises(InputError, match="--take: expected it with --template alone"):
-        study("new", tmp_path / "b", "--template", "detection", "--take", "wool.h5", "--drives", "none")
-    with pytest.raises(MissingFileError, match=r"expected wool\.drive\.h5 in "):
-        study("new", tmp_path / "b", "--template", "detection", "--take", tmp_path / "wool.h5")
-    assert not (tmp_path / "b").exists()
-
-
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
@@ -184,6 +174,8 @@ def test_refusals_are_one_clear_line(tmp_path):
         study("analyse", tmp_path / "s")
     with pytest.raises(InputError, match="expected answers"):
         study("export", tmp_path / "s", tmp_path / "b")
+    with pytest.raises(MissingFileError, match=r"expected wool\.drive\.h5 in "):
+        study("new", tmp_path / "t", "--template", "detection", "--take", tmp_path / "wool.h5")
     with pytest.raises(MissingFileError, match="TOML"):
         study("new", tmp_path / "t", "--source", tmp_path / "no.toml")
 
