@@ -104,6 +104,7 @@ def test_key_frames_are_moved_by_arrow_keys_and_mouse(studio_at, look):
     assert value(keys) == [[0, 0, 0, 1], [1, 0, 5, 1]]
     page.page.locator("#draw-shape").select_option("svg")
     page.page.locator("#draw-svg").fill("M0 0H9V9")
+    press("Tab")
     page.until(SEEN, timeout=120)
     assert value("studio.room._path(studio.room.one)[200].map(Math.round)") == [20, 20]
     assert page.wrong == []

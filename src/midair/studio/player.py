@@ -186,9 +186,8 @@ class _Player:
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
     solver: ExitStack = field(default_factory=ExitStack)
-    admitted: dict[int, tuple[Any, Path, ExposureChoices]] = field(
-        default_factory=dict[int, tuple[Any, Path, ExposureChoices]]
-    )
+    admitted: dict[int, Any] = field(default_factory=dict[int, Any])
+    """What was checked, its path and the exposure limits, by number."""
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     palm: PalmWatch | None = None
@@ -419,10 +418,8 @@ class _Player:
                 solving.finish()
                 return report
 
-    def _let_sound(
-        self, order: Mapping[str, Any], admission: Any, path: Path, choices: ExposureChoices
-    ) -> dict[str, Any]:
-        leave, output = order["leave"], order["output"]
+    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, choices: ExposureChoices) -> Any:
+        leave, output, room = order["leave"], order["output"], choices.room
         if order.get("loop"):
             return self._loop(leave, path.with_name(path.name.replace(".drive.h5", ".toml")), choices)
         if self.palm is not None:
@@ -438,11 +435,9 @@ class _Player:
                     report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set
                 )
             with under_lease(self.array, self.permit, leave):
-                report = play_cleared(
-                    admission, self.array, source=path, progress=self._progress(leave), room=choices.room
-                )
+                report = play_cleared(admission, self.array, source=path, progress=self._progress(leave), room=room)
             return {"output": "", **asdict(report)}
-        with self._virtual(admission.drive, choices.room) as rig:
+        with self._virtual(admission.drive, room) as rig:
             sensor: Any = rig.sensor
             self.array = rig.array
             try:

@@ -19,9 +19,9 @@ from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, SkinModel, band_levels
-from midair.files import DEFAULT_PROFILE, atomic_file, profile_named, read_toml
+from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
 from midair.model import Acoustics, Medium, Palm, Solution, TransducerArray
-from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
+from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure, save_adaptics
 from midair.physics import SKINS, SkinMotion
 from midair.rig import array_calibration_for, array_of_kind
 from midair.studio.jobs import Progressed
@@ -137,8 +137,10 @@ def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:
     pattern, source = Pattern.from_plain(request.pattern), Path(request.files[0])
     if tuple(map(stamp_of, request.files)) != request.replaces:
         raise InputError("save: expected the files as they were when it was asked, one has changed; save again")
-    with atomic_file(source) as written:
-        written.write_text(request.text, encoding="utf-8")
+    if source.suffix == ".adaptics":
+        save_adaptics(pattern, source, None if pattern.duration_s else LOOP)
+    else:
+        write_file(source, request.text)
     for drive in request.files[1:]:
         foci, stage = pattern.foci(None if pattern.duration_s else LOOP), partial(progress, "drawing")
         draw_file(foci, source, drive, request.array(), medium=request.room, progress=stage)
@@ -152,10 +154,11 @@ class PatternForm(Arguments):
 
 
 class SaveForm(PatternForm):
-    """A pattern, the name of its file without ending, and whether its drive is made too."""
+    """A pattern, the name of its file without ending, and what is written: its drive too, or an AdapTics file alone."""
 
     name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*$")
     drive: bool = False
+    adaptics: bool = False
     replaces: str = Field(default="", max_length=200)
 
 
@@ -194,7 +197,8 @@ class DrawPanel(Panel):
 
         If a file exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        files = [self._takes.folder.place(order.name + ending) for ending in (".toml", ".drive.h5")[: 1 + order.drive]]
+        endings = (".adaptics",) if order.adaptics else (".toml", ".drive.h5")[: 1 + order.drive]
+        files = [self._takes.folder.place(order.name + ending) for ending in endings]
         request = self._request(order, files)
         stamps = "-".join(request.replaces)
         if any(request.replaces) and order.replaces != stamps:

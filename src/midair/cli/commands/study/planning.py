@@ -187,7 +187,7 @@ def withdraw_command(study: Study, participant: int, /, *, force: Force = False)
 def _print_drives(gathered: list[StudyDrive]) -> None:
     words = {
         "found": "copied",
-        "drawn": "drawn from its pattern",
+        "drawn": "drawn",
         "solved": "solved from its recording",
         "virtual": "from a virtual stroke",
     }
