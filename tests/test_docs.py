@@ -144,7 +144,7 @@ def test_the_doctests_of_the_sensor_page_hold():
 
 
 @pytest.mark.long
-def test_the_page_on_seeing_hearing_and_watching_runs(folder):
+def test_the_page_on_seeing_hearing_and_watching_runs(folder, capsys):
     (script,) = blocks("docs/show.md", "python")
     names = {}
     exec(script, names)
@@ -158,6 +158,7 @@ def test_the_page_on_seeing_hearing_and_watching_runs(folder):
     assert len(typed) == 4
     for words in typed:
         assert run(words) == 0, words
+    assert not_printed("docs/show.md", capsys.readouterr().out) == []
 
 
 @pytest.mark.slow

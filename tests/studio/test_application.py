@@ -235,8 +235,12 @@ def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
     (folder / "exports").mkdir(exist_ok=True)
     (folder / "exports" / "towel-01.csv").write_text("kept")
     order("export", take="towel-01.h5", ending=".csv")
+    order("export", take="towel-01.h5", ending=".flac", channel=5)
     wait_until(lambda: not studio.jobs.unfinished(), 120)
-    assert sorted(path.name for path in (folder / "exports").iterdir()) == ["towel-01-2.csv", "towel-01.csv"]
+    assert sorted(path.name for path in (folder / "exports").iterdir()) == [
+        "towel-01-2.csv", "towel-01.csv", "towel-01.flac"
+    ]  # fmt: skip
+    assert load(folder / "exports" / "towel-01.flac").provenance.steps[-1].settings == {"channels": (5,)}
     assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
 
 

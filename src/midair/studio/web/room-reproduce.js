@@ -230,10 +230,10 @@ export default class Reproduce {
   }
   _export() {
     const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : []), ["folder", "the whole folder, as a project"]];
-    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV, all channels"], [".flac", "FLAC, the chosen channel"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
     const ending = choice(WAVES, ".html"), fit = (what) => ending.replaceChildren(...({ drive: DRIVE, folder: [[".zip", "one file, ZIP; Add a file opens it in another folder"]] }[what] ?? WAVES).map(([value, words]) => make("option", { value }, words)));
     this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value)), "Part of the take to write"], ending: ["As", ending, "Format; a page and a film have pictures"] }, "Export",
-      (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, ...given })));
+      (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, channel: this.transport.channel, ...given })));
   }
   _exported(name) {
     if (!name || name === this.out) return;

@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["own", "my takes"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
+const TEMPLATES = [["own", "my takes"], ["threshold", "threshold of one of my takes"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 /** Name of a study and its title: studies from one template have the same title. */
 const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
@@ -51,9 +51,16 @@ export default class Study {
       const takes = make("select", { multiple: true, size: 6, "aria-label": "takes to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, ""))));
       const asked = [["Question", "Which one was it?", ""], ["Second question (may stay empty)", "", "scale"]].map(([label, value, kind]) => [label, make("textarea", { maxLength: 500, rows: 2, value }), choice([["", "the name of the take"], ["scale", "a number from 1 to 7"]], kind)]);
       const often = make("input", { type: "number", min: 1, max: 100, value: "5" });
-      const mine = make("div.column", { id: "own-study", hidden: template.value !== "own" }, field("Takes", takes, "Stimuli of the study; each is solved with the best mode"), make("p.quiet", {}, "Choose two or more: hold Ctrl, or Shift for a range."), ...asked.flatMap(([label, text, kind], i) => [field(label, text, "Asked after each presentation"), field(`Answer${i ? " to the second" : ""}`, kind, "Names are analysed as confusions, numbers as ratings")]), field("Repetitions", often, "Presentations of each take to each person"));
-      template.addEventListener("change", () => { mine.hidden = template.value !== "own"; });
-      const given = () => (template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
+      const words = make("p.quiet"), questions = make("div.column", {}, ...asked.flatMap(([label, text, kind], i) => [field(label, text, "Asked after each presentation"), field(`Answer${i ? " to the second" : ""}`, kind, "Names are analysed as confusions, numbers as ratings")]), field("Repetitions", often, "Presentations of each take to each person"));
+      const mine = make("div.column", { id: "own-study" }, field("Takes", takes, "Stimuli of the study; a take without a drive is solved in the mode quick"), words, questions);
+      const fit = () => {
+        mine.hidden = !["own", "threshold"].includes(template.value);
+        questions.hidden = template.value !== "own";
+        words.textContent = questions.hidden ? "Choose one: it is presented ever more weakly, in one of two intervals." : "Choose two or more: hold Ctrl, or Shift for a range.";
+      };
+      template.addEventListener("change", fit);
+      fit();
+      const given = () => (template.value === "threshold" ? { template: "detection", takes: [...takes.selectedOptions].map((one) => one.value) } : template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
       left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })].map((one) => Object.assign(one, { title: "Study to run or to analyse" })) : [make("p.quiet", {}, "no studies in this folder yet")])),
         panel("New study", null, field("Name", name, "Folder of the study"), field("Kind", template, "Your own takes, or a study with stimuli of its own"), field("Participants", people, "Each gets an order of their own"), mine,
           make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", title: "Draws the order of all trials and solves the drives, which takes a while", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
