@@ -84,6 +84,7 @@ links: $(VENV)/dev
 bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.recordings
+	$(BIN)/python -m benchmarks.limits
 	$(BIN)/python -m benchmarks.terms
 	$(BIN)/python -m benchmarks.playback
 	$(BIN)/python -m benchmarks.air

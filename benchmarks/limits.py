@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_info
 
 from benchmarks.clock import fastest, heading, line, load, timed
+from benchmarks.recordings import folded, sequences
 from benchmarks.yardstick import Plain
 from midair.datasets import stroke
 from midair.model import ControlGrid, TransducerArray
@@ -25,7 +26,7 @@ from midair.settings import best_mode
 from midair.solvers import Exact, LevenbergMarquardt, Live, Problem, one_blas_thread, solve
 from midair.solvers.exact import System, state_at
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.mirror_symmetry import FoldedProduct, Lattice
+from midair.solvers.mirror_symmetry import FoldedProduct
 from midair.solvers.modes import modes
 
 
@@ -189,27 +190,31 @@ def folding(frames: int = 900) -> None:
         "measured": (replace(plain, response=spread), (0.0, 0.0)),
         "openmpd": (array_of_kind("openmpd"), (0.0, 0.0)),
     }
-    print(f"\nbest mode, {frames} frames of a towel at 4 kHz; least CPU time of 2 runs, in turns; {load()}")
-    columns = ("", "ms a frame whole", "folded", "E mean whole", "folded", "E worst whole", "folded")
+    print(f"\nbest mode, {frames} frames at 4 kHz, of a towel if not named; least CPU of 2 runs, in turns; {load()}")
+    pairs = ("ms a frame", "evaluations", "E mean", "E worst")
+    columns = ("", *(f"{each}{kind}" for each in pairs for kind in (", whole", ", folded")))
     print("| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
-    known = Lattice.of
-    for name, (array, centre) in cases.items():
-        settings = best_mode().but(strength=0.15, jobs=1, grid=ControlGrid(centre=centre))
-        pressure = resample_pressure(stroke("towel"), settings.target.rate).cut(0.2, 0.5)
-        settings = with_fitted_gain(pressure, array, settings)
-        target = target_amplitude(pressure, settings)
+    settings = best_mode().but(strength=0.15, jobs=1)
+    towel = resample_pressure(stroke("towel"), settings.target.rate).cut(0.2, 0.5)
+    given = [(name, towel, *case) for name, case in cases.items()]
+    given += [
+        (name, pressure, plain, (0.0, 0.0)) for name, pressure in sequences(settings, frames / settings.target.rate)
+    ]
+    for name, pressure, array, centre in given:
+        fitted = with_fitted_gain(pressure, array, settings.but(grid=ControlGrid(centre=centre)))
+        target = target_amplitude(pressure, fitted)
         target = replace(target, amplitude=target.amplitude[:frames])
         took: list[list[float]] = [[], []]
-        errors = []
+        errors, evaluations = [], ["", ""]
         with one_blas_thread():
             for _ in range(2):
                 for folds in (False, True):
-                    Lattice.of = staticmethod(known if folds else lambda _: None)
-                    made, cost = timed(lambda: solve(target, array, settings.solver, acoustics=settings.acoustics))  # noqa: B023
-                    took[folds].append(cost / frames)
+                    with folded(folds):
+                        made, cost = timed(lambda: solve(target, array, fitted.solver, acoustics=fitted.acoustics))  # noqa: B023
+                    took[folds].append(cost / len(made.error))
                     errors.append(made.error)
-        Lattice.of = known
-        shown = [f"{min(each):.2f}" for each in took] + [f"{each.mean():.4f}" for each in errors[:2]]
+                    evaluations[folds] = f"{made.iterations[made.plays].mean():.1f}"
+        shown = [f"{min(each):.2f}" for each in took] + evaluations + [f"{each.mean():.4f}" for each in errors[:2]]
         print(f"| {name} | " + " | ".join(shown + [f"{each.max():.4f}" for each in errors[:2]]) + " |", flush=True)
 
 

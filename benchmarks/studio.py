@@ -20,10 +20,11 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+import midair
 from midair.files import save
 from midair.model import Recording
 
-PARTS = ("start", "reproduce", "record", "delays", "live", "deaths", "memory")
+PARTS = ("start", "reproduce", "play", "record", "delays", "live", "deaths", "memory")
 
 TICKS = """void (studio.ticks ?? (studio.ticks = 0,
     (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
@@ -155,6 +156,31 @@ def reproduce(page, server, seconds):
     return found | {"a_picture_ms": round(statistics.median(draws), 1)} | scrubbed(page)
 
 
+def play(page, *_):
+    """Times from a click on a take of 1 s to its first checked part, and from the press of Play to its sound."""
+    until(page, "studio.link.state.player?.state === 'ready'")
+    found = {}
+    for mode in ("best", "quick"):
+        take = f"{mode}.h5"
+        midair.record("virtual:towel", 1.0, path=Path(page.evaluate("studio.link.state.studio.folder")) / take)
+        page.evaluate("studio.link.order('reproduce', 'list')")
+        until(page, f"studio.link.state.takes.some((row) => row.name === '{take}')", 60)
+        page.evaluate(f"studio.go('reproduce', '{take}')")
+        until(page, f"studio.room.take?.name === '{take}' && studio.room.take.facts")
+        page.get_by_label("Mode").select_option(mode)
+        clicked = time.monotonic()
+        page.get_by_role("button", name="Play on array").click()
+        until(page, "!document.querySelector('#hold').disabled")
+        checked = time.monotonic()
+        page.locator("#hold").click(delay=900)
+        until(page, "studio.link.state.player.emitting")
+        found[f"{mode}_click_to_checked_s"] = round(checked - clicked, 2)
+        found[f"{mode}_press_to_sound_s"] = round(time.monotonic() - checked, 2)
+        until(page, "studio.link.state.player.state === 'ready'")
+        page.locator("#exposure").get_by_role("button", name="Close").click()
+    return found
+
+
 def record(page, server, seconds):
     """Frames of the virtual sensor as they arrive."""
     page.evaluate("location.hash = '#record'")
@@ -226,7 +252,7 @@ def memory(page, server, minutes):
             "processes_mb": round(sum(each.memory_info().rss for each in all_of_it) / 2**20),
         }
 
-    page.evaluate("location.hash = '#record'")
+    page.evaluate("studio.link.order('record', 'listen', {sensor: 'virtual:towel'}); location.hash = '#record'")
     until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
     rows, lost = [now()], page.evaluate("studio.room.track.lost")
     first = page.evaluate("studio.room.newest")
@@ -246,7 +272,7 @@ def memory(page, server, minutes):
     return {"minutes": minutes, "record": rows, "frames": frames, "frames_missing": missing, "reproduce": plays}
 
 
-ROOMS = {"reproduce": reproduce, "record": record, "delays": from_sample, "live": live}
+ROOMS = {"reproduce": reproduce, "play": play, "record": record, "delays": from_sample, "live": live}
 
 if __name__ == "__main__":
     main()

@@ -63,6 +63,12 @@ def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder):
     assert 0.1 < gain < 1
 
 
+def test_the_readme_puts_midair_on_the_path_before_the_first_command():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    line = "`source .venv/bin/activate` puts the command `midair` on the path"
+    assert 0 < text.find(line) < text.find("`midair record")
+
+
 @pytest.mark.long
 def test_the_python_of_the_tutorial_runs(folder):
     assert run(["record", "virtual:towel", "stroke.h5"]) == 0
@@ -138,7 +144,7 @@ def test_the_doctests_of_the_sensor_page_hold():
 
 
 @pytest.mark.long
-def test_the_page_on_seeing_hearing_and_watching_runs(folder):
+def test_the_page_on_seeing_hearing_and_watching_runs(folder, capsys):
     (script,) = blocks("docs/show.md", "python")
     names = {}
     exec(script, names)
@@ -152,6 +158,7 @@ def test_the_page_on_seeing_hearing_and_watching_runs(folder):
     assert len(typed) == 4
     for words in typed:
         assert run(words) == 0, words
+    assert not_printed("docs/show.md", capsys.readouterr().out) == []
 
 
 @pytest.mark.slow

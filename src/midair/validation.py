@@ -41,6 +41,15 @@ def frozen_array(
     return array
 
 
+def is_number(text: str) -> bool:
+    """True for text that Python reads as a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def check_finite(array: NDArray[Any], name: str, *, frame: int = 0) -> None:
     """Raise NonFiniteError if a number is NaN or infinite; `frame` is the number of the array's first frame."""
     if not np.isfinite(array).all():

@@ -84,11 +84,6 @@ def test_an_even_or_tiny_length_is_refused(taps):
         inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
 
 
-def test_the_floor_must_be_positive():
-    with pytest.raises(InputError, match="floor"):
-        inverse_response(calibration_of(MODEL), np.zeros(1), BAND, edges=EDGES, floor=0.0)
-
-
 def crosstalk(matrix):
     return Crosstalk(matrix=np.array(matrix, float), uncertainty=np.zeros(np.shape(matrix)))
 

@@ -49,6 +49,17 @@ def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
 
 
 @pytest.mark.long
+def test_a_recording_is_solved_as_it_plays(take, capsys):
+    words = ["play", "take.h5", *QUICK, "--duration", "20ms"]
+    assert run(words) == 0
+    assert load("take.rerecorded.h5").frames > 20
+    assert not Path("take.drive.h5").exists()
+    capsys.readouterr()
+    assert run(words) == 1
+    assert "take.rerecorded.h5: already exists; give another name, or --force" in said(capsys)
+
+
+@pytest.mark.long
 def test_the_air_of_the_room_is_checked_at_play(take, capsys):
     """The re-recording is of the stated air, and without a word of the drive's own."""
     here = ["--temperature", "26C", "--start-at", "0.1s", "--duration", "0.05s"]

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.drives import plan_of, save_drive
 
 from midair.cli import run
 from midair.cli.commands.live import LiveOptions
 from midair.devices.frame_bytes import actual_level
 from midair.errors import InputError
-from midair.files import profile_named, save_solution
-from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
+from midair.files import profile_named
+from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
 from midair.rig import LiveSettings
 
@@ -24,30 +25,11 @@ NOWHERE = f"autd3:nowhere{os.getpid()}"
 PROFILE = profile_named("occupational-110")
 WARM = Acoustics(medium=Medium.at(temperature=45.0))
 TYPED, UNKNOWN = ("38", "40", "42"), ("14", "22", "30")
-PLAN = """
-name = "focus"
-participants = 1
-seed = 1
-consent = "You may stop at any time."
-questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
-stimuli = [{ name = "f", kind = "drive", source = "loud.drive.h5", levels = { object = "one" } }]
-blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
-"""
-
-
-def save(name, phase, level, acoustics=WARM):
-    drive = Drive(phase=phase, level=level, rate=1000.0, array=ARRAY, acoustics=acoustics)
-    count = len(phase)
-    save_solution(
-        Solution(drive=drive, error=np.zeros(count), iterations=np.ones(count, int), status=("converged",) * count),
-        name,
-    )
-    return name
 
 
 def loud():
     """A drive whose file states air of 45 °C."""
-    return save("loud.drive.h5", np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (10, 1)), np.ones(10))
+    return save_drive("loud.drive.h5", np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (10, 1)), 1.0, acoustics=WARM)
 
 
 def air_of(text):
@@ -67,7 +49,7 @@ def test_play_and_exposure(words, expected, capsys):
 def test_a_study(words, expected, capsys):
     pytest.importorskip("autd3")
     loud()
-    Path("plan.toml").write_text(PLAN, encoding="utf-8")
+    Path("plan.toml").write_text(plan_of("loud.drive.h5"), encoding="utf-8")
     assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
     capsys.readouterr()
     assert run(["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", *words]) == 1
@@ -115,7 +97,7 @@ def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
         former = Drive(phase=phase[None], level=actual_level(level), rate=1000.0, array=ARRAY)
         if exposure(former, PROFILE).excess <= 0:
             break
-    save("hidden.drive.h5", former.phase, level, Acoustics())
+    save_drive("hidden.drive.h5", former.phase, level, acoustics=Acoustics())
     assert run(["play", "hidden.drive.h5", "--device", NOWHERE, "--temperature", "22C"]) == 1
     refused = " ".join(capsys.readouterr().err.split())
     assert "occupational-110 is exceeded" in refused
@@ -125,7 +107,7 @@ def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
 @pytest.mark.parametrize("words", [["exposure"], ["play"], ["play", "--device", NOWHERE]])
 def test_a_file_of_no_air_is_refused(words, capsys, monkeypatch):
     phase = np.zeros((2, ARRAY.count))
-    save("slow.drive.h5", phase, np.ones(2), Acoustics(medium=Medium(speed=100.0)))
+    save_drive("slow.drive.h5", phase, 1.0, acoustics=Acoustics(medium=Medium(speed=100.0)))
     # The search around the ears must not begin.
     monkeypatch.delattr("midair.physics.exposure_level.searches_of")
     command, *rest = words

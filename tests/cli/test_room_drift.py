@@ -7,13 +7,11 @@ import sys
 import threading
 from pathlib import Path
 
-import numpy as np
 import pytest
-from tests.cli.test_room_air import PLAN
+from tests.drives import plan_of, save_drive
 
 from midair.cli import run
-from midair.files import save_solution
-from midair.model import Acoustics, Drive, Medium, Solution, TransducerArray
+from midair.model import Acoustics, Medium, TransducerArray
 
 ARRAY = TransducerArray.autd3()
 ROOM = ["--temperature", "file:room.txt"]
@@ -87,10 +85,8 @@ def test_a_loop_on_the_virtual_rig_warns_once_and_logs_nothing():
 def test_a_study_on_emulated_units_warns_once_and_logs_it():
     pytest.importorskip("autd3")
     room = Acoustics(medium=Medium.at(temperature=22.0))
-    drive = Drive(phase=np.zeros((10, ARRAY.count)), level=np.full(10, 0.001), rate=1000.0, array=ARRAY, acoustics=room)
-    solved = {"error": np.zeros(10), "iterations": np.ones(10, int), "status": ("converged",) * 10}
-    save_solution(Solution(drive=drive, **solved), "quiet.drive.h5")
-    Path("plan.toml").write_text(PLAN.replace("loud", "quiet"), encoding="utf-8")
+    save_drive("quiet.drive.h5", acoustics=room)
+    Path("plan.toml").write_text(plan_of("quiet.drive.h5"), encoding="utf-8")
     assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
     words = ["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", "--noise", "none", "--lines"]
     status, lines = run_in_a_room_that_warms(words, until=DRIFTED)

@@ -113,6 +113,12 @@ def test_the_actual_reason_is_reported(wrong, kind, says, tmp_path):
 READ_ONLY = """
 set -e
 mount -t tmpfs none "$1"
+"$2" -c "
+import numpy
+from midair.files import save
+from midair.model import Recording
+save(Recording(samples=numpy.ones((9, 4, 4)), rate=1000.0, unit='Pa'), '$1/take.h5')
+"
 mount -o remount,ro "$1"
 "$2" -c "
 from midair.errors import FileError
@@ -123,6 +129,8 @@ for begin in (writable_path, lambda path: atomic_file(path).__enter__()):
     except FileError as wrong:
         print(wrong)
 "
+cd "$1"
+"$2" -m midair solve take.h5 2>&1 || true
 """
 
 
@@ -134,7 +142,9 @@ def test_a_disk_that_takes_nothing_is_named(tmp_path):
     if "mount" in done.stderr or "unshare" in done.stderr:
         pytest.skip(f"no disk to be had: {done.stderr}")
     assert done.stderr == ""
-    assert done.stdout == 2 * f"{tmp_path}/a.txt: cannot be written: the folder is read-only; use another one\n"
+    told = "cannot be written: the folder is read-only; use another one\n"
+    # A command says it before its work.
+    assert done.stdout == 2 * f"{tmp_path}/a.txt: {told}" + f"midair: take.drive.h5: {told}"
 
 
 def test_files_that_came_to_be_are_noted_as_they_were_named(tmp_path, monkeypatch):

@@ -26,9 +26,11 @@ from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import cut
 from midair.streaming import LazyFrames
 
-BOTH = [ending for ending, form in FORMATS.items() if form.write and not form.effect]
+ROUNDED = ".flac"
+"""Has fewer bits and channels: tests/files/importers/test_sound_file.py."""
+BOTH = [ending for ending, form in FORMATS.items() if form.write and not form.effect and ending != ROUNDED]
 IN = [ending for ending, form in FORMATS.items() if not form.effect]
-OUT = [ending for ending, form in FORMATS.items() if form.write]
+OUT = [ending for ending, form in FORMATS.items() if form.write and ending != ROUNDED]
 
 each_format = pytest.mark.parametrize("ending", BOTH)
 each_reader = pytest.mark.parametrize("ending", IN)
@@ -230,7 +232,7 @@ def test_reports_suspicious_channels(recording, tmp_path):
     assert open_take(tmp_path / "a.npz").report == ("Channels that never change, dead or saturated: 7 (4.5 V).",)
 
 
-@pytest.mark.parametrize("ending", [ending for ending in IN if ending not in OUT])
+@pytest.mark.parametrize("ending", [ending for ending in IN if not FORMATS[ending].write])
 def test_refuses_to_write_read_only_formats(ending, recording, tmp_path):
     with pytest.raises(UnknownFormatError, match=r"can be read, not written; writable formats are \.h5"):
         save(recording, tmp_path / f"a{ending}")

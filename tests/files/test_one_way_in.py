@@ -20,7 +20,10 @@ def take():
     return Recording(samples=samples, rate=1000.0, sensor=model.grid), calibration_of(model)
 
 
-@pytest.mark.parametrize("ending", [ending for ending, form in FORMATS.items() if form.write and not form.effect])
+WRITTEN = [ending for ending, form in FORMATS.items() if form.write and not form.effect and ending != ".flac"]
+
+
+@pytest.mark.parametrize("ending", WRITTEN)
 @pytest.mark.parametrize("case", [str.lower, str.upper, str.title])
 def test_every_ending_in_any_case_gives_all_that_its_file_holds(take, ending, case, tmp_path):
     recording, calibration = take

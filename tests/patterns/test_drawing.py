@@ -11,6 +11,7 @@ from midair.patterns import (
     Foci,
     LateralModulation,
     Pattern,
+    ReceptorWeights,
     Spot,
     draw,
     drawn_settings,
@@ -73,6 +74,24 @@ def test_the_spectrum_of_amplitude_modulation_is_its_closed_form(emitted, freque
     assert lines[0] == pytest.approx(80 * (1 - depth / 2), rel=0.03)
     assert 2 * lines[line] == pytest.approx(80 * depth / 2, rel=0.03)
     assert 2 * np.delete(lines, [0, line]).max() < 0.03 * 80
+
+
+@EMITTED
+def test_three_receptors_get_a_turning_mean_and_two_lines_at_their_focus(emitted):
+    weights = ReceptorWeights(slow=0.5, fast=0.3, pacinian=0.2, pacinian_hz=200.0)
+    orbit = LateralModulation(frequency_hz=10.0, radius_mm=3.0, step_mm=0.9)
+    pattern = Pattern(spot=(Spot(pressure_pa=100.0, lm=orbit, receptors=weights),), duration_s=0.1)
+    q, places = emitted(pattern), pattern.foci().position[:, 0]
+    felt = np.array([pressure_at(row[None], place)[0, 0] for row, place in zip(q, places, strict=True)])
+    lines = np.abs(np.fft.rfft(felt, norm="forward"))
+    # slow + fast / 2 + pacinian / 2 at 0 Hz, halves of fast at 30 Hz and of the other at 200 Hz.
+    assert lines[0] == pytest.approx(75, rel=0.03)
+    assert 2 * lines[[3, 20]] == pytest.approx([15, 10], rel=0.03)
+    assert 2 * np.delete(lines, [0, 3, 20]).max() < 0.03 * 100
+    place, _ = summit(q[42], np.round(places[42, :2], 3))
+    assert np.linalg.norm(place - places[42, :2]) < 0.2e-3
+    with pytest.raises(InputError, match=r"slow, fast and pacinian with a sum of 1 at most, got 1\.1"):
+        ReceptorWeights(slow=0.7)
 
 
 @EMITTED

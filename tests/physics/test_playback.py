@@ -189,19 +189,6 @@ def test_silencer_ramps_agree_with_a_tick_by_tick_loop(phase_ramp, level_ramp):
     assert np.abs(found - np.array(fine)[9::10]).max() < 0.02
 
 
-@pytest.mark.parametrize(
-    ("step", "dip", "intensity"), [(np.pi / 4, 0.9239, 0.945), (np.pi / 2, 0.7071, 0.81), (np.pi, 0.0, 0.63)]
-)
-def test_one_phase_step_in_closed_form(step, dip, intensity):
-    """|q| falls to cos(step / 2), mean intensity over the frame to .945, .81 and .63."""
-    told = Drive(
-        phase=np.concatenate([np.zeros((20, 12)), np.full((1, 12), step)]), level=np.ones(21), rate=1000.0, array=ARRAY
-    )
-    q = np.concatenate([some for some, _ in radiate(told, exact(transducers=STILL), 2000)])[-2000:, 0]
-    assert np.abs(q).min() == pytest.approx(dip, abs=2e-3)
-    assert np.mean(np.abs(q) ** 2) == pytest.approx(intensity, abs=0.01)
-
-
 def test_a_silencer_takes_the_dip_away():
     """A half turn spread over 1 ms: never below a third, where the bare step goes through zero."""
     told = Drive(
@@ -241,13 +228,6 @@ def test_chains_that_cannot_be_are_refused(settings, message):
         PlaybackChain(**settings)
 
 
-def test_phases_are_rounded_and_held_for_the_frame():
-    told = drive(frames=3)
-    q = np.concatenate([some for some, _ in radiate(told, PlaybackChain(phase_bits=3, precision="double"), 4)])
-    rounded = np.round(told.phase / (np.pi / 4)) * (np.pi / 4)
-    np.testing.assert_allclose(q, np.repeat(told.level * np.exp(1j * rounded), 4, axis=0), atol=1e-12)
-
-
 def test_a_drive_goes_on_from_where_the_last_one_stopped():
     chain = exact(transducers=VARIED, phase_ramp=0.4e-3, level_ramp=0.2e-3)
     told = drive(frames=6)
@@ -258,10 +238,3 @@ def test_a_drive_goes_on_from_where_the_last_one_stopped():
     np.testing.assert_allclose(rest, whole[20:], atol=1e-12)
     ((cold, _),) = radiate(after, chain, 5)
     assert np.abs(cold - whole[20:]).max() > 0.1
-
-
-def test_a_single_step_follows_the_exponential():
-    told = Drive(phase=np.zeros((1, 12)), level=np.ones(1), rate=1000.0, array=ARRAY)
-    ((q, _),) = radiate(told, exact(transducers=VARIED), 10)
-    time = np.arange(1, 11)[:, None] / 10e3
-    np.testing.assert_allclose(q, VARIED.response * (1 - np.exp(VARIED.pole * time)), rtol=1e-9)

@@ -130,10 +130,6 @@ def test_is_linear_and_goes_on_from_where_it_stopped():
     assert np.concatenate([first, rest]) == pytest.approx(envelope(a, RATE, 3, dynamics), abs=1e-12)
 
 
-def test_a_held_drive_is_reached():
-    assert envelope(drive(*[1.0] * 5), RATE, 4, TransducerDynamics())[-1, 0] == pytest.approx(np.exp(1j), abs=1e-9)
-
-
 def test_needs_a_substep_and_a_time_constant():
     with pytest.raises(InputError, match="1 or more per frame, got 0"):
         envelope(drive(0.0), RATE, 0, TransducerDynamics())

@@ -34,7 +34,8 @@ from websockets.exceptions import InvalidStatus
 
 from midair.devices import VirtualUnits, read_log, stop_playing, virtual_immediate
 from midair.errors import StoppedError
-from midair.model import Acoustics, Medium, TransducerArray
+from midair.files import save_palm_path
+from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
 from midair.rig import default_exposure, dose_report, remote
@@ -226,6 +227,32 @@ def test_the_designer_plays_its_pattern_until_it(designed, way):
         wait_until(lambda: not designed.sounds())
 
 
+def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
+    time_ = np.arange(0, 120, 0.02)
+    still = np.tile([0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 1.0], (len(time_), 1))
+    rows = np.column_stack([time_, 1e-4 * time_, 2e-4 * time_, 0.2 + 0 * time_, still])
+    save_palm_path(PalmPath.from_rows(rows), tmp_path / "palm.csv")
+    units = VirtualUnits(kept=1000)
+    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    how = {"serve": partial(remote.serve_adaptics, port=0), "follow": f"replay:{tmp_path / 'palm.csv'}"}
+    with closing(Here(tmp_path, units, **how)) as one, one.client() as client:
+
+        def hand():
+            while (found := json.loads(client.recv(10)))["cmd"] != "tracking_data":
+                pass
+            return found["data"]["tracking_frame"]["hand"]
+
+        seen = [each for each in (hand() for _ in range(20)) if each]
+        monkeypatch.setattr(remote.adaptics, "PATIENCE", -1.0)
+        wait_until(lambda: hand() is None)
+    places = np.array([list(each["palm"]["position"].values()) for each in seen])
+    assert (np.diff(places[:, 0]) >= 0).all()
+    assert np.ptp(places[:, 0]) > 0
+    assert places[:, 1:] == pytest.approx(np.column_stack([2 * places[:, 0], 200 + 0 * places[:, 0]]), abs=1e-3)
+    assert (seen[0]["palm"]["normal"]["z"], seen[0]["palm"]["direction"]["y"]) == (-1, 1)
+    assert [len(digit["bones"]) for digit in seen[0]["digits"]] == 5 * [4]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("attenuate", [False, True])
 def test_the_designer_sounds_on_emulated_units_only_within_the_profile(tap, tmp_path, attenuate):
@@ -250,14 +277,21 @@ def test_the_page_names_every_message_and_field():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("language", ["python", "javascript"])
+@pytest.mark.parametrize("language", ["python", "javascript", "csharp"])
 def test_the_clients_of_the_page_run(served, language, tmp_path):
     programs = {"python": [sys.executable], "javascript": ["node", "--experimental-websocket", "--no-warnings"]}
-    program = programs[language]
-    if not shutil.which(program[0]) or subprocess.run([*program, "--version"], check=False).returncode:
-        pytest.skip("no Node.js with WebSocket here")
+    program = programs.get(language, ["mono"])
+    if (
+        not shutil.which(program[0])
+        or (language == "csharp" and not shutil.which("mcs"))
+        or subprocess.run([*program, "--version"], check=False).returncode
+    ):
+        pytest.skip("no Node.js with WebSocket, or no Mono, here")
     (code,) = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     (tmp_path / "client.mjs").write_text(code, encoding="utf-8")
+    if language == "csharp":
+        (tmp_path / "client.mjs").rename(tmp_path / "client.cs")
+        subprocess.run(["mcs", "-out:client.mjs", "client.cs"], cwd=tmp_path, check=True)
     line = [*program, tmp_path / "client.mjs", served.url + KEY]
     told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True).stdout
     assert [word in told for word in ("rate_hz", "play", "silent", "error")] == [True, True, True, False]

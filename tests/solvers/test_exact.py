@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
+from tests.solvers.conftest import jacobian
 
 from midair.model import ControlGrid
 from midair.solvers import Exact, LevenbergMarquardt, Problem, error_of
 from midair.solvers.exact import System
-from midair.solvers.levenberg_marquardt import primal_step
+from midair.solvers.levenberg_marquardt import dual_step
 from midair.solvers.modes import modes
 from midair.solvers.phases import spreading_phase
-from midair.solvers.problem import jacobian
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
 
@@ -72,7 +72,7 @@ def test_the_step_is_that_of_the_textbook(random_problem, points, transducers, d
     plain = LevenbergMarquardt().begin(problem, p, x)
     object.__setattr__(plain, "damping", damping)
     step = system.step(p, x, residual, damping, system.normal(x))
-    np.testing.assert_allclose(step, primal_step(problem, p, plain), rtol=1e-8, atol=1e-11)
+    np.testing.assert_allclose(step, dual_step(problem, p, plain), rtol=1e-8, atol=1e-11)
     np.testing.assert_allclose(system.gradient(p, x, residual), plain.gradient, atol=1e-13)
 
 

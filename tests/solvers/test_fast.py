@@ -6,7 +6,7 @@ import pytest
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.phases import spreading_phase
-from midair.solvers.terms import GuardField, Smooth
+from midair.solvers.terms import Smooth
 from midair.solvers.terms.fit import CellTarget
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
@@ -80,19 +80,6 @@ def test_smooth_does_not_freeze_a_faint_frame_next_to_a_loud_one():
     problem = replace(problem, amplitude=problem.amplitude * np.array([[1], [1e-3], [1]]))
     phase = Fast(precision="double").solve(problem).phase
     assert error_of(problem, phase).max() < 0.2
-
-
-def test_a_guard_keeps_its_points_below_the_ceiling():
-    rng = np.random.default_rng(5)
-    ring = (rng.normal(size=(6, 24)) + 1j * rng.normal(size=(6, 24))) / 24
-    guard = GuardField(G=ring, ceiling=0.5, weight=1.0)
-    problem = small()
-    loudest = [
-        (np.abs(np.exp(1j * Fast().solve(one).phase) @ ring.T).max(axis=1) / one.amplitude.max(axis=1)).max()
-        for one in (problem, replace(problem, guard=guard))
-    ]
-    assert loudest[0] > 1
-    assert loudest[1] < 0.6
 
 
 def test_cells_are_met_where_points_are_too_many_to_be_met():

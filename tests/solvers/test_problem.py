@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.solvers.conftest import jacobian
 
-from midair.solvers.problem import Problem, error_of, jacobian, residual
+from midair.solvers.problem import Problem, error_of, residual
 
 
 def test_one_transducer_one_point_by_hand():

@@ -105,6 +105,15 @@ def test_page_and_files_are_served(client):
         assert client.get(name).status_code == 404
 
 
+def test_takes_that_a_command_wrote_are_listed(client, studio, talk):
+    """When the page is loaded, and when it gets the focus again."""
+    takes = studio.folder.path
+    for name, seen in (("loaded.h5", lambda: client.get("/")), ("focus.h5", lambda: talk.order("reproduce", "list"))):
+        (takes / name).write_bytes((takes / "towel.h5").read_bytes())
+        seen()
+        assert name in [row["name"] for row in studio.store.state["takes"]]
+
+
 def test_all_files_of_a_page_are_small_and_preloaded(client):
     """The page preloads every module, so that none waits for another; a line of 1 Mbit/s loads it within a second."""
     page = client.get("/").text
@@ -226,8 +235,12 @@ def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
     (folder / "exports").mkdir(exist_ok=True)
     (folder / "exports" / "towel-01.csv").write_text("kept")
     order("export", take="towel-01.h5", ending=".csv")
+    order("export", take="towel-01.h5", ending=".flac", channel=5)
     wait_until(lambda: not studio.jobs.unfinished(), 120)
-    assert sorted(path.name for path in (folder / "exports").iterdir()) == ["towel-01-2.csv", "towel-01.csv"]
+    assert sorted(path.name for path in (folder / "exports").iterdir()) == [
+        "towel-01-2.csv", "towel-01.csv", "towel-01.flac"
+    ]  # fmt: skip
+    assert load(folder / "exports" / "towel-01.flac").provenance.steps[-1].settings == {"channels": (5,)}
     assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
 
 
@@ -423,7 +436,7 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form = SaveForm(name="tap", pattern=pattern, drive=True)
     assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
     assert panel.open(None, one) == pattern
-    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 12
+    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 13
     louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
     asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()
     assert asked["files"] == ["tap.toml", "tap.drive.h5"]

@@ -749,6 +749,11 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.page.get_by_label("takes to present").select_option([f"corduroy-0{n}.h5" for n in (1, 2, 3)])
     page.page.get_by_label("Question", exact=True).fill("Which cloth did you feel?")
     page.page.get_by_label("Second question (may stay empty)").fill("How rough was it?")
+    kind = page.page.get_by_label("Kind")
+    kind.select_option("threshold")
+    assert "Choose one:" in page.page.locator("#own-study").inner_text()
+    assert not page.page.get_by_label("Question", exact=True).is_visible()
+    kind.select_option("own")
     picture("study")
     found = Axe().run(page.page).response["violations"]
     assert [each for each in found if each["impact"] in ("serious", "critical")] == []

@@ -1,19 +1,19 @@
 import threading
 import time
 from contextlib import closing, suppress
-from dataclasses import replace
 from multiprocessing import Event, Pipe
 
 import numpy as np
 import pytest
 from tests.devices.trackers.test_tracker_contract import Osc
+from tests.drives import save_drive
 from tests.simulators.moving_hand import Hand
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.errors import DeviceError, MidairError, StoppedError
-from midair.files import DEFAULT_PROFILE, load_solution, save_solution
-from midair.model import AmplitudeFrames, ControlGrid, Drive, Medium, Solution, TransducerArray
+from midair.files import DEFAULT_PROFILE, load_solution
+from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
 from midair.rig import PlayLease, dose_report, record
 from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
@@ -23,14 +23,6 @@ from midair.study.design import MaskingNoise
 
 ARRAY = TransducerArray.autd3()
 CHECKED = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": "", "repeats": 1}
-
-
-def quiet_drive(path, frames=50, **more):
-    """A drive file for the paper's 340 m/s that is far below every limit."""
-    drive = Drive(phase=np.zeros((frames, ARRAY.count)), level=np.full(frames, 0.001), rate=1000.0, array=ARRAY)
-    solved = {"error": np.zeros(frames), "iterations": np.ones(frames), "status": ("converged",) * frames}
-    save_solution(Solution(drive=drive, **solved), path, **more)
-    return path
 
 
 def test_stimulus_with_noise_needs_a_sound_output():
@@ -50,9 +42,17 @@ def test_missing_sound_output_is_reported_before_the_session():
         NoiseOutput().take(MaskingNoise(level_dbfs=-60), "no such output")
 
 
+def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of_a_command():
+    if pytest.importorskip("sounddevice", exc_type=(ImportError, OSError)).query_devices():
+        pytest.skip("a sound output is here")
+    with pytest.raises(DeviceError, match=r"connect one, or choose the noise none$"):
+        NoiseOutput().take(MaskingNoise(level_dbfs=-60), "default")
+
+
+@pytest.mark.long
 def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tmp_path):
     pytest.importorskip("autd3")
-    path = quiet_drive(tmp_path / "a.drive.h5")
+    path = save_drive(tmp_path / "a.drive.h5", frames=50)
     _, studio = Pipe()
     permit = PlayLease()
     player = _Player(StudioPipe(studio), permit, "autd3:emulator", 0)
@@ -97,7 +97,7 @@ def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
 def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_it(tmp_path):
     grid = ControlGrid()
     target = AmplitudeFrames(amplitude=np.ones((50, grid.count)), rate=1000.0, grid=grid)
-    path = quiet_drive(tmp_path / "a.drive.h5", target=target)
+    path = save_drive(tmp_path / "a.drive.h5", frames=50, target=target)
     room = Medium.at(temperature=25.0, humidity=0.4)
     player = _Player(StudioPipe(Pipe()[1]), PlayLease(), "virtual", 0)
     order = {"do": "admit", "path": str(path), **CHECKED}
@@ -121,10 +121,7 @@ def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_
 def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
     """Poses over a socket, on the virtual array in real time and on emulated units, which are open again afterwards."""
     path, solved = tmp_path / "a.drive.h5", Settings()
-    drive = Drive(phase=np.zeros((400, ARRAY.count)), level=np.full(400, 0.001), rate=1000.0, array=ARRAY)
-    drive = replace(drive, provenance=solved.noted(drive.provenance))
-    status = ("converged",) * 400
-    save_solution(Solution(drive=drive, error=np.zeros(400), iterations=np.ones(400), status=status), path)
+    save_drive(path, frames=400, provenance=solved.noted(Provenance()))
     here, there = Pipe()
     permit, messages = PlayLease(), []
     player = _Player(StudioPipe(there), permit, device, 0)
@@ -159,7 +156,7 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
     """Four emulated units behind a proxy that sets their thermal bit."""
     pytest.importorskip("autd3")
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    path = quiet_drive(tmp_path / "a.drive.h5", frames=800)
+    path = save_drive(tmp_path / "a.drive.h5", frames=800)
     tap = UdpProxy(4)
     request.addfinalizer(tap.close)
     here, there = Pipe()

@@ -1,13 +1,12 @@
 """The stated air of the room: typed or measured, used for new drives, and compared with the drive that plays."""
 
 import asyncio
-import json
 import time
 
 import pytest
+from tests.drives import log
 from tests.waiting import wait_until
 
-from midair.devices import state_folder
 from midair.errors import MidairError
 from midair.model import Medium
 from midair.studio.room_air import AirForm, RoomAir
@@ -25,10 +24,6 @@ def _air(tmp_path, monkeypatch):
 def state(air, temperature="", humidity=None):
     asyncio.run(air.state(None, AirForm(temperature=temperature, humidity=humidity)))
     return air._store.state["air"]
-
-
-def log():
-    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_typed_temperature_is_stated_and_an_empty_one_takes_it_back(air):

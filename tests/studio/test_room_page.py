@@ -51,14 +51,19 @@ def test_a_drift_of_the_room_is_shown_and_corrected_or_solved_again(studio_at, l
     assert page.wrong == []
 
 
-def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
-    studio = studio_at()
+def with_new_take(studio, look):
+    """A page that shows the take new.h5, which has no drive."""
     record("virtual:towel", 0.2, path=studio.folder / "new.h5")
     page = look(studio)
     page.until(SOLVED, timeout=120)
     page.until("studio.link.state.takes.some((row) => row.name === 'new.h5')", timeout=60)
     page.page.evaluate("studio.go('reproduce', 'new.h5')")
     page.until("studio.room.take?.name === 'new.h5' && studio.room.take.facts", timeout=60)
+    return page
+
+
+def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
+    page = with_new_take(studio_at(), look)
     page.page.get_by_label("Mode").select_option("paper")
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!document.querySelector('#hold').disabled", timeout=120)
@@ -66,6 +71,35 @@ def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
     page.hold_to_play()
     page.until("document.querySelector('#exposure').textContent.includes('new.rerecorded.h5')", timeout=120)
     page.until("studio.link.state.takes.some((row) => row.name === 'new.h5' && row.solved)", timeout=60)
+    assert page.wrong == []
+
+
+def test_a_drive_that_is_solved_while_it_loops_is_played_from_the_next_pass(studio_at, look):
+    page = with_new_take(studio_at(), look)
+
+    def solve(gain):
+        page.page.get_by_label("Mode").select_option("quick")
+        page.page.get_by_label("Gain").fill(gain)
+        page.page.get_by_label("Gain").press("Tab")
+        page.page.get_by_role("button", name="Solve", exact=True).click()
+
+    solve("1")
+    page.until("!document.querySelector('#replace').open && studio.room.take?.facts?.drive", timeout=120)
+    page.page.get_by_role("button", name="Play on array").click()
+    page.page.get_by_label("Loop until STOP").check()
+    page.until("!document.querySelector('#hold').disabled", timeout=120)
+    page.hold_to_play()
+    page.until("studio.link.state.player.emitting", timeout=60)
+    first = page.page.evaluate("studio.link.state.exposure.pressure_pa")
+    page.page.locator("#exposure").get_by_role("button", name="Close").click()
+    solve("4")
+    page.page.locator("#replace").get_by_role("button", name="Replace").click()
+    page.until(f"studio.link.state.exposure.pressure_pa > {2 * first}", timeout=120)
+    page.until("studio.link.state.player.emitting", timeout=60)
+    page.page.keyboard.press("Escape")
+    page.until("studio.link.state.player.state === 'ready'", timeout=30)
+    time.sleep(1.0)
+    assert page.page.evaluate("studio.link.state.player.state") == "ready", "a STOP ends the loop"
     assert page.wrong == []
 
 

@@ -16,6 +16,7 @@ from midair.settings import Settings
 from midair.studio.take_data import TakeData, facts
 from midair.studio.work import (
     SolveRequest,
+    StudyRequest,
     _spectra,
     budget_of_take,
     compare_takes,
@@ -23,6 +24,7 @@ from midair.studio.work import (
     palm_of_take,
     solve_take,
 )
+from midair.study import read_design
 from midair.targets import add_lead
 
 
@@ -119,6 +121,13 @@ def test_spectrum_ends_with_the_last_audible_frequency():
     shown = _spectra(tone, tone)["frequency"]
     assert shown[0] >= 10
     assert 95 < shown[-1] < 200, "not to 2 kHz"
+
+
+def test_threshold_of_one_take_is_measured_by_its_drive():
+    text = StudyRequest(path="s", template="detection", participants=5, takes=("/x/wool.h5",)).text()
+    design = read_design(text, name="s")
+    assert design.title == "Detection threshold of wool in midair"
+    assert {one.source for one in design.stimuli if one.kind == "drive"} == {"wool.drive.h5"}
 
 
 def test_solvers_of_a_mode_are_those_that_take_its_terms():

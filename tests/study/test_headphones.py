@@ -14,12 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.devices.sensors.conftest import _environment, _imported, _needs, _portaudio, _started_jack
+from tests.drives import save_drive
 from tests.waiting import wait_until
 
 from midair.cli import run as midair
 from midair.errors import InputError, UnknownDeviceError
-from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
 from midair.study.design.study_design import MaskingNoise
 from midair.study.folder import StudyFolder
 from midair.study.session import read_events
@@ -102,10 +101,7 @@ def test_jack_receives_white_noise_at_the_stated_level_only_while_on(tmp_path):
 @pytest.mark.long
 def test_a_session_has_noise_while_the_array_presents_and_none_while_it_asks(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
-    array = TransducerArray.autd3()
-    drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.001), rate=1000.0, array=array)
-    solution = Solution(drive=drive, error=np.zeros(5), iterations=np.ones(5), status=("iterations",) * 5)
-    save_solution(solution, tmp_path / "a.drive.h5")
+    save_drive(tmp_path / "a.drive.h5", frames=5)
     (tmp_path / "a.toml").write_text(TWO_STIMULI)
     assert midair(["study", "new", f"{tmp_path}/s", "--source", f"{tmp_path}/a.toml"]) == 0
     with ears(tmp_path) as heard:

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.drives import save_drive
 
-from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
 from midair.study.drives import check_digests
 from midair.study.folder import StudyFolder, template_text
 from midair.study.session import read_events
@@ -38,11 +37,8 @@ def killer():
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plan")
-    array = TransducerArray.autd3()
-    drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.01), rate=1000.0, array=array)
-    solution = Solution(drive=drive, error=np.zeros(5), iterations=np.ones(5), status=("iterations",) * 5)
     for source in {f"{thing}-{way}.drive.h5" for thing in ("brush", "sponge", "towel") for way in ("plain", "grooved")}:
-        save_solution(solution, folder / source)
+        save_drive(folder / source, level=0.01, frames=5)
     text = template_text("paper").replace("repetitions = 4", "repetitions = 2")
     (folder / "plan.toml").write_text(text.replace("participants = 10", "participants = 2"), encoding="utf-8")
     return folder / "plan.toml"

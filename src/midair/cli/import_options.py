@@ -68,6 +68,19 @@ def parsed(parse: Callable[[str], Any], metavar: str) -> Parameter:
     return Parameter(converter=convert, n_tokens=1, metavar=metavar, accepts_keys=False)
 
 
+ChannelNumbers = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
+"""Numbers of channels, separated by commas."""
+
+
+def channel_numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
+    """Numbers of channels of a recording; InputError for one that it does not have."""
+    count = recording.sensor.count
+    wrong = [name for name in names if not name.isdecimal() or int(name) >= count]
+    if wrong:
+        raise InputError(f"channels: expected comma-separated numbers from 0 to {count - 1}, got {', '.join(wrong)}")
+    return tuple(int(name) for name in names)
+
+
 @options_from(ImportOptions, "rate", "unit", "scale", "stream", "packed")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:

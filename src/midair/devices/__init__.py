@@ -34,6 +34,7 @@ from .motion_stages import StageDevice as StageDevice
 from .reading import GapFiller as GapFiller
 from .reading import read_frames as read_frames
 from .safety import Stopped as Stopped
+from .safety import append_line as append_line
 from .safety import close_orders as close_orders
 from .safety import device_lock as device_lock
 from .safety import log_drift as log_drift

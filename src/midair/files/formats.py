@@ -141,7 +141,7 @@ def save(
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif, .ahap or .haptic; an existing file is replaced.
+        Suffix .h5, .hdf5, .csv, .wav, .flac, .npz, .mat, .nc, .hjif, .ahap or .haptic; an existing file is replaced.
     calibration, pressure
         Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event

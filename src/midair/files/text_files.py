@@ -12,6 +12,7 @@ from typing import Any
 
 from midair.errors import BrokenFileError, MissingFileError
 from midair.files.atomic import existing_file, reason
+from midair.validation import is_number
 
 
 def printable(text: str) -> str:
@@ -38,15 +39,6 @@ def without_formulas(json_text: str) -> str:
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _BEFORE_FORMULA = re.compile(r"([,;\t])([=+\-@])")
-
-
-def is_number(text: str) -> bool:
-    """True for text that Python reads as a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -4,6 +4,8 @@ from .adaptics import AdapticsPattern as AdapticsPattern
 from .adaptics import Evaluated as Evaluated
 from .adaptics import load_adaptics as load_adaptics
 from .adaptics import read_adaptics as read_adaptics
+from .adaptics_writer import adaptics_text as adaptics_text
+from .adaptics_writer import save_adaptics as save_adaptics
 from .drawing import Foci as Foci
 from .drawing import check_reach as check_reach
 from .drawing import draw as draw
@@ -18,6 +20,7 @@ from .pattern import PATTERN_ENDINGS as PATTERN_ENDINGS
 from .pattern import AmplitudeModulation as AmplitudeModulation
 from .pattern import LateralModulation as LateralModulation
 from .pattern import Pattern as Pattern
+from .pattern import ReceptorWeights as ReceptorWeights
 from .pattern import SignalModulation as SignalModulation
 from .pattern import Spot as Spot
 from .pattern import draw_file as draw_file

@@ -5,6 +5,7 @@ The files are JSON, "MidAirHapticsAnimationFileFormat", revisions 0.0.10-alpha.1
 numbers are computed. Times are in ms and lengths in mm here, as there.
 """
 
+import json
 import os
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -90,6 +91,8 @@ class AdapticsPattern:
     """What holds before and after each time between two key frames."""
     transform: tuple[float, ...]
     """Scales along x, y, z; rotation in deg; translation along x, y, z; intensity factor; playback speed."""
+    text: str
+    """Its file in the last of `REVISIONS`, with the values of its parameters as defaults."""
     pressure: float = 50.0
     """Radiation pressure in Pa at intensity 1."""
     rate: float = 4000.0
@@ -203,8 +206,8 @@ def read_adaptics(
 def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPattern:
     if content["$DATA_FORMAT"] != "MidAirHapticsAnimationFileFormat" or content["$REVISION"] not in REVISIONS:
         raise ValueError(f"revision {content['$REVISION']!r}; known are {', '.join(REVISIONS)}")
-    chosen = dict(values)
-    for name, one in content["user_parameter_definitions"].items():
+    chosen, known = dict(values), content["user_parameter_definitions"]
+    for name, one in known.items():
         least, most = (far if one.get(end) is None else _finite(one[end]) for end, far in (("min", -inf), ("max", inf)))
         chosen[name] = min(max(values.get(name, _finite(one["default"])), least), most)
     keys = tuple(sorted((_key(one, chosen) for one in content["keyframes"]), key=lambda key: key.time))
@@ -214,9 +217,14 @@ def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPatter
     moved = whole["geometric_transforms"]
     numbers = [*(moved["scale"][axis] for axis in "xyz"), moved["rotation"]]
     numbers += [*(moved["translate"][axis] for axis in "xyz"), whole["intensity_factor"], whole["playback_speed"]]
+    for name, value in chosen.items():
+        known[name] = {"step": 1.0} | known.get(name, {}) | {"default": value}
+    text = json.dumps(content | {"$REVISION": REVISIONS[-1]}, indent=1)
     spans, transform = zip(before, reversed(after), strict=True), (_number(each, chosen) for each in numbers)
     name = str(content["name"])
-    return AdapticsPattern(name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), pressure=pressure)
+    return AdapticsPattern(
+        name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), text=text, pressure=pressure
+    )
 
 
 def check_parameters(given: Values, known: Mapping[str, Any]) -> None:
@@ -246,7 +254,7 @@ def _key(one: Any, values: Values) -> _Key:
         names, given = (_BRUSHES if name == "brush" else _INTENSITIES)[inner["name"]], inner["params"]
         own = tuple(_number(given[each], values) for each in names)
         if name == "brush":
-            rate = _number(given.get("stm_freq", {"type": "f64", "value": 100.0}), values)
+            rate = _number(given.setdefault("stm_freq", {"type": "f64", "value": 100.0}), values)
             own = _brush(inner["name"], own, _number(given["am_freq"], values), rate)
         stated[name] = _Timed(time, own, linear, inner["name"])
     jump: float | None = None
@@ -271,12 +279,12 @@ def _brush(name: str, own: Sequence[float], am: float, rate: float) -> tuple[flo
 
 def _number(table: Any, values: Values) -> float:
     """A number: a constant, a parameter or a formula of both; 0 for a parameter that is not defined."""
+    if table["type"] == "dynamic":
+        table["type"] = "param"  # as it is called since 0.1.0
     kind, value = table["type"], table["value"]
     if kind == "f64":
         return _finite(value)
-    return _finite(
-        _formula(value, values) if kind == "formula" else {"param": values, "dynamic": values}[kind].get(value, 0.0)
-    )
+    return _finite(_formula(value, values) if kind == "formula" else {"param": values}[kind].get(value, 0.0))
 
 
 def _formula(table: Any, values: Values, depth: int = 0) -> float:

@@ -26,6 +26,7 @@ from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenanc
 from midair.patterns.adaptics import AdapticsPattern, check_parameters, load_adaptics
 from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
 from midair.patterns.shapes import SHAPES, Checked, Points, Shape, on_circle
+from midair.targets import PACINIAN, receptor_pressure
 from midair.validation import setting
 
 FASTEST = 8000.0
@@ -94,6 +95,28 @@ class SignalModulation(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReceptorWeights(Checked):
+    """Parts of the pressure for three kinds of receptors (`midair.targets.receptor_pressure`), 1 together at most.
+
+    An orbit, `lm`, makes the slow part felt.
+    """
+
+    slow: float = setting(0.6, "Steady part.", limits=(0, 1))
+    fast: float = setting(0.2, "Part that vibrates at 30 Hz.", limits=(0, 1))
+    pacinian: float = setting(0.2, "Part that vibrates at pacinian_hz.", limits=(0, 1))
+    pacinian_hz: float = setting(PACINIAN, "Frequency for Pacinian corpuscles.", unit="Hz", limits=(100, 300))
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        if (total := self.slow + self.fast + self.pacinian) > 1 + 1e-9:
+            raise InputError(f"receptors: expected slow, fast and pacinian with a sum of 1 at most, got {total:g}")
+
+    def factor(self, time: Array) -> Array:
+        """Factor on the pressure at times in s."""
+        return receptor_pressure(self.slow, self.fast, self.pacinian, time, self.pacinian_hz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Key(Checked):
     """Where the centre of a spot is at a time after its start, and which part of its pressure it has."""
 
@@ -117,6 +140,9 @@ class Spot(Checked):
     positions: int = setting(0, "Number of places on the path; 0 moves with every frame.", limits=(0, 100_000))
     am: AmplitudeModulation | None = setting(None, "Amplitude modulation.")
     lm: LateralModulation | None = setting(None, "Lateral modulation.")
+    receptors: ReceptorWeights | None = setting(
+        None, "Steady pressure and two vibrations, for three kinds of receptors."
+    )
     signal: SignalModulation | None = setting(None, "A recorded signal as the modulation.")
     key: tuple[Key, ...] = setting((), "Key frames in order of time; the last one holds.")
     loop_keys: bool = setting(False, "Whether the keys begin again after the last one.")
@@ -173,6 +199,8 @@ class Spot(Checked):
         """Pressure of frames at times in s, at `rate` in Hz: shape (frame,), in Pa; 0 outside of its start and end."""
         sounds = (time >= self.start_s - 1e-9) & (time < self.stop_s - 1e-9)
         modulation = 1.0 if self.am is None else self.am.factor(time - self.start_s)
+        if self.receptors is not None:
+            modulation = modulation * self.receptors.factor(time - self.start_s)
         recorded = 1.0 if self.signal is None else self.signal.factor(time - self.start_s, rate)
         return np.asarray(self.pressure_pa * sounds * modulation * recorded * self.keyed(time)[:, 2], float)
 
@@ -208,21 +236,30 @@ class Pattern(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         for number, spot in enumerate(self.spot, 1):
-            for name, asked in (("draw_hz", spot.rate()), ("am.frequency_hz", spot.am.frequency_hz if spot.am else 0)):
+            for name, asked in (
+                ("draw_hz", spot.rate()),
+                ("am.frequency_hz", spot.am.frequency_hz if spot.am else 0),
+                ("receptors.pacinian_hz", spot.receptors.pacinian_hz if spot.receptors else 0),
+            ):
                 if asked > self.rate_hz / 2:
                     raise InputError(
                         f"spot {number}: {name}: expected at most {self.rate_hz / 2:g} Hz, half of rate_hz, got "
                         f"{asked:g} Hz"
                     )
 
-    def foci(self, duration: float | None = None) -> Foci:
-        """The foci of every frame for `duration` in s, one pass if None. Raises InputError for a loop without one."""
+    def seconds(self, duration: float | None = None) -> float:
+        """`duration` in s, that of one pass if None. Raises InputError for a loop without one."""
         seconds = self.duration_s if duration is None else duration
         if seconds is None:
             raise InputError(
                 "duration: expected a time, since the pattern is a loop; give duration_s in the file, or "
                 "midair draw --duration"
             )
+        return seconds
+
+    def foci(self, duration: float | None = None) -> Foci:
+        """The foci of every frame for `duration` in s, one pass if None. Raises InputError for a loop without one."""
+        seconds = self.seconds(duration)
         frames = max(round(seconds * self.rate_hz), 1)
         check_memory_for(100.0 * frames * len(self.spot), f"{seconds:g} s of the pattern", "make it shorter")
         time = np.arange(frames) / self.rate_hz

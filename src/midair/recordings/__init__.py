@@ -11,6 +11,7 @@ from .edit import join as join
 from .edit import mask as mask
 from .edit import mend as mend
 from .edit import resample as resample
+from .edit import select as select
 from .edit import trim as trim
 from .footprint import Footprint as Footprint
 from .footprint import Path as Path

@@ -121,6 +121,20 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
     return replace(recording, samples=samples, provenance=recording.provenance.then("gain", {"factor": setting}))
 
 
+def select(recording: Recording, channels: Sequence[int]) -> Recording:
+    """Some channels, numbered row by row from 0, in this order and as one row of cells of the same pitch.
+
+    Raises ShapeError if a channel does not exist, or none is named.
+    """
+    chosen = list(channels)
+    for channel in chosen:
+        recording.sensor.channel_position(channel)
+    samples = each_frame(recording.samples, lambda block: block.reshape(len(block), 1, -1)[..., chosen], exact=True)
+    settings: dict[str, Setting] = {"channels": tuple(chosen)}
+    sensor = replace(recording.sensor, rows=1, columns=len(chosen))
+    return replace(recording, samples=samples, sensor=sensor, provenance=recording.provenance.then("select", settings))
+
+
 def fade(recording: Recording, start: float = 0.05, end: float = 0.05) -> Recording:
     """Fade in from and out to the median of each channel, over `start` and `end` seconds, along half a cosine.
 

@@ -52,7 +52,9 @@ class Choice:
             chosen = _in_air(settings.acoustics.medium, inner[0], value) if name == "medium" else value
             return settings.but(acoustics=replace(settings.acoustics, **{name: chosen}))
         if not inner:
-            return settings.but(**{name: value})
+            # Slowly adapting receptors need the orbit.
+            orbit = {"circle": settings.target.circle or Circle()} if value == "receptors" else {}
+            return settings.but(**{name: value}, **orbit)
         part = getattr(getattr(settings, group), name)
         if self.name == "circle":
             if value == 0:

@@ -8,14 +8,14 @@ Nielsen & Tingleff, "Methods for non-linear least squares problems" (2004), sect
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.model import Progress, Status
-from midair.solvers.problem import Answer, Problem, Start, WarmStart, jacobian, residual
+from midair.solvers.problem import Answer, Problem, Start, WarmStart, residual
 from midair.solvers.terms import excess_rows
 
 
@@ -129,8 +129,6 @@ class LevenbergMarquardt:
     """Start of every frame after the first."""
     tau: float = 1e-3
     """Initial lambda over the largest diagonal element of J^T J."""
-    form: Literal["dual", "primal"] = "dual"
-    """Size of the linear system: "dual" 2M, "primal" N + M. The steps are equal; the primal form is the reference."""
     gradient_tolerance: float = 1e-12
     """Converged when the largest element of the gradient is below this."""
     step_tolerance: float = 1e-9
@@ -167,10 +165,10 @@ class LevenbergMarquardt:
         if np.abs(state.gradient).max() <= self.gradient_tolerance:
             return replace(state, status="converged")
         state = replace(state, iterations=state.iterations + 1)
-        if self.form == "dual" and state.normal is None:
+        if state.normal is None:
             state = replace(state, normal=_normal(problem, p, state.x))
         try:
-            h = dual_step(problem, p, state) if self.form == "dual" else primal_step(problem, p, state)
+            h = dual_step(problem, p, state)
         except np.linalg.LinAlgError:
             return state.refused()
         if np.linalg.norm(h) <= self.step_tolerance * (np.linalg.norm(state.x) + self.step_tolerance):
@@ -199,18 +197,6 @@ def dual_step(problem: Problem, p: Array, state: State) -> Array:
     if len(state.excess):
         h[: problem.transducers] -= y[2 * M :] @ state.slope
     return h
-
-
-def primal_step(problem: Problem, p: Array, state: State) -> Array:
-    """The step h = -(J^T J + lambda I)^-1 J^T f, shape (transducer + point,), in rad, with a dense J."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    J = jacobian(problem, p, state.x)
-    normal = J.T @ J
-    if len(state.excess):
-        normal[: problem.transducers, : problem.transducers] += state.slope.T @ state.slope
-    normal[np.diag_indices_from(normal)] += state.damping
-    return -cho_solve(cho_factor(normal, lower=True, overwrite_a=True, check_finite=False), state.gradient)
 
 
 def _normal(problem: Problem, p: Array, x: Array) -> Array:

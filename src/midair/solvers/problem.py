@@ -154,16 +154,6 @@ def residual(problem: Problem, p: Array, x: Array) -> Complex:
     return problem.field(theta) - p * np.exp(1j * psi)
 
 
-def jacobian(problem: Problem, p: Array, x: Array) -> Array:
-    """Derivative of [Re; Im] of the residual by x, shape (2 point, transducer + point).
-
-    d/d theta_n = j A G_mn exp(j theta_n), d/d psi_m = -j p_m u_m. Used by tests and by the primal step.
-    """
-    theta, psi = x[: problem.transducers], x[problem.transducers :]
-    slopes = np.hstack([1j * problem.level * problem.G * np.exp(1j * theta), np.diag(-1j * p * np.exp(1j * psi))])
-    return np.vstack([slopes.real, slopes.imag]).astype(np.float64)
-
-
 def phases_and_errors(
     backend: Backend, problem: Problem, phase: Array, level: Array | None, bits: int | None
 ) -> tuple[Array, Array]:

@@ -200,6 +200,7 @@ class Studio:
         self.store.put(jobs=[each.as_dict(now) for each in self._shown.values()])
 
     async def _index(self, request: Request) -> Response:
+        self.store.put(takes=self.takes.rows())
         return self._files.answer(request, "index.html")
 
     async def _icon(self, request: Request) -> Response:

@@ -362,7 +362,7 @@ class _Player:
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play a checked drive with a lease token; a virtual rig re-records it."""
-        kept = any(trial["number"] == order["admission"] for trial in self.trials.values())
+        kept = order.get("keep") or any(trial["number"] == order["admission"] for trial in self.trials.values())
         found = self.admitted.get(order["admission"]) if kept else self.admitted.pop(order["admission"], None)
         if found is None:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")

@@ -254,22 +254,22 @@ def make_sample(order: tuple[str, str], progress: Progressed) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyRequest:
-    """A study plan to draw into a new folder: from a template, or of takes with questions."""
+    """A study plan to draw into a new folder: from a template, of takes with questions, or of the threshold of one."""
 
     path: str
     template: Template
     participants: int
     takes: tuple[str, ...] = ()
-    """Paths of recordings, in place of a template."""
+    """Paths of recordings, in place of a template; one with the template detection."""
     questions: tuple[tuple[str, bool], ...] = ()
     """Texts, and whether each take is rated from 1 to 7 instead of named."""
     repetitions: int = 5
 
     def text(self) -> str:
         """TOML of the plan."""
-        if not self.takes:
-            return template_text(self.template)
         names = [Path(take).stem for take in self.takes]
+        if not names or self.template == "detection":
+            return template_text(self.template, take="".join(names) or None)
         named: dict[str, Any] = {"kind": "choice", "options": names, "truth": "object"}
         rating = {"kind": "rating", "low": 1, "high": 7}
         asked = [

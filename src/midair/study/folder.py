@@ -1,7 +1,6 @@
 """The folder of a study: its design as TOML, checked by pydantic, trials from CSV, plan and logs; who withdrew."""
 
 import csv
-import errno
 import json
 import os
 import shutil
@@ -11,8 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from midair.devices import append_line
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_folder, json_of, lock_or_raise, read_text, toml_of, write_file
 from midair.study.design import Design, Plan, SessionState, StimulusKind, digest_of, draw_plan, replay
@@ -113,9 +114,21 @@ Template = Literal["paper", "detection", "intervals", "paired"]
 paired comparison."""
 
 
-def template_text(template: Template) -> str:
-    """TOML of an included design."""
-    return files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
+def template_text(template: Template, *, take: str | None = None) -> str:
+    """TOML of an included design; `take` is the name of a recording whose threshold `detection` measures.
+
+    Raises InputError for a take with another design.
+    """
+    text = files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
+    if not take:
+        return text
+    if template != "detection":
+        raise InputError(f"take: expected the template detection, which measures its threshold, got {template}")
+    raw, stem = toml_of(text), take.removesuffix(".h5")
+    for one in raw["stimuli"]:
+        if one.pop("made_from", "") or "source" in one:
+            one["source"] = f"{stem}.drive.h5"
+    return tomli_w.dumps(raw | {"title": f"Detection threshold of {stem} in midair"})
 
 
 def read_design(
@@ -329,17 +342,8 @@ def _entries(path: Path) -> list[dict[str, Any]]:
 
 def _append(path: Path, entry: dict[str, Any]) -> None:
     """Append one whole line and sync, or nothing: half a line would make the study unreadable."""
-    line = (json.dumps(entry) + "\n").encode()
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        try:
-            size = os.fstat(handle).st_size
-            if os.write(handle, line) < len(line):
-                os.ftruncate(handle, size)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        append_line(path, (json.dumps(entry) + "\n").encode())
     except OSError as wrong:
         raise FileError(
             f"{path}: cannot be written: {wrong.strerror or wrong}; the folder of a study lists the files derived "

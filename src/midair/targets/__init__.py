@@ -1,7 +1,6 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from .mapping import MAPPINGS as MAPPINGS
-from .mapping import MappingReport as MappingReport
 from .mapping import MappingStream as MappingStream
 from .mapping import SlowBias as SlowBias
 from .mapping import add_lead as add_lead
@@ -10,7 +9,6 @@ from .mapping import default_lead as default_lead
 from .mapping import frames_without_lead as frames_without_lead
 from .mapping import half_wave as half_wave
 from .mapping import mapping_of as mapping_of
-from .mapping import mapping_report as mapping_report
 from .mapping import precompensate as precompensate
 from .mapping import precompensate_sound as precompensate_sound
 from .mapping import remove_lead as remove_lead
@@ -23,3 +21,7 @@ from .preparing import interpolation_matrix as interpolation_matrix
 from .preparing import moved_interpolation as moved_interpolation
 from .preparing import prepare as prepare
 from .preparing import sensor_from_provenance as sensor_from_provenance
+from .receptors import PACINIAN as PACINIAN
+from .receptors import receptor_levels as receptor_levels
+from .receptors import receptor_pressure as receptor_pressure
+from .receptors import receptors as receptors

@@ -1,12 +1,13 @@
-"""How signed pressure is made positive, cell by cell, while it is recorded too, and what a mapping costs.
+"""How signed pressure is made positive, cell by cell, while it is recorded too.
 
-Radiation pressure is never negative (paper, 4.1). There are three mappings, each a pure function of (frame, ...) in Pa
-and the frame rate:
+Radiation pressure is never negative (paper, 4.1). There are four mappings, each a pure function of (frame, ...) in Pa
+and the frame rate; the last one is in `midair.targets.receptors`:
 
 - `half_wave`, the paper's: negative values are cut off. ``max(x, 0) = x/2 + |x|/2`` keeps half of the signal and adds
   harmonics.
 - `constant_offset`: adds the magnitude of each cell's minimum. Nothing is cut; every cell has pressure all the time.
 - `slow_bias`: adds an upper bound of the recent negative values, which changes too slowly to be felt as vibration.
+- `receptors`: replaces the waveform by its mean and vibrations of 30 and 150 Hz.
 
 The low-pass effect of frames and transducers is compensated too. Holding a frame and the envelope of a transducer both
 act on the amplitude of the sound. `precompensate_sound` inverts them there, at all frequencies: exact if the phase of
@@ -15,7 +16,7 @@ pressure. A lead before and after a recording lets it start without a step, and 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import cast
 
@@ -23,11 +24,12 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array
-from midair.dsp import Band, band_edges, band_window, filter_response
+from midair.dsp import Band, band_window, filter_response
 from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
+from midair.targets.receptors import receptors
 from midair.validation import one_of, positive
 
 
@@ -146,7 +148,7 @@ slow_bias = SlowBias()
 """The slow bias with a corner of 8 Hz, for a band from 20 Hz on."""
 
 MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
-    {"half-wave": half_wave, "constant-offset": constant_offset, "slow-bias": slow_bias}
+    {"half-wave": half_wave, "constant-offset": constant_offset, "slow-bias": slow_bias, "receptors": receptors}
 )
 """Mappings by name; each takes (frame, row, column) in Pa and the rate in Hz."""
 
@@ -175,6 +177,8 @@ class MappingStream:
         self, mapping: str, rate: float, *, offset: Array | float | None = None, band: tuple[float, float] | None = None
     ) -> None:
         chosen = mapping_of(mapping, band)
+        if chosen is receptors:
+            raise InputError("mapping: expected one of a single frame for a stream, or slow-bias, got receptors")
         if (mapping == "constant-offset") != (offset is not None):
             raise InputError(
                 "offset: expected one in Pa for constant-offset and none for the others, got "
@@ -211,79 +215,6 @@ class MappingStream:
         rest = self.push(held) if len(held) else self._last[:0]
         self._kept = self._last = None
         return rest
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MappingReport:
-    """Figures of one mapping of one recording, over all cells."""
-
-    mapping: str
-    gain: float
-    """Least-squares factor from the recorded to the mapped pressure, in the band."""
-    distortion_ratio: float
-    """Recorded part over all other parts of the mapped pressure in the band, in dB."""
-    wanted: float
-    """rms of the recorded part in the strongest cell over the highest mapped pressure."""
-    mean: float
-    """Mapped pressure averaged over time in the cell with the highest average, in Pa."""
-    peak: float
-    """Highest mapped pressure in Pa."""
-    on: float
-    """Fraction of frames that are not silent: with equal amplitudes the array is at full power in all of them."""
-    exposure: float
-    """Change of the mean sound level relative to the half-wave mapping with the same gain, in dB."""
-
-    def figures(self) -> dict[str, str | float]:
-        """All figures by name."""
-        return asdict(self)
-
-
-def mapping_report(pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = BAND) -> MappingReport:
-    """Compute the figures of a mapping for a recording at the rate at which it is mapped.
-
-    `band` (low, high) is that of the recorded part, in Hz. Raises InputError if the mapping is unknown.
-    """
-    x = pressure.pressure
-    pushed = mapping_of(mapping, band)(x, pressure.rate)
-    wanted, got = _in_band(x, pressure.rate, band), _in_band(pushed, pressure.rate, band)
-    power, gain = float((wanted**2).sum()), _gain(wanted, got)
-    rest = float(((got - gain * wanted) ** 2).sum())
-    peak = float(pushed.max())
-    # The half-wave mapping keeps about half of the recorded part, so it needs twice the pressure for the same gain.
-    cut = half_wave(x)
-    half = _gain(wanted, _in_band(cut, pressure.rate, band))
-    return MappingReport(
-        mapping=mapping,
-        gain=gain,
-        distortion_ratio=_decibels(gain**2 * power, rest),
-        wanted=float(gain * np.sqrt((wanted**2).mean(axis=0).max()) / peak) if peak else 0.0,
-        mean=float(pushed.mean(axis=0).max()),
-        peak=peak,
-        on=float(np.mean((pushed > 0).reshape(len(pushed), -1).any(axis=1))),
-        exposure=_decibels(float(pushed.sum()) * half, float(cut.sum()) * gain),
-    )
-
-
-def _gain(wanted: Array, got: Array) -> float:
-    """Least-squares factor from the recorded to the mapped pressure; 0 for silence."""
-    power = float((wanted**2).sum())
-    return float((wanted * got).sum()) / power if power else 0.0
-
-
-def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
-    edges = band_edges(band, rate)
-
-    def window(frequency: Array) -> Array:
-        return band_window(frequency, band, edges=edges).reshape(-1, *[1] * (x.ndim - 1))
-
-    # Two periods of the lower transition, which is half as wide as `low` and has the longest impulse response.
-    return filter_response(x, rate, window, reach=4 / band[0])
-
-
-def _decibels(signal: float, rest: float) -> float:
-    if signal <= 0:
-        return float("-inf") if rest > 0 else 0.0
-    return float(10 * np.log10(signal / rest)) if rest > 0 else float("inf")
 
 
 def precompensate(

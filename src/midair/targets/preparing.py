@@ -143,8 +143,8 @@ def prepare(
     ----------
     pressure : PressureFrames
         Calibrated pressure of the sensor's cells.
-    mapping : {"half-wave", "constant-offset", "slow-bias"}
-        How signed pressure is made positive, a name in `MAPPINGS`.
+    mapping : {"half-wave", "constant-offset", "slow-bias", "receptors"}
+        How signed pressure is made positive, a name in `MAPPINGS`; receptors expects a `circle` beside it.
     grid : ControlGrid, optional
         The control points; the paper's 16 x 16 at 11/3 mm if None.
     medium : Medium, optional

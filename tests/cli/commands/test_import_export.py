@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.drives import save_drive
 
 from midair.calibration import calibrate
 from midair.cli import run
-from midair.files import load, load_solution, open_take, save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.files import load, load_solution, open_take
+from midair.model import TransducerArray
 
 RNG = np.random.default_rng(0)
 
@@ -37,8 +38,7 @@ def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
 def test_a_drive_is_exported_with_phases_and_levels(answer, capsys, name):
     array, drive = TransducerArray.autd3(columns=1, rows=1), Path("a.drive.h5")
     phase, level = RNG.uniform(0, 6.28, (3, array.count)), RNG.uniform(0, 1, (3, array.count))
-    made = Drive(phase=phase, level=level, rate=1000.0, array=array)
-    save_solution(Solution(drive=made, error=np.zeros(3), iterations=np.ones(3), status=("converged",) * 3), drive)
+    save_drive(drive, phase, level, array=array)
     assert answer("export", str(drive), name)["written"] == name
     known = load_solution(drive).drive
     made = dict(np.load(name)) if name.endswith("z") else json.loads(Path(name).read_text())
@@ -48,6 +48,16 @@ def test_a_drive_is_exported_with_phases_and_levels(answer, capsys, name):
     assert (float(made["rate_hz"]), bool(made["simulated"])) == (known.rate, known.provenance.simulated)
     assert run(["export", str(drive), "a.csv"]) == 1
     assert "expected a name that ends in .npz or .json" in capsys.readouterr().err
+
+
+def test_chosen_channels_are_exported_as_flac(answer):
+    np.save("a.npy", RNG.normal(size=(300, 4, 4)))
+    assert run(["import", "a.npy", "a.h5", "--unit", "V", "--rate", "1kHz"]) == 0
+    told = answer("export", "a.h5", "a.flac", "--channels", "9,6")
+    assert "Calibration and places of the chosen channels were left out." in told["notes"]
+    back = load("a.flac")
+    assert (back.sensor.shape, back.provenance.steps[-1].settings) == ((1, 2), {"channels": (9, 6)})
+    np.testing.assert_allclose(back.samples[:, 0], load("a.h5").samples.reshape(300, 16)[:, [9, 6]], atol=2**-21)
 
 
 def test_a_very_short_file_is_imported_with_a_note(answer):

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.drives import save_drive
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.model import TransducerArray
 
 pytest.importorskip("autd3")
 pytestmark = pytest.mark.usefixtures("own_state")
@@ -23,10 +23,7 @@ ARRAY = TransducerArray.autd3()
 
 def make(name, frames=200):
     phase = np.random.default_rng(0).uniform(0, 6, (frames, ARRAY.count))
-    drive = Drive(phase=phase, level=np.full(frames, 0.008), rate=1000.0, array=ARRAY)
-    solved = {"error": np.zeros(frames), "iterations": np.ones(frames, int), "status": ("converged",) * frames}
-    save_solution(Solution(drive=drive, **solved), name)
-    return name
+    return save_drive(name, phase, 0.008)
 
 
 def exported(*options):

@@ -100,18 +100,3 @@ def test_budget_as_json_and_as_a_figure(capsys, one_line):
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
     assert run(["budget", "take.h5", "budget.png", *QUICK]) == 1
     assert "budget.png" in one_line()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        (["--device", "virtual", "--sensor", "lsl:Skin"], "since it has its own"),
-        (["--device", "pyautd3:audit"], "--sensor"),
-        (["--iterate", "-1"], "0 to 100"),
-        (["--lead", "20s"], "lead"),
-    ],
-)
-def test_what_makes_no_sense_is_one_line_and_leaves_no_report(wrong, words, one_line):
-    assert run(["loop", "take.h5", "none.html", *QUICK, *wrong]) == 1
-    assert words in one_line()
-    assert not Path("none.html").exists()

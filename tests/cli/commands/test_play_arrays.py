@@ -12,13 +12,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.drives import log, save_drive
 from tests.model.test_calibration import calibration
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.files import save_solution
-from midair.model import Drive, Provenance, Solution, TransducerArray
+from midair.model import Provenance, TransducerArray
 from midair.rig import keep_array_calibration
 
 pytest.importorskip("autd3")
@@ -34,20 +34,11 @@ def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
     rng = np.random.default_rng(0)
     phase, solved = rng.uniform(0, 6, (frames, array.count)), {"array_calibration": array.calibration_id}
     life = Provenance().then("solve", solved)
-    drive = Drive(phase=phase, level=np.full(frames, level), rate=rate, array=array, provenance=life)
-    solution = Solution(
-        drive=drive, error=np.zeros(frames), iterations=np.ones(frames, int), status=("converged",) * frames
-    )
-    save_solution(solution, name)
-    return name
+    return save_drive(name, phase, level, rate=rate, array=array, provenance=life)
 
 
 def said(capsys):
     return [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
-
-
-def log():
-    return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def test_a_quiet_drive_plays_with_a_timing_report(capsys):

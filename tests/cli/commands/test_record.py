@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import load, save, save_sensor
@@ -126,6 +127,23 @@ def test_ctrl_c_between_takes_prints_the_number_kept(capsys):
     stopper.join()
     assert capsys.readouterr().err.endswith("midair: stopped; kept 1 of 3 takes\n")
     assert [path.name for path in Path().glob("takes*")] == ["takes-01.h5"]
+
+
+@pytest.mark.long
+def test_a_virtual_hour_streams_and_sigterm_ends_it_at_once(capsys):
+    def stop():
+        wait_until(lambda: any(Path().glob("*hour*")))
+        ended.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    ended = []
+    (stopper := threading.Thread(target=stop)).start()
+    assert run(["record", "virtual:towel", "hour.h5", "--duration", "1h"]) == 130
+    assert time.monotonic() - ended[0] < 10
+    stopper.join()
+    kept = load("hour.h5").frames
+    assert 0 < kept < 600_000
+    assert capsys.readouterr().err.endswith(f"midair: stopped; {kept} frames are in hour.h5\n")
 
 
 @pytest.mark.slow

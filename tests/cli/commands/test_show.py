@@ -86,27 +86,6 @@ def test_no_browser_opens_without_a_screen(files, monkeypatch):
     assert opened == [(files / "take.show.html").resolve().as_uri()]
 
 
-@pytest.mark.parametrize(
-    ("line", "status", "said"),
-    [
-        ("nothing.h5", 1, "found none"),
-        ("take.h5 --save film.mov", 1, "expected a name that ends in .html"),
-        ("take.h5 --save nowhere/film.gif", 1, "nowhere"),
-        ("take.h5 --channel 16", 1, "channel: expected 0 to 15, got 16"),
-        ("take.drive.h5 --channel 1", 1, "expected a recording"),
-        ("take.drive.h5 --save wave.wav", 1, "expected a recording for a sound file"),
-        ("take.h5 --start-at 3s", 1, "expected a part of 0 to 0.2 s"),
-        ("raw.h5 --target", 1, "calibration"),
-    ],
-)
-def test_mistakes_are_one_line_and_leave_nothing(files, line, status, said, capsys):
-    before = sorted(files.iterdir())
-    assert run(["show", *line.split()]) == status
-    error = capsys.readouterr().err.strip().splitlines()
-    assert said in error[-1]
-    assert sorted(files.iterdir()) == before
-
-
 def test_without_ffmpeg_the_message_comes_before_the_work(files, monkeypatch, capsys):
     monkeypatch.setenv("PATH", str(files))
     assert run(["show", "take.h5", "--save", "film.mp4"]) == 1

@@ -1,5 +1,4 @@
 import hashlib
-import json
 import os
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drives import log as entries
 
 from midair.devices import ExposureChoices, VirtualArray, check_exposure, make_state_folder, state_folder
 from midair.devices.safety.play_log import close_orders, log_end, log_order
@@ -20,10 +20,6 @@ from midair.version import __version__
 REPORT = {"frames": 3, "duration": 0.003, "late": 1, "gap": 0.002, "start": 5, "silencer": "off"}
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
-
-
-def entries():
-    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def admitted(level, **choices):

@@ -56,6 +56,25 @@ def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
     assert len(save(whole, tmp_path / "a.wav")) == 1
 
 
+@pytest.mark.parametrize("unit", ["Pa", "count"])
+def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
+    """Integers of a converter come back as they are, other samples within half a step; other programs read the same."""
+    rng = np.random.default_rng(1)
+    samples = rng.integers(-(2**15), 2**15, (500, 2, 4)) if unit == "count" else recording.samples[:, :2, :4]
+    one = Recording(samples=samples, rate=1000 / 3, unit=unit, sensor=SensorGrid(rows=2))
+    lost = save(one, tmp_path / "a.flac")
+    back = load(tmp_path / "a.flac")
+    assert (back.rate, back.unit, back.sensor, back.provenance) == (one.rate, unit, one.sensor, one.provenance)
+    step = 2.0 ** (np.ceil(np.log2(np.abs(one.samples).max())) - 23)
+    assert np.abs(back.samples - one.samples).max() <= (0 if unit == "count" else step / 2)
+    assert f"rounded to 24 bits, steps of {step:.3g} {unit}" in str(lost)
+    heard, rate = soundfile.read(tmp_path / "a.flac", always_2d=True)
+    np.testing.assert_array_equal(heard * step * 2**23, back.samples.reshape(len(heard), -1))
+    assert rate == 333
+    with pytest.raises(MismatchError, match="leave scale out"):
+        load(tmp_path / "a.flac", scale=2.0)
+
+
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
     seen = open_take(foreign(subtype), unit="V")

@@ -12,13 +12,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.drives import log, save_drive
 from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.devices import VirtualArray, state_folder
 from midair.errors import InputError
-from midair.files import save_solution
-from midair.model import Acoustics, Drive, Placement, Solution
+from midair.model import Acoustics, Placement
 from midair.physics import Transducers
 from midair.rig import VirtualRig, checkup_line, default_exposure
 from midair.rig.doctor.wizard import (
@@ -40,10 +40,6 @@ SWITCH, SILENCE = 0x12, 0x16
 def stored(name="autd3:emulator"):
     path = state_folder() / f"checkup-{name.replace(':', '%3A')}.json"
     return {each["subject"]: each for each in json.loads(path.read_text(encoding="utf-8"))["checks"]}
-
-
-def log():
-    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def answered(monkeypatch, text):
@@ -134,9 +130,7 @@ def test_play_prints_the_age_of_the_report(tmp_path, monkeypatch, capsys):
     pytest.importorskip("autd3")
     monkeypatch.chdir(tmp_path)
     array = Placement.grid().array()
-    drive = Drive(phase=np.zeros((20, array.count)), level=np.full(20, 0.004), rate=1000.0, array=array)
-    solved = Solution(drive=drive, error=np.zeros(20), iterations=np.ones(20, int), status=("converged",) * 20)
-    save_solution(solved, "quiet.drive.h5")
+    save_drive("quiet.drive.h5", level=0.004, array=array)
     play = ["play", "quiet.drive.h5", "--device", "autd3:emulator"]
     assert run(play) == 0
     assert "checkup never: midair doctor" in " ".join(capsys.readouterr().out.split())

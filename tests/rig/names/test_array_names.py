@@ -26,11 +26,6 @@ from midair.solvers import solve
 ARRAY = TransducerArray.autd3()
 
 
-@pytest.fixture(autouse=True)
-def _state(tmp_path, monkeypatch):
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-
-
 @pytest.mark.parametrize(
     ("name", "simulated"),
     [

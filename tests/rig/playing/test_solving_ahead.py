@@ -1,6 +1,5 @@
 """A pressure is solved while it plays: nothing sounds unchecked, and an error anywhere ends in silence."""
 
-import json
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from tests.drives import log
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
@@ -57,10 +57,6 @@ def pressure(frames=800, rate=20.0):
 
 def loud(exposure, device=None):
     return OpenRig(array=device or Loud(ARRAY), sensor=None, settings=PlaySettings(exposure=exposure))
-
-
-def log():
-    return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def solver_that(does, monkeypatch):

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.drives import plan_of, save_drive
 
-from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
 from midair.studio import Studio, StudioPlan
 from midair.studio.panels.study_panel import PagePresenter
 from midair.study import Stimulus, StudyFolder, read_design, read_events
@@ -23,22 +22,12 @@ with warnings.catch_warnings():
 
 PORT = 8347
 ROOT = f"http://127.0.0.1:{PORT}"
-PLAN = """
-name = "long"
-participants = 1
-seed = 1
-stimuli = [{ name = "f", kind = "drive", source = "f.drive.h5", levels = { object = "one" } }]
-blocks = [{ name = "all", stimuli = ["f"], questions = ["which"] }]
-questions = [{ name = "which", kind = "choice", text = "Which?", options = ["one", "two"], truth = "object" }]
-"""
+PLAN = plan_of("f.drive.h5")
 
 
 def long_drive(folder):
     """A quiet drive of a minute and its digest, for a study plan."""
-    array, frames = TransducerArray.autd3(), 3000
-    drive = Drive(phase=np.zeros((frames, array.count)), level=np.full(frames, 0.001), rate=50.0, array=array)
-    solved = {"error": np.zeros(frames), "iterations": np.ones(frames), "status": ("converged",) * frames}
-    save_solution(Solution(drive=drive, **solved), folder / "f.drive.h5")
+    save_drive(folder / "f.drive.h5", frames=3000, rate=50.0)
     return {"f.drive.h5": hashlib.sha256((folder / "f.drive.h5").read_bytes()).hexdigest()}
 
 

@@ -95,6 +95,7 @@ def test_a_whole_session(plan, tmp_path):
     assert progress.next_trial == len(trials)
     assert len(progress.answers) == len(screen.asked)
     assert plan.design.consent in screen.seen
+    assert not any("Ctrl" in text for text in screen.seen), "the browser shows the same texts"
     assert "rest 60" in screen.seen
 
 

@@ -1,4 +1,3 @@
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +27,7 @@ DESIGNS = {  # within- and between-subject factors
 
 
 def read(name):
-    with open(HERE / f"{name}.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {column: [row[column] for row in rows] for column in rows[0]}
+    return pd.read_csv(HERE / f"{name}.csv", dtype=str, keep_default_na=False).to_dict("list")
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -213,10 +210,7 @@ TWO = {"value": "score", "participant": "participant"}
 
 @pytest.fixture
 def ratings():
-    with open(Path(__file__).parent / "anova" / "two_way.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return table | {"score": table["score"].astype(float)}
+    return pd.read_csv(HERE / "two_way.csv")
 
 
 def test_only_the_order_of_each_persons_answers_counts(ratings):
@@ -224,7 +218,7 @@ def test_only_the_order_of_each_persons_answers_counts(ratings):
     level = {who: i for i, who in enumerate(np.unique(ratings["participant"]))}
     scale = np.array([1 + level[who] for who in ratings["participant"]])
     bent = np.exp(ratings["score"]) * scale
-    other = ordinal_check(ratings | {"score": bent}, **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
+    other = ordinal_check(ratings.assign(score=bent), **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
     assert other["F"].tolist() == pytest.approx(plain["F"].tolist())
     assert other["p_sign"].tolist() == plain["p_sign"].tolist()
     assert plain["effect"].tolist() == ["surface", "object", "surface:object"]

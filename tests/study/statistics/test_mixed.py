@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pandas import read_csv
 
 from midair.errors import InputError
 from midair.study import cumulative_mixed, logistic_mixed, rm_anova
@@ -13,10 +14,7 @@ WITHIN = ["surface", "object"]
 
 @pytest.fixture
 def choices():
-    with open(Path(__file__).parent / "mixed" / "choices.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return table | {"correct": table["correct"].astype(float)}
+    return read_csv(Path(__file__).parent / "mixed" / "choices.csv")
 
 
 def sizes(name):
@@ -86,16 +84,16 @@ def test_f_is_that_of_a_linear_model_where_trials_are_many():
 def test_invalid_tables_are_refused(choices):
     options = {"correct": "correct", "participant": "participant", "within": ["surface"]}
     with pytest.raises(InputError, match="only 1"):
-        logistic_mixed(choices | {"correct": np.ones(len(choices["correct"]))}, **options)
+        logistic_mixed(choices.assign(correct=1.0), **options)
     with pytest.raises(InputError, match="expected 0 and 1"):
-        logistic_mixed(choices | {"correct": choices["correct"] + 1}, **options)
+        logistic_mixed(choices.assign(correct=choices["correct"] + 1), **options)
     with pytest.raises(InputError, match="two or more"):
-        logistic_mixed(choices | {"participant": ["me"] * len(choices["correct"])}, **options)
+        logistic_mixed(choices.assign(participant="me"), **options)
 
 
 def test_a_cell_with_only_correct_answers_has_a_note(choices):
     correct = np.where(choices["object"] == "brush", 1.0, choices["correct"])
-    changed = choices | {"correct": correct}
+    changed = choices.assign(correct=correct)
     table = logistic_mixed(changed, correct="correct", participant="participant", within=["object"])
     assert np.isfinite(table["p"]).all()
     assert "unreliable" in table["note"][0]

@@ -193,7 +193,7 @@ def _errors(covariance: Array, response: Complex, *, alone: bool) -> Array:
     return np.sqrt(np.stack([along, across, variance[2], variance[3]]))
 
 
-_SWEEPS = 2
+_QUICK_SWEEPS = 2
 """Fits of each group; the calibration is a close start."""
 
 
@@ -266,7 +266,7 @@ def check_array(
         slopes=[],
     )
     fit.slopes = [fit.slope(group) for group in groups]
-    for _ in range(_SWEEPS):
+    for _ in range(_QUICK_SWEEPS):
         for group in groups:
             fit.step(group)
         fit.balance()

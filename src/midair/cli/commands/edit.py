@@ -10,15 +10,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from midair import recordings
-from midair.cli.import_options import parse_names, parsed, resampled
+from midair.cli.import_options import ChannelNumbers, channel_numbers, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
 from midair.cli.output import may_write, print_written, recording_figures, recording_rows
 from midair.errors import InputError
 from midair.files import contents, open_take, save
 from midair.model import Recording
 from midair.settings import MOST_GAIN
-
-Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
 
 def cut_command(
@@ -122,7 +120,7 @@ def gain_command(
     /,
     *,
     by: Annotated[str, Parameter(allow_leading_hyphen=True)],
-    channels: Names = (),
+    channels: ChannelNumbers = (),
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -154,7 +152,7 @@ def gain_command(
             raise InputError(f"--by: expected a factor other than 0, up to {MOST_GAIN:g} or 60dB, got {by}{weaker}")
         recording = takes[0]
         factors = np.ones(recording.sensor.count)
-        factors[list(_numbers(channels, recording)) or slice(None)] = factor
+        factors[list(channel_numbers(channels, recording)) or slice(None)] = factor
         return recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
 
     _edit([source], output, louder, force=force, json=json)
@@ -191,7 +189,7 @@ def mask_command(
     output: Output,
     /,
     *,
-    channels: Names,
+    channels: ChannelNumbers,
     fill: recordings.Fill = "zero",
     force: Force = False,
     json: Json = False,
@@ -211,7 +209,7 @@ def mask_command(
     """
 
     def masked(takes: list[Recording]) -> Recording:
-        return recordings.mask(takes[0], _numbers(channels, takes[0]), fill=fill)
+        return recordings.mask(takes[0], channel_numbers(channels, takes[0]), fill=fill)
 
     _edit([source], output, masked, force=force, json=json)
 
@@ -243,11 +241,3 @@ def _edit(
     lost = save(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
     print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
-
-
-def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
-    count = recording.sensor.count
-    wrong = [name for name in names if not name.isdecimal() or int(name) >= count]
-    if wrong:
-        raise InputError(f"channels: expected comma-separated numbers from 0 to {count - 1}, got {', '.join(wrong)}")
-    return tuple(int(name) for name in names)

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from midair.cli.console import out, print_rows
-from midair.cli.import_options import FileOptions, calibration_from_options, import_recording, scale_by
+from midair.cli.import_options import (
+    ChannelNumbers,
+    FileOptions,
+    calibration_from_options,
+    channel_numbers,
+    import_recording,
+    scale_by,
+)
 from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
 from midair.cli.output import (
     as_recording,
@@ -35,7 +42,7 @@ from midair.files import (
     write_file,
     writer_of,
 )
-from midair.recordings import GapFill, Mending
+from midair.recordings import GapFill, Mending, select
 
 
 def import_command(
@@ -182,7 +189,14 @@ SHORT = 0.02
 
 
 def export_command(
-    source: Source, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
+    source: Source,
+    output: Path,
+    /,
+    *,
+    pressure: bool = False,
+    channels: ChannelNumbers = (),
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Convert a recording or a drive to another file format.
 
@@ -191,14 +205,18 @@ def export_command(
     Parameters
     ----------
     output
-        File to write: NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG), .ahap (Apple), .haptic (Meta) or .h5.
+        File to write: NAME.csv, .wav, .flac (at most 8 channels), .npz, .mat, .nc (NetCDF), .hjif (MPEG), .ahap
+        (Apple), .haptic (Meta) or .h5.
         For a drive NAME.npz or NAME.json: phase in rad and level of every transducer in every frame.
     pressure
         Write the calibrated pressure instead of the raw samples.
+    channels
+        Write only these channels, as one row of cells: numbers from 0, separated by commas.
 
     Examples
     --------
     $ midair export take.h5 take.csv
+    $ midair export take.rerecorded.h5 felt.flac --channels 5,6
     $ midair export take.drive.h5 take.npz
     """
     if source.name.lower().endswith(DRIVE_SUFFIX):
@@ -212,9 +230,13 @@ def export_command(
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")
         recording, calibration, made = as_recording(made), None, None
+    notes = ()
+    if channels:
+        recording = select(recording, channel_numbers(channels, recording))
+        calibration, made, notes = None, None, ("Calibration and places of the chosen channels were left out.",)
     lost = save(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    return print_written(rows, dict(rows), (), lost, simulated=recording.provenance.simulated, json=json)
+    return print_written(rows, dict(rows), notes, lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> None:

@@ -1,5 +1,6 @@
 """Safety: one program per device, a log, a channel through which another terminal stops playback, a guard process."""
 
+from .lock_files import append_line as append_line
 from .lock_files import make_state_folder as make_state_folder
 from .lock_files import state_folder as state_folder
 from .play_log import Ending as Ending

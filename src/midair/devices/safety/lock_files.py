@@ -126,6 +126,19 @@ def open_no_link(path: Path, flags: int) -> int:
         raise
 
 
+def append_line(path: Path, line: bytes) -> None:
+    """Append one whole line and sync, or nothing, readable for this user only; raises OSError."""
+    handle = open_no_link(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    try:
+        # A single write, so that lines of two programs do not mix; on a full disk it stores a part and raises no error.
+        if (taken := os.write(handle, line)) < len(line):
+            os.ftruncate(handle, os.lseek(handle, 0, os.SEEK_CUR) - taken)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 def holder() -> dict[str, object]:
     """Number, command, start time and user of this process."""
     return {

@@ -1,6 +1,5 @@
 """The log of playback: time, drive, exposure and outcome, one line of JSON per event, append-only."""
 
-import errno
 import hashlib
 import json
 import math
@@ -16,9 +15,9 @@ import numpy as np
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.safety.lock_files import (
     LockFile,
+    append_line,
     command,
     make_state_folder,
-    open_no_link,
     state_folder,
     token,
     user,
@@ -257,18 +256,8 @@ def _number(value: float) -> float | None:
 def _append(entry: dict[str, object]) -> None:
     path = make_state_folder() / LOG
     text = json.dumps({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **entry}, default=str) + "\n"
-    line = text.encode()
     try:
-        # A single write, so that lines of two programs do not mix; readable for this user only.
-        handle = open_no_link(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-        try:
-            if (taken := os.write(handle, line)) < len(line):
-                # On a full disk, write() stores a part and raises no error.
-                os.ftruncate(handle, os.lseek(handle, 0, os.SEEK_CUR) - taken)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        append_line(path, text.encode())
     except OSError as wrong:
         raise _unusable(path, wrong) from wrong
 

@@ -25,11 +25,12 @@ from midair.errors import BrokenFileError, InputError, NonFiniteError
 from midair.files.atomic import atomic_file, write_file
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
-from midair.files.text_files import is_number, read_text, without_formulas
+from midair.files.text_files import read_text, without_formulas
 from midair.files.timestamps import to_fixed_rate
 from midair.model import Calibration, PalmPath, Recording, SensorGrid, Unit
 from midair.progress import report_progress
 from midair.streaming import blocks
+from midair.validation import is_number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

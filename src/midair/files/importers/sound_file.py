@@ -1,6 +1,6 @@
 """Sound files (WAV, RF64, Wave64, FLAC, AIFF, Ogg, MP3): one audio channel per cell, full scale 1.
 
-midair writes WAV and stores its header in a chunk that other programs skip.
+midair writes WAV and FLAC, and stores its header in a chunk or a comment that other programs skip.
 
 RIFF: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters,
 the length of its content as a little-endian uint32, and the content, padded to an even length. RF64 (ITU-R BS.2088): as
@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 import numpy as np
 
@@ -123,25 +123,52 @@ _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 
 def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write float64 divided by the power of two above the peak, without rounding; at most 1024 cells and 4 GB."""
-    import soundfile
-
-    cells = recording.sensor.count
-    if cells > 1024:
-        raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
+    """Write float64 without rounding; at most 1024 cells and 4 GB."""
+    if recording.sensor.count > 1024:
+        raise FileError(
+            f"{path}: a WAV holds up to 1024 channels, got a sensor of {recording.sensor.count}; save to .h5"
+        )
     # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
-    # Rates in WAV are integers; midair's header stores the exact rate.
-    rate = max(1, round(recording.rate))
+    return _write(recording, path, calibration, "WAV")
+
+
+def write_flac(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write integers of 24 bits; at most 8 cells and 655,350 Hz (RFC 9639)."""
+    if recording.sensor.count > 8 or recording.rate > 655_350:
+        raise FileError(
+            f"{path}: a FLAC holds up to 8 channels of up to 655350 Hz, got {recording.sensor.count} of "
+            f"{recording.rate:g} Hz; choose some with --channels 5,6, or save to .wav"
+        )
+    return _write(recording, path, calibration, "FLAC")
+
+
+def _write(
+    recording: Recording, path: Path, calibration: Calibration | None, form: Literal["WAV", "FLAC"]
+) -> tuple[FormatLoss, ...]:
+    """Write the samples divided by the power of two above the peak, and midair's header."""
+    import soundfile
+
+    # Sound files have integer rates; midair's header stores the exact rate.
+    rate, most = max(1, round(recording.rate)), 2**23 - 1
     exponent = int(np.frexp(moments(recording.samples).largest)[1])
+    header = header_of(recording, scale_exponent=exponent)
+    subtype = "DOUBLE" if form == "WAV" else "PCM_24"
     with atomic_file(path) as partial:
         check_disk_space(partial.parent, recording.samples.nbytes, path)
-        with soundfile.SoundFile(partial, "w", rate, cells, subtype="DOUBLE", format="WAV") as file:
+        with soundfile.SoundFile(partial, "w", rate, recording.sensor.count, subtype=subtype, format=form) as file:
+            if form == "FLAC":
+                file.comment = header
             for block in blocks(recording.samples):
-                file.write(np.ldexp(block, -exponent).reshape(len(block), cells))
-        append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
-    return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
+                part = np.ldexp(block, -exponent).reshape(len(block), -1)
+                if form == "FLAC":
+                    # The upper 24 of 32 bits, since libsndfile would multiply numbers by 2^23 - 1.
+                    part = np.clip(np.rint(part * 2**23), -most, most).astype(np.int32) << 8
+                file.write(part)
+        if form == "WAV":
+            append_chunk(partial, header.encode("ascii"))
+    return (*_losses(form, recording, rate, exponent), *calibration_lost(calibration, form))
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
@@ -160,7 +187,12 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         samples: Any = _lazy_samples(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
         return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
-    parsed = parse_header(header.decode("ascii"), path)
+    return _own(header.decode("ascii"), samples, given, path)
+
+
+def _own(header: str, samples: Any, given: ImportOptions, path: Path) -> OpenedTake:
+    """The recording of a file that midair wrote."""
+    parsed = parse_header(header, path)
     exponent = parsed["scale_exponent"]
     recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)
     given.check(recording, path)
@@ -212,13 +244,15 @@ def _counts(subtype: str, path: Path) -> tuple[float, str]:
     return 1.0, f"Samples of {subtype} were not scaled."
 
 
-def _losses(recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss, ...]:
+def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterator[FormatLoss]:
+    if rate != recording.rate:
+        text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
+        yield FormatLoss(what="rate", text=text)
     text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads this factor, the sensor and the provenance."
-    scale = FormatLoss(what="scale", text=text)
-    if rate == recording.rate:
-        return (scale,)
-    text = f"WAV holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
-    return (FormatLoss(what="rate", text=text), scale)
+    yield FormatLoss(what="scale", text=text)
+    if form == "FLAC":
+        text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - 23):.3g} {recording.unit}."
+        yield FormatLoss(what="waveform", text=text)
 
 
 WAV = Format(name="WAV", read=read_wav, write=write_wav)
@@ -236,12 +270,15 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
 
     with soundfile.SoundFile(path) as file:
         form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
+        comment = file.comment
         if form not in _FORMATS:
             raise BrokenFileError(f"{path}: expected one of {', '.join(_FORMATS)}, got {form}")
         samples: Any = file.read(dtype="float64", always_2d=True)
     # The decoder only estimates the length of an MP3.
     if form != "MP3" and len(samples) < promised:
         raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
+    if form == "FLAC" and '"midair recording"' in comment:
+        return _own(comment, samples, given, path)
     found = sound_of(samples, subtype, rate, given, path, form=form)
     if subtype in _LOSSY:
         lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."
@@ -249,7 +286,7 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
     return found.resolve(given, path)
 
 
-FLAC = Format(name="FLAC", read=read_sound)
+FLAC = Format(name="FLAC", read=read_sound, write=write_flac)
 AIFF = Format(name="AIFF", read=read_sound)
 OGG = Format(name="Ogg", read=read_sound)
 MP3 = Format(name="MP3", read=read_sound)

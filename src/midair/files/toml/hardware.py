@@ -67,9 +67,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import scipy
 import tomli_w
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files.atomic import write_file
@@ -215,7 +215,7 @@ def load_tracker(path: PathLike) -> TrackerPlacement:
 
     def placement(keys: TrackerSheet) -> TrackerPlacement:
         return TrackerPlacement(
-            rotation=Rotation.from_euler("xyz", keys.rotation_deg, degrees=True).as_matrix(),
+            rotation=scipy.spatial.transform.Rotation.from_euler("xyz", keys.rotation_deg, degrees=True).as_matrix(),
             offset=np.array(keys.offset_mm) * 1e-3,
             uncertainty=keys.uncertainty_mm * 1e-3,
         )
@@ -225,7 +225,7 @@ def load_tracker(path: PathLike) -> TrackerPlacement:
 
 def save_tracker(placement: TrackerPlacement, path: PathLike) -> None:
     """Write the placement of a tracker atomically. Raises FileError if the file cannot be written."""
-    turns = Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True)
+    turns = scipy.spatial.transform.Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True)
     lines = [
         f"rotation_deg = [{', '.join(f'{turn:.6f}' for turn in turns)}]",
         f"offset_mm = [{', '.join(f'{1e3 * place:.4f}' for place in placement.offset)}]",

@@ -228,6 +228,8 @@ def loop(
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
             return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     check_passes(corrections, iterate)
+    if chosen.target.mapping == "receptors":
+        raise InputError("mapping: expected one that keeps the waveform in a loop, got receptors; use slow-bias")
     if chosen.target.ears is not None:
         raise InputError(
             f"ears: expected none in a loop, which finds the level itself, got {chosen.target.ears:g}; use --profile "

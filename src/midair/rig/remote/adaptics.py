@@ -24,7 +24,7 @@ from websockets.asyncio.server import Request, Response, ServerConnection
 from midair.array_types import Array
 from midair.devices import Tracker, check_exposure_steered, intensity_bytes, phase_bytes
 from midair.errors import InputError, MidairError
-from midair.model import Drive
+from midair.model import Drive, PalmPath
 from midair.patterns import AdapticsPattern, Evaluated, Foci, draw_parts, read_adaptics
 from midair.physics import PoseBox
 from midair.rig.names import open_tracker
@@ -149,14 +149,17 @@ class Stream:
             moved = np.column_stack([points[:, :3], np.ones(len(points))]) @ self.transform.T
             place = 1e-3 * moved[:, :3] / moved[:, 3:]
         pressure = self._pressure * np.clip(points[:, 3], 0, 1)
-        if self.follows and self.tracker is not None:
-            palm = self.tracker.newest()
-            if palm is None or time.monotonic() - palm.time[-1] > PATIENCE:
-                pressure = 0 * pressure
-            else:
-                place = place * [1, 1, 0] + palm.centre[-1]
+        if self.follows:
+            palm = self.palm()
+            pressure = 0 * pressure if palm is None else pressure
+            place = place if palm is None else place * [1, 1, 0] + palm.centre[-1]
         inside = ((place >= PLACES[0]) & (place <= PLACES[1])).all(axis=1)
         return np.where(inside[:, None], place, PLACES.mean(axis=0)), np.where(inside, pressure, 0.0)
+
+    def palm(self) -> PalmPath | None:
+        """The newest pose of the palm; None without one of the last `PATIENCE` s."""
+        palm = None if self.tracker is None else self.tracker.newest()
+        return None if palm is None or time.monotonic() - palm.time[-1] > PATIENCE else palm
 
     def _drawn(self, place: Array, pressure: Array) -> Drive:
         foci = Foci(position=place[:, None], pressure=pressure[:, None], rate=RATE)
@@ -169,6 +172,18 @@ def _told(point: Evaluated) -> dict[str, Any]:
     coords, (last, offset) = dict(zip("xyz", point.place, strict=True)), point.state
     told = {"ul_control_point": {"coords": coords, "intensity": point.intensity}, "pattern_time": point.time}
     return told | {"stop": point.stop, "next_eval_params": {"last_eval_pattern_time": last, "time_offset": offset}}
+
+
+def _hand(palm: PalmPath | None) -> dict[str, Any]:
+    """A palm as the engine of AdapTics reports a hand; its fingers, which are not tracked, have no size."""
+    if palm is None:
+        return {"hand": None}
+    place, normal, direction = (
+        dict(zip("xyz", each[-1].tolist(), strict=True)) for each in (1e3 * palm.centre, palm.normal, palm.fingers)
+    )
+    bones = 4 * [{"start": place, "end": place, "width": 0.0}]
+    shown = {"position": place, "width": 85.0, "normal": normal, "direction": direction}
+    return {"hand": {"chirality": "Right", "palm": shown, "digits": 5 * [{"bones": bones}]}}
 
 
 class DesignerServer(Server):
@@ -198,11 +213,14 @@ class DesignerServer(Server):
 
     def text(self, name: str, found: dict[str, Any]) -> str:
         """A message to the Designer, which ignores answers."""
-        return json.dumps({"cmd": name if name == "playback_update" else "ignoreme", "data": found})
+        return json.dumps({"cmd": name if name in ("playback_update", "tracking_data") else "ignoreme", "data": found})
 
     def send_states(self, state: dict[str, Any]) -> None:
-        """Send the evaluated points in place of a state."""
+        """Send the evaluated points, and the palm if it is tracked, in place of a state."""
         del state
+        if self._stream.tracker is not None:
+            for client in self._clients.values():
+                client.send("tracking_data", {"tracking_frame": _hand(self._stream.palm())})
         evals = [self._stream.evals.popleft() for _ in range(len(self._stream.evals))]
         for client in self._clients.values() if evals else ():
             client.send("playback_update", {"evals": evals})

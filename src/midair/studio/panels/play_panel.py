@@ -28,7 +28,8 @@ from midair.settings import EARS, Mode
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
-from midair.studio.takes_list import TakesList
+from midair.studio.take_data import stamp_of
+from midair.studio.takes_list import TakesList, take_of
 from midair.studio.work import SolveRequest
 from midair.studio.worker_process import WorkerProcess
 
@@ -44,7 +45,7 @@ class SolveForm(Arguments):
 
     take: str = Field(max_length=1000)
     mode: Mode = "best"
-    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
+    mapping: Literal["half-wave", "constant-offset", "slow-bias", "receptors"] | None = None
     method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
     level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
     gain: float | None = Field(default=None, gt=0, le=100)
@@ -84,6 +85,8 @@ class PlayNow(Arguments):
     """Play a checked drive, after the button was held."""
 
     admission: int
+    loop: bool = False
+    """Play until STOP, without a re-recording; a drive that is solved meanwhile is played from the next pass."""
 
 
 class PlayPanel:
@@ -119,7 +122,9 @@ class PlayPanel:
         self._closed = False
         self._controls = 0
         self._opening: asyncio.Future[None] | None = None
-        self._checked: dict[int, tuple[str, float, Medium | None]] = {}
+        self._checked: dict[int, tuple[CheckExposure, float, Medium | None]] = {}
+        self.newest = ""
+        """Name of the drive that was solved last."""
         self._stops = self.permit.stops
         self.played: list[Any] = []
         self.request: Callable[[SolveForm, str], SolveRequest] | None = None
@@ -184,6 +189,10 @@ class PlayPanel:
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
         """Check the exposure of a drive and return it."""
+        self._busy()
+        return await self._admit(order)
+
+    async def _admit(self, order: CheckExposure) -> Any:
         drive = self._takes.beside(order.take, ".drive.h5")
         solve = None
         if not drive.exists():
@@ -192,7 +201,6 @@ class PlayPanel:
             solve = self.request(order.solve, order.take)
         if order.correct_air and self._air.medium is None:
             raise InputError("phases: expected the air of the room to correct them for, got none; state it first")
-        self._busy()
         if self._state["state"] == "failed":
             await self._open()
         # The air of the check; another one may be stated while it is made.
@@ -213,7 +221,7 @@ class PlayPanel:
         )
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
-        self._checked = {found["number"]: (order.take, found["solved_c"], room)} if found["number"] else {}
+        self._checked = {found["number"]: (order, found["solved_c"], room)} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
 
@@ -228,18 +236,42 @@ class PlayPanel:
         return await self._player.ask("unfollow")
 
     async def play(self, page: Page, order: PlayNow) -> Any:
-        """Arm and play; answers when it is over."""
+        """Arm and play; answers when it is over, which a loop is after a STOP or an error."""
         self._busy()
         self._seen(page)
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
-        take, solved, room = self._checked.pop(order.admission)
-        self.check_same_air(room)
+        self.newest, stops, number = "", self.permit.stops, order.admission
+        while True:
+            check, solved, room = self._checked[number]
+            self.check_same_air(room)
+            if not order.loop:
+                del self._checked[number]
+                return await self._once(page, check.take, solved, number)
+            drive = self._takes.beside(check.take, ".drive.h5")
+            stamp, how = stamp_of(drive), {"output": "", "masked": False, "waits": True, "keep": True}
+            await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
+            newer = self.newest if take_of(self.newest) == take_of(check.take) else check.take
+            if newer != check.take or stamp_of(drive) != stamp:
+                # Nothing else may play while the new drive is checked.
+                self._show(state="plays", said="checks the exposure of the new drive")
+                try:
+                    found = await self._admit(check.model_copy(update={"take": newer}))
+                finally:
+                    self._show(state="ready")
+                if not found["number"]:
+                    raise ExposureError(found["refused"])
+                number = found["number"]
+            if self.permit.stops != stops:
+                raise StoppedError("play: stopped on request")
+            self._seen(page)
+
+    async def _once(self, page: Page, take: str, solved: float, number: int) -> dict[str, Any]:
+        """Play a checked drive, and replace the re-recording beside it if the array is virtual."""
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
-        report = await self._sound(
-            page, take, "play", solved=solved, admission=order.admission, output=str(partial), masked=False, waits=True
-        )
+        how = {"admission": number, "output": str(partial), "masked": False, "waits": True}
+        report = await self._sound(page, take, "play", solved=solved, **how)
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name

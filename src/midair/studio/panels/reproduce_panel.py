@@ -70,8 +70,10 @@ class ExportForm(TakeNamed):
 
     of: Literal["", "drive", "rerecorded"] = ""
     ending: Literal[
-        ".csv", ".wav", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
+        ".csv", ".wav", ".flac", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
     ]
+    channel: int = Field(default=0, ge=0)
+    """The channel of a FLAC, which cannot hold those of a whole sensor."""
 
 
 class JobNumber(Arguments):
@@ -93,6 +95,7 @@ class ReproducePanel(Panel):
         self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
         store = context.store
         store.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        store.offer("reproduce", "list", lambda _, __: context.show_takes(), watchers=True)
         store.offer("reproduce", "drives", self.drives, TakeNamed, watchers=True)
         store.offer("reproduce", "solve", self.solve, SolveForm)
         store.offer("reproduce", "rename", self.rename, NewName)
@@ -238,9 +241,8 @@ class ReproducePanel(Panel):
             number += 1
             target = folder / f"{stem}-{number}{order.ending}"
         film = order.ending in (".html", ".gif", ".mp4")
-        words = (
-            ("show", str(path), "--no-browser", "--save", str(target)) if film else ("export", str(path), str(target))
-        )
+        words = ("show", "--no-browser", str(path), "--save") if film else ("export", str(path))
+        words = (*words, str(target), *(("--channels", str(order.channel)) if order.ending == ".flac" else ()))
         ended = self._exported(target)
         return {"job": self._jobs.add(f"export {target.name}", run_words, words, room="reproduce", ended=ended).number}
 
@@ -358,6 +360,7 @@ class ReproducePanel(Panel):
             if job.title == title and job.state == "done":
                 # The comparison was made with the previous drive.
                 self._takes.comparison_path(take).unlink(missing_ok=True)
+                self._context.playing.newest = take
             self._solved(job)
 
         return ended

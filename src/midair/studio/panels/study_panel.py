@@ -179,8 +179,11 @@ class StudyPanel(Panel):
         if path.exists():
             raise InputError(f"{order.name}: expected a new name, this one exists already")
         takes = tuple(str(self._folder.find(take)) for take in order.takes)
-        if takes and (len(takes) < 2 or not order.questions):
-            got = f"{len(takes)} and {len(order.questions)}"
+        got = f"{len(takes)} and {len(order.questions)}"
+        if takes and order.template == "detection":
+            if len(takes) > 1 or order.questions:
+                raise InputError(f"study: expected one take and no question for a threshold, got {got}")
+        elif takes and (len(takes) < 2 or not order.questions):
             raise InputError(f"study: expected two or more takes and one or more questions, got {got}")
         request = StudyRequest(path=str(path), takes=takes, **order.model_dump(exclude={"name", "takes"}))
         return self._job(f"draw the study {order.name}", draw_study, request)

@@ -100,11 +100,11 @@ link.on("control", (control) => {
   if (!link.page) return;
   if (control.asking && link.controls) {
     banner(`Page ${control.asking} requests control.`,
-      make("button", { type: "button", onclick: () => tried(link.order("control", "give")) }, "Give control"),
-      make("button", { type: "button", onclick: () => tried(link.order("control", "refuse")) }, "Keep control"));
+      make("button", { type: "button", title: "This page then only watches", onclick: () => tried(link.order("control", "give")) }, "Give control"),
+      make("button", { type: "button", title: "The other page goes on watching", onclick: () => tried(link.order("control", "refuse")) }, "Keep control"));
   } else if (!link.controls) {
     banner(control.holder ? "This page may only watch: another page has control. STOP works here too." : "No page has control.",
-      make("button", { type: "button", id: "take-control", onclick: async () => { if ((await tried(link.order("control", "take"))) === false) toast("Something plays: the other page must consent first"); } }, "Take control"));
+      make("button", { type: "button", id: "take-control", title: "Asks the other page first while something plays", onclick: async () => { if ((await tried(link.order("control", "take"))) === false) toast("Something plays: the other page must consent first"); } }, "Take control"));
   } else banner("");
   studio.room?.control?.();
 });
@@ -115,7 +115,7 @@ by("banner").after(heatWarning(link, "hot"));
 function dialogOf(id, title, ...children) {
   const dialog = by(id);
   dialog.replaceChildren(make("h2", { id: `${id}-title` }, title), ...children,
-    make("div.buttons", {}, make("button", { type: "button", onclick: () => dialog.close() }, "Close")));
+    make("div.buttons", {}, make("button", { type: "button", title: "Back to the panel", onclick: () => dialog.close() }, "Close")));
   openModal(dialog, link);
   return dialog;
 }
@@ -123,11 +123,23 @@ function help() {
   dialogOf("help", "Keys", make("table", {}, make("tbody", {}, ...TABLE.map(([key, does]) => make("tr", {}, make("th", { scope: "row" }, key), make("td", {}, does))))));
 }
 function showCode(title, commands, python) {
-  const part = (name, text) => [make("h3", {}, name), make("pre", { tabIndex: 0 }, text), make("button", { type: "button", onclick: () => navigator.clipboard.writeText(text).then(() => toast("copied")) }, `Copy ${name.toLowerCase()}`)];
+  const part = (name, text) => [make("h3", {}, name), make("pre", { tabIndex: 0 }, text), make("button", { type: "button", title: "For a terminal or a script", onclick: () => navigator.clipboard.writeText(text).then(() => toast("copied")) }, `Copy ${name.toLowerCase()}`)];
   dialogOf("code", title, ...part("Commands", commands), ...part("Python", python));
 }
 
 by("stop").addEventListener("click", stop);
+/** The help of the control that has the focus, beside it; a title is a description for screen readers. */
+function hinted() {
+  const hint = by("hint"), target = document.activeElement;
+  hint.textContent = target?.matches(":is(button, input, select, textarea, summary):focus-visible") ? target.title : "";
+  hint.hidePopover();
+  if (!hint.textContent) return;
+  hint.showPopover(); // above an open dialog
+  const { left, top, bottom } = target.getBoundingClientRect(), { offsetWidth: wide, offsetHeight: high } = hint;
+  hint.style.left = `${Math.max(8, Math.min(left, innerWidth - wide - 8))}px`;
+  hint.style.top = `${bottom + 6 + high < innerHeight ? bottom + 6 : top - 6 - high}px`;
+}
+for (const kind of ["focusin", "focusout", "scroll"]) addEventListener(kind, () => setTimeout(hinted), true); // after the focus has moved
 listen({
   stop, help,
   room: (index) => { const name = Object.keys(ROOMS)[index]; if (name) location.hash = [...by("rooms").children].find((tab) => tab.dataset.room === name).hash; },
@@ -137,6 +149,7 @@ listen({
   transport: () => studio.room?.transport,
 });
 addEventListener("hashchange", show);
+addEventListener("focus", () => tried(link.order("reproduce", "list"))); // a command may have written files
 show();
 export { stop };
 globalThis.studio = studio; // for the browser's developer tools

@@ -23,10 +23,11 @@ export function panel(title, aside, ...children) {
   return made;
 }
 
-/** A control with its label. */
-export function field(label, control) {
+/** A control with its label and one line of help, which the title shows. */
+export function field(label, control, help = control.title) {
   control.id ||= `f-${++field.count}`;
-  return make("div.field", {}, make("label", { htmlFor: control.id }, label), control);
+  control.title = help;
+  return make("div.field", {}, make("label", { htmlFor: control.id, title: help }, label), control);
 }
 field.count = 0;
 
@@ -60,6 +61,6 @@ export const playable = (player) => ["ready", "failed"].includes(player?.state);
 /** Open a dialog over the page. It has a STOP of its own while something plays, since the page behind it cannot be pressed. */
 export function openModal(dialog, link) {
   dialog.querySelector(".stop")?.remove();
-  dialog.append(make("button.stop", { type: "button", onclick: () => tried(link.stop()) }, "STOP ", make("kbd", {}, "Esc")));
+  dialog.append(make("button.stop", { type: "button", title: "Silences the array at once", onclick: () => tried(link.stop()) }, "STOP ", make("kbd", {}, "Esc")));
   dialog.showModal();
 }

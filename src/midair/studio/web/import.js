@@ -39,12 +39,11 @@ export function importFile(link, file) {
     input.value = control instanceof Node ? (name === "footprint" && wave ? "circle" : "") : name === "scale" && !wave ? "" : control;
     input.addEventListener("change", () => show());
     inputs[name] = input;
-    const made = field(label, input);
-    input.setAttribute("aria-describedby", `import-${name}`);
-    made.append(make("small.quiet", { id: `import-${name}` }, about));
+    const made = field(label, input, about);
+    made.append(make("small.quiet", { "aria-hidden": true }, about));
     return made;
   });
-  const take = make("button.main", { type: "button", disabled: true, onclick: () => bring(true) }, "Import");
+  const take = make("button.main", { type: "button", disabled: true, title: "Makes the take that the preview shows", onclick: () => bring(true) }, "Import");
   let asked = 0;
   async function bring(save) {
     const given = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value.trim()])), mine = (asked += 1);
@@ -65,7 +64,7 @@ export function importFile(link, file) {
   }
   const show = () => bring(false);
   dialog.replaceChildren(make("h2", { id: "import-title" }, `Import ${file}`), make("div.import", {}, make("div.column", {}, ...parts), make("div.column", {}, make("h3", {}, "Preview"), wrong, said)),
-    make("div.buttons", {}, take, make("button", { type: "button", onclick: () => dialog.close("") }, "Cancel")));
+    make("div.buttons", {}, take, make("button", { type: "button", title: "Imports nothing", onclick: () => dialog.close("") }, "Cancel")));
   dialog.returnValue = "";
   openModal(dialog, link);
   show();

@@ -13,13 +13,13 @@ export async function solveTake(link, given) {
 }
 
 function mayReplace(link, { files, made, new: settings }) {
-  const dialog = document.getElementById("replace"), [first, again] = files, button = (value, words, more = {}) => make("button", { type: "button", onclick: () => dialog.close(value), ...more }, words);
+  const dialog = document.getElementById("replace"), [first, again] = files, button = (value, words, title, more = {}) => make("button", { type: "button", title, onclick: () => dialog.close(value), ...more }, words);
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
   dialog.replaceChildren(make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
     make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that no longer exists.`),
       ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
-    make("div.buttons", {}, ...(made ? [button("both", "Keep both")] : []), button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
+    make("div.buttons", {}, ...(made ? [button("both", "Keep both", "The new drive gets another name")] : []), button("yes", made ? "Replace" : "Remove and solve", "Cannot be undone"), button("", "Cancel", "Solves nothing", { autofocus: true })));
   openModal(dialog, link);
   return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
 }
@@ -49,7 +49,7 @@ export function jobsShown(link) {
 
 function build(link, { number, title }) {
   const bar = make("progress", { max: 1, "aria-label": title }), words = make("span.quiet"), state = make("span");
-  const cancel = make("button", { type: "button", "aria-label": `cancel: ${title}`, onclick: () => tried(link.order("jobs", "cancel", { number })) }, "Cancel");
+  const cancel = make("button", { type: "button", "aria-label": `cancel: ${title}`, title: "Ends this job; nothing unfinished is kept", onclick: () => tried(link.order("jobs", "cancel", { number })) }, "Cancel");
   const root = make("div.job", { role: "group", "aria-label": title }, make("div.row", {}, make("strong", {}, title), cancel), bar, make("div.row", {}, words, state));
   return {
     root,

@@ -10,9 +10,10 @@ const HOLD = 600; // ms
 export function askToPlay(studio, take, again, correct = false, solve = undefined) {
   const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, solve, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
-  const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold" }, simulated ? "Play" : "Hold to play");
+  const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold", title: simulated ? "Plays and re-records" : "Hold for 0.6 s" }, simulated ? "Play" : "Hold to play");
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
   const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
+  const loop = make("input", { type: "checkbox", id: "loop" });
   const tracker = make("input", { type: "text", id: "follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: follow });
   const latency = make("input", { type: "number", id: "latency", min: 0, max: 1000, placeholder: "measured", onchange: follow });
   const palm = palmView(link);
@@ -23,11 +24,11 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   }
   const protection = make("input", { type: "number", min: 0, max: 40, value: "0", onchange: () => { given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0)); check(); } });
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
-  const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
-    make("button", { type: "button", id: "solve-again", onclick: () => { dialog.close(); again(); } }, "Solve again"));
-  let admission = 0, checks = 0, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats), field("Ear protection of everyone here, dB at 40 kHz", protection), field("Follow the palm of a tracker", tracker), field("Its latency, ms", latency)), palm, refused,
-    make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
+  const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
+    make("button", { type: "button", id: "solve-again", title: "Solves a new drive for the air of now", onclick: () => { dialog.close(); again(); } }, "Solve again"));
+  let admission = 0, checks = 0, looping = false, timer = 0, solved = NaN;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Loop until STOP", loop, "A drive that is solved meanwhile is played from the next pass"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
+    make("div.buttons", {}, hold, make("button", { type: "button", title: "Back to the panel", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
   function warn() { drifted.tell(drift(link, solved)); }
@@ -49,9 +50,9 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
     refused.replaceChildren();
     if (!found.refused) return;
     const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
-    refused.append(make("div.buttons", {}, make("button", { type: "button", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate to meet the profile")),
-      field("Or play it on your own responsibility", name),
-      make("div.buttons", {}, make("button", { type: "button", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "Play above the profile on my responsibility")));
+    refused.append(make("div.buttons", {}, make("button", { type: "button", title: "Plays more weakly, within the limits", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate to meet the profile")),
+      field("Or play it on your own responsibility", name, "Your name is logged with the play"),
+      make("div.buttons", {}, make("button", { type: "button", title: "Needs your name; wear hearing protection", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "Play above the profile on my responsibility")));
   }
   function press() {
     if (hold.disabled || timer) return;
@@ -63,15 +64,19 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
     hold.disabled = true;
     done.hidden = false;
     for (const one of drifted.querySelectorAll("button")) one.disabled = true;
-    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said) verdict.textContent = player.said; });
-    const report = await tried(link.order("play", "play", { admission }));
+    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said && !looping) verdict.textContent = player.said; });
+    looping = loop.checked;
+    if (looping) verdict.textContent = "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
+    const report = await tried(link.order("play", "play", { admission, loop: looping }));
+    looping = false;
+    if (!dialog.open) tried(link.order("play", "unfollow"));
     off();
     done.hidden = true;
     for (const one of drifted.querySelectorAll("button")) one.disabled = false;
     verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
     verdict.className = report ? "good" : "bad";
     if (report) {
-      const more = [make("button", { type: "button", id: "play-again", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output && !take.endsWith(".toml") ? [make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
+      const more = [make("button", { type: "button", id: "play-again", title: "Replaces the re-recording", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output && !take.endsWith(".toml") ? [make("button", { type: "button", id: "to-compare", title: "Re-recording beside the original", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
       hold.parentElement.append(...more);
     }
     if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }
@@ -86,7 +91,7 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   const off = link.on("air", warn);
-  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); tried(link.order("play", "unfollow")); }, { once: true });
+  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); if (!looping) tried(link.order("play", "unfollow")); }, { once: true });
   openModal(dialog, link);
   check();
 }

@@ -17,7 +17,7 @@ export default class Calibrate {
   control() { this.tap.disabled = !this.link.controls; }
   _build() {
     this.list = takesList();
-    this.tap = make("button.main", { type: "button", id: "tap", onclick: () => tried(this.link.order("calibrate", "taps")) }, "Tap each cell in turn");
+    this.tap = make("button.main", { type: "button", id: "tap", title: "Finds which channel belongs to which cell", onclick: () => tried(this.link.order("calibrate", "taps")) }, "Tap each cell in turn");
     this.cells = make("div.cells");
     this.found = make("div", { role: "status", "aria-live": "polite" }, make("p.quiet", {}, "Finds which channel belongs to which cell. The page names the next cell to tap; a virtual sensor simulates the taps."));
     this.box = make("div.box");
@@ -60,7 +60,7 @@ export default class Calibrate {
     this.cells.style.gridTemplateColumns = `repeat(${columns}, 1fr)`;
     this.cells.replaceChildren(...Array.from({ length: count }, (_, cell) => {
       const channel = taps?.state === "done" ? taps.channel[cell] : null, doubtful = taps?.state === "done" && taps.doubtful.includes(cell), dead = known?.dead.includes(cell) || channel === -1, due = taps?.cell === cell && taps.state === "listens";
-      return make(`button.cell${due ? ".due" : doubtful ? ".doubtful" : dead ? ".dead" : ""}`, { type: "button", "aria-pressed": cell === this.channel ? "true" : "false", onclick: () => { this.channel = cell; this._cellsShown(); this._draw(); } },
+      return make(`button.cell${due ? ".due" : doubtful ? ".doubtful" : dead ? ".dead" : ""}`, { type: "button", "aria-pressed": cell === this.channel ? "true" : "false", title: "Shows the response of this channel", onclick: () => { this.channel = cell; this._cellsShown(); this._draw(); } },
         make("span", {}, `cell ${cell}`, make("br"), due ? "tap now" : channel === null ? `${known ? known.sensitivity[cell].toPrecision(3) : "–"} ${known?.unit ?? ""}` : channel === -1 ? "nothing answered" : `channel ${channel}${doubtful ? ", not certain" : ""}`));
     }));
   }

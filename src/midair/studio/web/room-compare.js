@@ -24,13 +24,13 @@ export default class Compare {
   get transport() { return this._transport ?? null; }
   _build() {
     this.list = takesList();
-    this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
+    this.compare = make("button", { type: "button", title: "computes the figures of this drive and its re-recording again", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
     this.report = make("button", { type: "button", id: "report", title: "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare", onclick: async () => { const take = this.name, settings = await this._settings(); if (settings) tried(this.link.order("compare", "report", { take, ...settings })); } }, "Make the report");
     this.budget = make("button", { type: "button", id: "budget", title: "error of each stage of the reproduction, simulated for the first second; takes some seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Error budget");
     this.palm = make("button", { type: "button", id: "palm", title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "Simulate the palm");
     this.pressed = make("div");
     this.spent = make("div", { id: "spent" });
-    this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
+    this.apply = make("button.main", { type: "button", title: "solves again with the suggested gain, as another drive", onclick: () => this._apply() }, "Apply");
     this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
     this.suggested = make("div");
     this.drives = make("div");

@@ -132,14 +132,14 @@ export default class Draw {
     this.spots = make("div.buttons");
     this.fileName = make("input", { type: "text", id: "draw-name", maxLength: 100, value: this.pattern.name ?? "" });
     this.fileName.onchange = () => this.edit(() => { this.pattern.name = this.fileName.value; }, "name", false);
-    this.save = button("Save", "draw-save", () => this._save(false));
-    this.saveDrive = button("Save with drive", "draw-save-drive", () => this._save(true));
+    this.save = button("Save", "draw-save", () => this._save(false), "Writes NAME.toml");
+    this.saveDrive = button("Save with drive", "draw-save-drive", () => this._save(true), "Writes NAME.drive.h5 too, which studies can use");
     this.opens = choice([], "", () => this._open(this.opens.value));
     this.opens.id = "draw-open";
     this.said = make("p.quiet", { id: "draw-said", role: "status" });
     this.undoes = button("Undo", "draw-undo", () => this.undo("undo"), "Takes back the last change: Ctrl Z.");
     this.redoes = button("Redo", "draw-redo", () => this.undo("redo"), "Makes it again: Ctrl Shift Z.");
-    this.snaps = make("input", { type: "checkbox", id: "draw-snap", checked: this.snap, onchange: () => { this.snap = this.snaps.checked; } });
+    this.snaps = make("input", { type: "checkbox", id: "draw-snap", title: "Handles move in steps of 1 mm", checked: this.snap, onchange: () => { this.snap = this.snaps.checked; } });
     this.map = make("canvas", { role: "img", width: 350, height: 350 });
     this.skin = make("canvas", { role: "img", width: 175, height: 175, "aria-label": "Motion of the skin: not computed yet" });
     this.map.setAttribute("aria-label", "Pressure on the palm: not computed yet");
@@ -148,7 +148,7 @@ export default class Draw {
     this.lines = make("div.lines", { role: "status" });
     this.mapWords = make("span", {}, "pressure, rms");
     this.skinWords = make("p.quiet");
-    this.play = make("button.main", { type: "button", id: "draw-play", onclick: () => this._play() }, "Play");
+    this.play = make("button.main", { type: "button", id: "draw-play", title: "Checks the exposure, then plays", onclick: () => this._play() }, "Play");
     this.played = make("p", { id: "draw-played", role: "status" });
     this.form = make("div.column");
     this.more = make("div.column");
@@ -201,7 +201,7 @@ export default class Draw {
     const held = document.activeElement?.id, { one, pattern } = this, number = (path) => this._number(one, path, NUMBERS[path]);
     const { name } = one.shape, many = this.many;
     this.formPanel.querySelector("h2").textContent = `Spot ${this.spot + 1}`;
-    this.spots.replaceChildren(...pattern.spot.map((_, i) => make("button", { type: "button", "aria-pressed": i === this.spot ? "true" : "false", onclick: () => { this.spot = i; this.corner = 0; this._shown(); } }, `Spot ${i + 1}`)),
+    this.spots.replaceChildren(...pattern.spot.map((_, i) => make("button", { type: "button", "aria-pressed": i === this.spot ? "true" : "false", title: "Shows the settings of this spot", onclick: () => { this.spot = i; this.corner = 0; this._shown(); } }, `Spot ${i + 1}`)),
       make("button", { type: "button", id: "draw-add", title: "Adds a spot at the centre", onclick: () => this.edit(() => { this.spot = pattern.spot.push({ shape: { name: "points", places_mm: [[0, 0]] }, centre_mm: [0, 0], pressure_pa: 50, am: { frequency_hz: 150, depth: 1 } }) - 1; }) }, "Add"),
       make("button", { type: "button", id: "draw-copy", title: "Adds a copy 10 mm to the right", onclick: () => this.edit(() => { const twin = copy(one); this.spot = pattern.spot.push(twin) - 1; twin.centre_mm[0] = this.value(one, "centre_mm.0") + 10; }) }, "Duplicate"),
       make("button", { type: "button", id: "draw-delete", title: "Removes the chosen spot", disabled: pattern.spot.length < 2, onclick: () => this._remove() }, "Delete"));
@@ -380,7 +380,7 @@ export default class Draw {
   }
 
   _files({ palette, files }) {
-    if (!this.palette.children.length) this.palette.append(...Object.values(palette).map((one) => make("button", { type: "button", onclick: () => this.edit(() => { this.pattern = copy(one); this.spot = this.corner = 0; }) }, one.name)));
+    if (!this.palette.children.length) this.palette.append(...Object.values(palette).map((one) => make("button", { type: "button", title: "Replaces the pattern", onclick: () => this.edit(() => { this.pattern = copy(one); this.spot = this.corner = 0; }) }, one.name)));
     this.opens.replaceChildren(make("option", { value: "" }, files.length ? "choose …" : "none yet"), ...files.map((name) => make("option", { value: name }, name)));
   }
   async _open(file) {

@@ -32,8 +32,8 @@ export default class Gallery {
   }
   _card({ name, says, licence }) {
     const canvas = make("canvas", { width: 176, height: 176, role: "img" }), facts = make("small.quiet", {}, "…");
-    const film = make("button", { type: "button", disabled: true, "aria-pressed": "false" }, "Film"), sound = make("button", { type: "button", disabled: true }, "Listen");
-    const use = make("button.main", { type: "button", onclick: async () => { const made = await tried(this.link.order("gallery", "take", { touch: name })); if (made) this.studio.go(made.room, made.file); } }, "Use");
+    const film = make("button", { type: "button", disabled: true, "aria-pressed": "false", title: "Moves through the frames of the picture" }, "Film"), sound = make("button", { type: "button", disabled: true, title: "The sum of the cells as sound" }, "Listen");
+    const use = make("button.main", { type: "button", title: "Copies it into this folder and opens it", onclick: async () => { const made = await tried(this.link.order("gallery", "take", { touch: name })); if (made) this.studio.go(made.room, made.file); } }, "Use");
     canvas.setAttribute("aria-label", `${name}: the picture is being computed`);
     for (const [button, words] of [[film, "film of"], [sound, "sound of"], [use, "use"]]) button.setAttribute("aria-label", `${words} ${name}`);
     const root = make("article.card-touch", { id: `touch-${name}` }, canvas, make("h3", {}, name), make("p", {}, says), facts, make("div.buttons", {}, film, sound, use));

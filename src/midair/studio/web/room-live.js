@@ -80,27 +80,27 @@ export default class Live {
     given.sensor = sensor;
     const set = (name, number = true) => ({ target }) => { given[name] = number ? Number(target.value) : target.value; this._unchecked(); };
     const known = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"]];
-    this.named = make("input", { type: "text", value: sensor, "aria-label": "Name of the sensor", placeholder: "lsl:Skin?unit=V", hidden: known.some(([value]) => value === sensor), onchange: set("sensor", false) });
+    this.named = make("input", { type: "text", value: sensor, "aria-label": "Name of the sensor", placeholder: "lsl:Skin?unit=V", hidden: known.some(([value]) => value === sensor), onchange: set("sensor", false), title: "lsl:NAME, serial:PORT, audio:NAME, ni:CHANNELS or replay:FILE" });
     this.source = choice([...known, ["", "other (enter its name)"]], known.some(([value]) => value === sensor) ? sensor : "", () => { this.named.hidden = this.source.value !== ""; given.sensor = this.source.value || this.named.value; this._unchecked(); });
     this.calibration = choice([["", "of the sensor"]], "", set("calibration", false));
-    this.form = make("div.column", {}, field("Sensor", this.source), this.named, field("Calibration", this.calibration), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false))),
-      field("Latency", choice([["", "13 ms"], ["150", "150 ms, better quality"], ["200", "200 ms, better quality"]], "", ({ target }) => { if (target.value === "") delete given.total_ms; else given.total_ms = Number(target.value); this._unchecked(); })),
-      field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms"))), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms"))),
-      field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") })),
-      field("Height, mm", make("input", { type: "number", min: 20, max: 1000, step: 10, value: "200", onchange: set("height_mm") })),
-      field("Level", choice([["0.1", "0.1 of full"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]], "1", set("level"))));
-    this.form.append(field("Follow the palm of a tracker", make("input", { type: "text", id: "live-follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: set("follow", false) })),
-      field("Its latency, ms", make("input", { type: "number", id: "live-latency", min: 0, max: 1000, placeholder: "measured", onchange: ({ target }) => { if (target.value === "") delete given.latency_ms; else given.latency_ms = Number(target.value); this._unchecked(); } })));
-    this.check = make("button", { type: "button", id: "live-check", onclick: () => this._check() }, "Check exposure");
-    this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true }, "Hold to begin");
+    this.form = make("div.column", {}, field("Sensor", this.source, "A model that repeats a stroke, or a real sensor by its name"), this.named, field("Calibration", this.calibration, "Volts to pascals: that of the sensor, or a file of this folder"), field("Mapping", choice(MAPPINGS, "half-wave", set("mapping", false)), "How signed pressure is made positive: sound can only push"),
+      field("Latency", choice([["", "13 ms"], ["150", "150 ms, better quality"], ["200", "200 ms, better quality"]], "", ({ target }) => { if (target.value === "") delete given.total_ms; else given.total_ms = Number(target.value); this._unchecked(); }), "From touch to sound; longer is more accurate and replaces filter delay, hold and mapping"),
+      field("Filter delay", choice(ms([2, 4, 6, 8, 10]), "6", set("delay_ms")), "Delay of the inverse sensor filter; shorter is less accurate"), field("Hold", choice(ms([4, 6, 8, 10, 15]), "6", set("hold_ms")), "Time for computing and sending a frame; a frame that takes longer is late"),
+      field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain") }), "Factor on the pressure"),
+      field("Height, mm", make("input", { type: "number", min: 20, max: 1000, step: 10, value: "200", onchange: set("height_mm") }), "Height of the palm above the array"),
+      field("Level", choice([["0.1", "0.1 of full"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]], "1", set("level")), "Highest drive level of any transducer; the exposure check assumes it"));
+    this.form.append(field("Follow the palm of a tracker", make("input", { type: "text", id: "live-follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: set("follow", false) }), "Steers each frame to the palm; the sound fades when the palm is lost"),
+      field("Its latency, ms", make("input", { type: "number", id: "live-latency", min: 0, max: 1000, placeholder: "measured", onchange: ({ target }) => { if (target.value === "") delete given.latency_ms; else given.latency_ms = Number(target.value); this._unchecked(); } }), "Time from a pose of the palm to its arrival; empty: as measured"));
+    this.check = make("button", { type: "button", id: "live-check", title: "Computes the worst case of these settings at ears, bystander and palm", onclick: () => this._check() }, "Check exposure");
+    this.hold = make("button.main.hold", { type: "button", id: "hold", disabled: true, title: "Hold for 0.6 s, after the check of the exposure" }, "Hold to begin");
     this.verdict = make("p.quiet", { role: "status" }, "Check the exposure first. The check assumes the worst case of the level.");
     this.refused = make("div.column");
     this.heat = make("p.quiet");
     this.drifted = warningBox("drift", make("button", { type: "button", id: "solve-again", title: "ends, and checks the exposure in the air of now", onclick: () => { this.again = true; tried(this.link.order("live", "end")); } }, "Solve again"));
     this.loud = make("output", { id: "loud" }, "100 %");
     this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", oninput: () => { this.loud.value = `${this.share.value} %`; }, onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
-    this.end = make("button", { type: "button", id: "live-end", onclick: () => tried(this.link.order("live", "end")) }, "End");
-    const loudness = field("Loudness", this.share);
+    this.end = make("button", { type: "button", id: "live-end", title: "Ends live touch in silence", onclick: () => tried(this.link.order("live", "end")) }, "End");
+    const loudness = field("Loudness", this.share, "Share of the level, while it plays");
     loudness.append(this.loud);
     this.running = make("div.column", { hidden: true }, loudness, make("div.buttons", {}, this.end));
     this.safety = make("div");
@@ -134,8 +134,8 @@ export default class Live {
   }
   _footer() {
     const { footer } = this.studio;
-    this.freezes = make("button", { type: "button", id: "live-freeze", onclick: () => this.freeze() });
-    this.keeps = make("button", { type: "button", id: "live-keep", onclick: () => this.record() }, "Keep the last 60 s ", make("kbd", {}, "R"));
+    this.freezes = make("button", { type: "button", id: "live-freeze", title: "Looks at the last minute while live touch goes on: Space", onclick: () => this.freeze() });
+    this.keeps = make("button", { type: "button", id: "live-keep", title: "Stores the last minute as a take: R", onclick: () => this.record() }, "Keep the last 60 s ", make("kbd", {}, "R"));
     this.kept = make("span.quiet", { role: "status" });
     this.bar = make("div.row");
     this.now = make("output.view-where");
@@ -148,7 +148,7 @@ export default class Live {
     this.freezes.setAttribute("aria-pressed", Boolean(this.frozen));
     this.bar.replaceChildren(this.freezes, this.keeps);
     if (this.frozen) controls(this.frozen.transport, this.bar); else this.bar.append(this.now);
-    this.bar.append(this.kept, make("span.keys", {}, make("span", {}, make("kbd", {}, "?"), " keys"), make("button", { type: "button", onclick: () => this._code() }, "Show the code")));
+    this.bar.append(this.kept, make("span.keys", {}, make("span", {}, make("kbd", {}, "?"), " keys"), make("button", { type: "button", title: "Commands and Python that do the same", onclick: () => this._code() }, "Show the code")));
     this.boxes.overview.hidden = !this.frozen;
   }
   control() {

@@ -5,6 +5,7 @@ import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
 
 const SOURCES = [["virtual:towel", "virtual: towel"], ["virtual:brush", "virtual: brush"], ["virtual:sponge", "virtual: sponge"], ["virtual:towel+groove", "virtual: towel, grooved"], ["virtual:am-i", "virtual: modulated focus"], ["", "other (enter its name)"]];
+const NOTES = { object: "Names the file and is stored with the take", surface: "Names the file and is stored with the take", speed: "Speed of the stroke, such as 50mm/s", operator: "Who moved the object" };
 const KEPT = 60; // seconds
 
 export default class Record {
@@ -31,20 +32,20 @@ export default class Record {
   }
   _build() {
     const sensor = this.link.state.record?.sensor ?? "virtual:towel", known = SOURCES.some(([value]) => value === sensor);
-    this.named = make("input", { type: "text", value: known ? "" : sensor, placeholder: "lsl:Skin, serial:COM3 …", hidden: known, onchange: () => this._listen(this.named.value) });
+    this.named = make("input", { type: "text", value: known ? "" : sensor, "aria-label": "Name of the sensor", title: "lsl:NAME, serial:PORT, audio:NAME, ni:CHANNELS or replay:FILE", placeholder: "lsl:Skin, serial:COM3 …", hidden: known, onchange: () => this._listen(this.named.value) });
     this.source = choice(SOURCES, known ? sensor : "", () => { this.named.hidden = this.source.value !== ""; if (this.source.value) this._listen(this.source.value); else this.named.focus(); });
     const subject = this.link.state.record?.subject ?? {};
-    this.notes = Object.fromEntries(["object", "surface", "speed", "operator"].map((name) => [name, make("input", { type: "text", value: subject[name] ?? "", maxLength: 100, autocomplete: "off" })]));
+    this.notes = Object.fromEntries(Object.keys(NOTES).map((name) => [name, make("input", { type: "text", value: subject[name] ?? "", maxLength: 100, autocomplete: "off" })]));
     this.duration = make("input", { type: "number", min: 0.1, max: 3600, step: 0.1, value: "1.6" });
     this.begins = choice([["at once", "at once"], ["touch", "on touch"]], "at once", () => this._fields());
     this.level = make("input", { type: "number", min: 0, step: "any", value: "0.02" });
     this.pre = make("input", { type: "number", min: 0, max: 60, step: 0.1, value: "0.2" });
     this.repeats = make("input", { type: "number", min: 1, max: 100, value: "1" });
-    this.big = make("button.main.big", { type: "button", id: "record", onclick: () => this.record() }, "Record ", make("kbd", {}, "R"));
-    this.touched = make("div.column", {}, field("Level", this.level), field("Pre-roll, s", this.pre));
+    this.big = make("button.main.big", { type: "button", id: "record", title: "Starts a recording, or ends it and keeps the take: R", onclick: () => this.record() }, "Record ", make("kbd", {}, "R"));
+    this.touched = make("div.column", {}, field("Level", this.level, "A recording starts when a channel differs from rest by this much, in the unit of the sensor"), field("Pre-roll, s", this.pre, "Time that is kept before the touch, 0 to 60 s"));
     this.done = make("div", { role: "status", id: "kept" });
     this.lost = make("div.column", { role: "alert", id: "sensor-lost", hidden: true });
-    this.again = make("button", { type: "button", onclick: () => this._listen(this.link.state.record.sensor) }, "Open the sensor again");
+    this.again = make("button", { type: "button", title: "After the cable or the stream is back", onclick: () => this._listen(this.link.state.record.sensor) }, "Open the sensor again");
     this.events = make("ol.events", { "aria-live": "polite" });
     this.about = make("div");
     this.meters = make("div.meters", { role: "img", "aria-label": "Meters" });
@@ -53,9 +54,9 @@ export default class Record {
     this.tracesPanel = panel("Cells", "the last 2 s", this.traces);
     this.studio.main.append(make("div.record", {},
       make("div.column.left", {},
-        panel("Sensor", null, field("Source", this.source), this.named, this.lost, this.about),
-        panel("Notes", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input))),
-        panel("Recording", null, field("Start", this.begins), this.touched, field("Duration, s", this.duration), field("Takes", this.repeats), this.big, this.done)),
+        panel("Sensor", null, field("Source", this.source, "A model of the sensor, or a real one by its name"), this.named, this.lost, this.about),
+        panel("Notes", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input, NOTES[name]))),
+        panel("Recording", null, field("Start", this.begins, "At once, or when something touches the sensor"), this.touched, field("Duration, s", this.duration, "Length of a take; empty: until you stop it"), field("Takes", this.repeats, "Number of takes, one after the other"), this.big, this.done)),
       make("div.middle", {}, this.tracesPanel, panel("Spectrogram", "selected channel", this.spectrum)),
       make("div.column", {}, (this.metersPanel = panel("Level of each cell", "rms, and clipping", this.meters)), panel("Events", "lost frames, clipping, dead channels", this.events))));
     this._fields();

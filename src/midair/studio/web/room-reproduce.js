@@ -9,12 +9,14 @@ import { TakeView, chosen, colours, driveButtons, driveLabel, drivesOf, leadOf, 
 import { askToPlay } from "/web/playing.js";
 import { drift, warningBox } from "/web/warnings.js";
 
-const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
+const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"], ["receptors", "receptors"]];
 const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
 const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet ears"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
 const EARS = [["", "of the mode"], ["110", "110 dB"], ["115", "115 dB"], ["120", "120 dB"], ["125", "125 dB"], ["130", "130 dB"]];
 const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
+const FIELDS = [["Mode", "All settings at once: best is the most accurate, paper is as published"], ["Mapping", "How signed pressure is made positive: sound can only push"], ["Solver", "Method that finds the phases"], ["Level", "Drive level of the transducers; auto fits the loudest frame"],
+  ["Gain", "Factor on the pressure of the recording"], ["Height", "Height of the palm above the array"], ["Ears, at most", "Highest sound pressure level at ears and bystander"]];
 const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "", ears_db: "" };
 
 export default class Reproduce {
@@ -43,18 +45,19 @@ export default class Reproduce {
   _build() {
     this.list = takesList();
     const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
-    this.add = make("button", { type: "button", onclick: () => file.click() }, "Add a file");
+    this.add = make("button", { type: "button", title: "A recording of this computer, or a project as ZIP; you can also drop it on the page", onclick: () => file.click() }, "Add a file");
     this.sort = choice([["new", "newest"], ["name", "name"]], "new", () => this._takes(this.link.state.takes ?? []));
     this.sort.setAttribute("aria-label", "order of the takes");
-    this.text = make("textarea", { rows: 3, maxLength: 10000, "aria-label": "notes on this take", oninput: () => this._note() });
+    this.sort.title = "Order of the list";
+    this.text = make("textarea", { rows: 3, maxLength: 10000, "aria-label": "notes on this take", title: "Kept in the folder beside the take", oninput: () => this._note() });
     this.marks = make("div.column", { id: "marks" });
-    this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", oninput: () => this._found() });
-    const own = (words, act) => make("button", { type: "button", disabled: true, onclick: act }, words);
-    this.own = [own("Rename", () => this._rename()), own("Duplicate", () => this._own("duplicate")), own("Delete", () => this._delete())];
-    this.editing = [own("Edit", () => this._edit()), own("Undo", () => this.undo("undo")), own("Redo", () => this.undo("redo")), own("Export", () => this._export())];
-    this.solve = make("button.main", { type: "button", onclick: () => this._solve() }, "Solve");
+    this.search = make("input", { type: "search", placeholder: "search", "aria-label": "search the takes", title: "Shows the takes whose names have all of these words", oninput: () => this._found() });
+    const own = (words, title, act) => make("button", { type: "button", disabled: true, title, "data-help": title, onclick: act }, words);
+    this.own = [own("Rename", "Gives the take and its drives another name or folder", () => this._rename()), own("Duplicate", "Copies the take without its drives", () => this._own("duplicate")), own("Delete", "Moves the take and its drives to the folder bin", () => this._delete())];
+    this.editing = [own("Edit", "Cut, trim, gain, fade, mask, resample or join, as another take", () => this._edit()), own("Undo", "Takes back the last edit: Ctrl Z", () => this.undo("undo")), own("Redo", "Makes the edit again: Ctrl Shift Z", () => this.undo("redo")), own("Export", "Writes take, drive or re-recording in a format of another program", () => this._export())];
+    this.solve = make("button.main", { type: "button", title: "Computes the phases of the transducers for every frame", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
-    this.drifted = warningBox("room-drift", make("button", { type: "button", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", onclick: () => this._solve() }, "Solve again"));
+    this.drifted = warningBox("room-drift", make("button", { type: "button", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", title: "Solves a new drive for the air of now", onclick: () => this._solve() }, "Solve again"));
     this.form = make("div.column");
     this.drives = make("div", { id: "drives" });
     this.frame = make("div");
@@ -67,7 +70,7 @@ export default class Reproduce {
     this.inputs = { mode: choice(MODES, "", set("mode")), mapping: choice(MAPPINGS, "", set("mapping")), method: choice(METHODS, "", set("method")), level: choice(LEVELS, "", set("level")),
       gain: make("input", { type: "number", min: 0.05, max: 100, step: 0.05, onchange: set("gain") }), height_mm: choice(HEIGHTS, "", set("height_mm")), ears_db: choice(EARS, "", set("ears_db")) };
     this.view = make("p.quiet", { id: "in-view", role: "status" });
-    this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height", "Ears, at most"][i], input)), this.view);
+    this.form.append(...Object.values(this.inputs).map((input, i) => field(FIELDS[i][0], input, FIELDS[i][1])), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, make("div.found", {}, this.search, this.sort), this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
       panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about), panel("Notes and marks", make("span", {}, "mark ", make("kbd", {}, "M")), this.text, this.marks));
@@ -102,16 +105,16 @@ export default class Reproduce {
     const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !facts || comes || facts.part || !playable(player);
-    this.play.title = facts?.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "";
+    this.play.title = facts?.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "Checks the exposure, then plays when you hold the button";
     const [correct, again] = this.drifted.querySelectorAll("button");
     correct.disabled = this.play.disabled;
     again.disabled = this.solve.disabled;
     this.drifted.tell(drift(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
-    for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : ""; }
+    for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : button.dataset.help; }
     const [edit, undo, redo, out] = this.editing, edits = this.link.state.edits ?? {};
     edit.disabled = out.disabled = !controls || !row || comes;
-    for (const [button, name] of [[undo, edits.undo], [redo, edits.redo]]) { button.disabled = !controls || !name; button.title = name ?? ""; }
+    for (const [button, name] of [[undo, edits.undo], [redo, edits.redo]]) { button.disabled = !controls || !name; button.title = name || button.dataset.help; }
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "available in a moment" : "not solved yet: press Solve";
   }
@@ -157,23 +160,23 @@ export default class Reproduce {
   }
   _rename() {
     const name = make("input", { type: "text", value: shortly(takeOf(this.take.name)), maxLength: 100, required: true });
-    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "A name such as wool/felt puts it into the folder wool.", { name: ["New name", name] }, "Rename", (given) => this._own("rename", given));
+    this._ask(`Rename ${shortly(takeOf(this.take.name))}`, "A name such as wool/felt puts it into the folder wool.", { name: ["New name", name, "Folder and name in this studio"] }, "Rename", (given) => this._own("rename", given));
     name.select();
   }
   /** A dialog with a form; `act` is called with the values of its inputs. */
   _ask(title, words, inputs, button, act, ...more) {
     const dialog = document.getElementById("replace");
     dialog.replaceChildren(make("h2", { id: "replace-title" }, title), make("form", { method: "dialog", onsubmit: () => act(Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]))) },
-      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input]) => field(label, input)), ...more),
-      make("div.buttons", {}, make("button.main", { type: "submit" }, button), make("button", { type: "button", onclick: () => dialog.close() }, "Cancel"))));
+      make("div.column", { id: "replace-words" }, make("p.quiet", {}, words), ...Object.values(inputs).map(([label, input, help]) => field(label, input, help)), ...more),
+      make("div.buttons", {}, make("button.main", { type: "submit", title }, button), make("button", { type: "button", title: "Changes nothing", onclick: () => dialog.close() }, "Cancel"))));
     openModal(dialog, this.link);
   }
   /** Edit a take: the result is another take, and the loop states the part. */
   _edit() {
     const { loop, rate, last } = this.transport, text = (value) => make("input", { type: "text", value, autocomplete: "off" }), seconds = (frame) => `${(frame / rate).toFixed(4).replace(/0+$/, "").replace(/\.$/, "")}s`;
     const others = (this.link.state.takes ?? []).filter((row) => row.name !== takeOf(this.take.name)).map((row) => [row.name, shortly(row.name)]);
-    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"], ["mask", "mask channels: silence them"], ["resample", "resample"], ...(others.length ? [["join", "join another take to the end"]] : [])], "cut", () => fit())], start: ["", text("")], end: ["", text("")], by: ["By", text("6dB")],
-      channels: ["Channels", text(String(this.transport.channel))], rate: ["Rate", text("1kHz")], other: ["Take", choice(others, others[0]?.[0] ?? "")] };
+    const inputs = { edit: ["Edit", choice([["cut", "cut: keep a part"], ["trim", "trim silence at both ends"], ["gain", "gain"], ["fade", "fade in and out"], ["mask", "mask channels: silence them"], ["resample", "resample"], ...(others.length ? [["join", "join another take to the end"]] : [])], "cut", () => fit()), "Step that makes the other take"], start: ["", text(""), "A time such as 0.5s"], end: ["", text(""), "A time such as 0.5s"], by: ["By", text("6dB"), "A factor such as 2, or 6dB; -6dB weakens"],
+      channels: ["Channels", text(String(this.transport.channel)), "Numbers from 0, such as 3,7"], rate: ["Rate", text("1kHz"), "Frames per second, such as 1kHz"], other: ["Take", choice(others, others[0]?.[0] ?? ""), "Follows the end of this one"] };
     const shown = { cut: ["start", "end"], fade: ["start", "end"], gain: ["by"], trim: [], mask: ["channels"], resample: ["rate"], join: ["other"] }, seen = make("div", { id: "edit-preview", role: "status" }), { take } = this;
     const given = () => Object.fromEntries(Object.entries(inputs).map(([name, [, input]]) => [name, input.value]));
     let turn = 0, timer = 0;
@@ -215,8 +218,8 @@ export default class Reproduce {
     this.marked = transport.marks;
     this.marks.replaceChildren(...transport.marks.map((mark) => {
       const at = `${(mark / transport.rate).toFixed(3)} s`;
-      return make("div.mark", {}, make("button", { type: "button", onclick: () => transport.seek(mark) }, at), make("input", { type: "text", maxLength: 100, value: this.names.get(mark) ?? "", placeholder: "name", "aria-label": `name of the mark at ${at}`, onchange: ({ target }) => { this.names.set(mark, target.value); this._note(); } }),
-        make("button", { type: "button", "aria-label": `remove the mark at ${at}`, onclick: () => transport.set({ marks: transport.marks.filter((each) => each !== mark) }) }, "×"));
+      return make("div.mark", {}, make("button", { type: "button", title: "Goes to this mark", onclick: () => transport.seek(mark) }, at), make("input", { type: "text", maxLength: 100, value: this.names.get(mark) ?? "", placeholder: "name", "aria-label": `name of the mark at ${at}`, title: "Kept in the folder beside the take", onchange: ({ target }) => { this.names.set(mark, target.value); this._note(); } }),
+        make("button", { type: "button", "aria-label": `remove the mark at ${at}`, title: "Removes this mark", onclick: () => transport.set({ marks: transport.marks.filter((each) => each !== mark) }) }, "×"));
     }));
     if (known) this._note();
   }
@@ -227,10 +230,10 @@ export default class Reproduce {
   }
   _export() {
     const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : []), ["folder", "the whole folder, as a project"]];
-    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV, all channels"], [".flac", "FLAC, the chosen channel"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".hjif", "MPEG haptics"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
     const ending = choice(WAVES, ".html"), fit = (what) => ending.replaceChildren(...({ drive: DRIVE, folder: [[".zip", "one file, ZIP; Add a file opens it in another folder"]] }[what] ?? WAVES).map(([value, words]) => make("option", { value }, words)));
-    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value))], ending: ["As", ending] }, "Export",
-      (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, ...given })));
+    this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value)), "Part of the take to write"], ending: ["As", ending, "Format; a page and a film have pictures"] }, "Export",
+      (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, channel: this.transport.channel, ...given })));
   }
   _exported(name) {
     if (!name || name === this.out) return;
@@ -315,7 +318,7 @@ export default class Reproduce {
     for (const picture of this.pictures) picture.hidden = true;
     this.problem.hidden = false;
     this.problem.replaceChildren(make("h2", {}, `${shortly(name)} cannot be opened`), make("p", {}, reason.replace(`${this.link.state.studio?.folder}/`, "")),
-      make("div.buttons", {}, make("button", { type: "button", onclick: () => this._nothing("choose a take") }, "Close")));
+      make("div.buttons", {}, make("button", { type: "button", title: "Closes this message", onclick: () => this._nothing("choose a take") }, "Close")));
   }
   _pictures(inferno, twilight) {
     const { take, boxes, panels } = this, { facts, transport } = take, drive = facts.drive;
@@ -357,7 +360,7 @@ export default class Reproduce {
     controls(transport, bar);
     const key = (...words) => make("span", {}, ...words);
     bar.append(make("span.keys", {}, key(make("kbd", {}, ","), " ", make("kbd", {}, "."), " one frame"), key(make("kbd", {}, "M"), " mark"), key(make("kbd", {}, "?"), " keys"),
-      make("button", { type: "button", onclick: () => this._code() }, "Show the code")));
+      make("button", { type: "button", title: "Commands and Python that do the same", onclick: () => this._code() }, "Show the code")));
     return overview;
   }
   _came() {

@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["own", "my takes"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
+const TEMPLATES = [["own", "my takes"], ["threshold", "threshold of one of my takes"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 /** Name of a study and its title: studies from one template have the same title. */
 const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
@@ -51,42 +51,49 @@ export default class Study {
       const takes = make("select", { multiple: true, size: 6, "aria-label": "takes to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, ""))));
       const asked = [["Question", "Which one was it?", ""], ["Second question (may stay empty)", "", "scale"]].map(([label, value, kind]) => [label, make("textarea", { maxLength: 500, rows: 2, value }), choice([["", "the name of the take"], ["scale", "a number from 1 to 7"]], kind)]);
       const often = make("input", { type: "number", min: 1, max: 100, value: "5" });
-      const mine = make("div.column", { id: "own-study", hidden: template.value !== "own" }, field("Takes", takes), make("p.quiet", {}, "Choose two or more: hold Ctrl, or Shift for a range."), ...asked.flatMap(([label, text, kind], i) => [field(label, text), field(`Answer${i ? " to the second" : ""}`, kind)]), field("Repetitions", often));
-      template.addEventListener("change", () => { mine.hidden = template.value !== "own"; });
-      const given = () => (template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
-      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "no studies in this folder yet")])),
-        panel("New study", null, field("Name", name), field("Kind", template), field("Participants", people), mine,
-          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
+      const words = make("p.quiet"), questions = make("div.column", {}, ...asked.flatMap(([label, text, kind], i) => [field(label, text, "Asked after each presentation"), field(`Answer${i ? " to the second" : ""}`, kind, "Names are analysed as confusions, numbers as ratings")]), field("Repetitions", often, "Presentations of each take to each person"));
+      const mine = make("div.column", { id: "own-study" }, field("Takes", takes, "Stimuli of the study; a take without a drive is solved in the mode quick"), words, questions);
+      const fit = () => {
+        mine.hidden = !["own", "threshold"].includes(template.value);
+        questions.hidden = template.value !== "own";
+        words.textContent = questions.hidden ? "Choose one: it is presented ever more weakly, in one of two intervals." : "Choose two or more: hold Ctrl, or Shift for a range.";
+      };
+      template.addEventListener("change", fit);
+      fit();
+      const given = () => (template.value === "threshold" ? { template: "detection", takes: [...takes.selectedOptions].map((one) => one.value) } : template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
+      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })].map((one) => Object.assign(one, { title: "Study to run or to analyse" })) : [make("p.quiet", {}, "no studies in this folder yet")])),
+        panel("New study", null, field("Name", name, "Folder of the study"), field("Kind", template, "Your own takes, or a study with stimuli of its own"), field("Participants", people, "Each gets an order of their own"), mine,
+          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", title: "Draws the order of all trials and solves the drives, which takes a while", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
     } else {
       const { step } = session, over = ["done", "stopped"].includes(step.kind);
       left.append(panel(session.title, session.pilot ? make("strong.simulated", {}, "PILOT") : `participant ${session.participant}`,
         make("progress", { max: step.total || 1, value: over ? step.total || 1 : Math.max(0, step.number - 1), "aria-label": "progress" }),
         rows([["Trial", step.total ? `${step.number} of ${step.total}` : "–"], ["Now", { show: "reads a text", present: "a stimulus is due", ask: "answers", rest: "rests", done: "done", stopped: "stopped" }[step.kind]]]),
-        ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, onclick: () => tried(this.link.order("study", "presented")) }, "Stimulus presented")] : []),
+        ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, title: "Press it when the participant has touched it", onclick: () => tried(this.link.order("study", "presented")) }, "Stimulus presented")] : []),
         ...(drifted ? [make("div.warning", { id: "drift", role: "alert" }, `${drifted}; solve the drives again for this air`)] : []),
         ...(session.error ? [make("p.bad", {}, session.error)] : []),
-        make("div.buttons", {}, make("button", { type: "button", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
-          make("button", { type: "button", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "Participant's page in a new window")),
-        make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "end-session", onclick: () => tried(this.link.order("study", "end")) }, over ? "Close the session" : "Leave the session (it can be resumed)"))));
+        make("div.buttons", {}, make("button", { type: "button", title: "One question at a time, on this screen", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
+          make("button", { type: "button", title: "One question at a time, on a second screen", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "Participant's page in a new window")),
+        make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "end-session", title: "Answers so far are stored", onclick: () => tried(this.link.order("study", "end")) }, over ? "Close the session" : "Leave the session (it can be resumed)"))));
     }
     const right = make("div.column");
     if (session) right.append(panel("Log", "newest last; no condition is shown", make("ol.events", {}, ...session.log.map((said) => make("li", {}, said)))));
     else if (study) {
       // The form is built again by every change, an error at the start included: what was chosen stays.
       const kept = (this.kept ??= { pilot: false, noise: "default", answers: "" });
-      const pilot = make("input", { type: "checkbox", id: "pilot", checked: kept.pilot, onchange: () => { kept.pilot = pilot.checked; } });
+      const pilot = make("input", { type: "checkbox", id: "pilot", checked: kept.pilot, title: "A trial run, which no analysis reads", onchange: () => { kept.pilot = pilot.checked; } });
       const noise = choice([["default", "this computer's sound output"], ["none", "none (the array may be audible)"]], kept.noise), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "name", value: kept.answers, oninput: () => { kept.answers = answers.value; } });
       noise.addEventListener("change", () => { kept.noise = noise.value; });
       right.append(panel(titled(study), study.simulated ? make("strong.simulated", {}, "SIMULATED") : "", make("p.quiet", {}, "Pilot runs have a coloured frame and are stored in pilot/, which no analysis reads."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "pilot run")),
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
-        ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers)] : []),
-        ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
+        ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers, "Empty: drives above the profile are refused")] : []),
+        ...(study.noise ? [field("Noise in the headphones", noise, "Masks the sound of the array, which would give the stimulus away"), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
         make("div.buttons", {}, make("button", { type: "button", id: "simulate", disabled: !controls || study.participants.some((each) => each.done), title: "answers of a model for everyone, to try plan and analysis before people come; all that is made of them is marked SIMULATED", onclick: () => tried(this.link.order("study", "simulate", { study: study.name })) }, "Simulate participants"),
           make("button", { type: "button", id: "analyse", disabled: !controls || !study.participants.some((each) => each.done), title: "needs an answer", onclick: () => tried(this.link.order("study", "analyse", { study: study.name })) }, "Analyse"),
           ...(study.report ? [make("a", { id: "to-report", target: "_blank", rel: "noopener", href: `/file/${encodeURI(study.name)}/report.html?${study.report}` }, "Open the report")] : [])),
         make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
           make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),
-            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open")))))))));
+            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, title: `Session of participant ${each.number}`, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open")))))))));
     } else right.append(panel("No study", null, make("p.quiet", {}, "Draw a study plan in the first column. It defines the trials, their order and the questions.")));
     this.studio.main.replaceChildren(make("div.study", {}, left, right));
   }

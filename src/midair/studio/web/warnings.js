@@ -3,7 +3,7 @@
 import { field, make, openModal, tried } from "/web/dom.js";
 
 const shown = (degrees) => `${degrees.toFixed(1)} °C`;
-const button = (words, onclick, id) => make("button", { type: "button", onclick, id }, words);
+const button = (words, onclick, title, id) => make("button", { type: "button", onclick, title, id }, words);
 
 /** The warning that the room differs from the air that a drive was solved for; "" without a drift. */
 export function drift({ state: { air } }, solved) {
@@ -20,8 +20,8 @@ export function warningBox(id, ...buttons) {
 
 /** The warning of a play that pauses in silence, with the choice to stop or to wait; off() ends it. */
 export function heatWarning(link, id) {
-  const wait = button("Wait until they have cooled", () => tried(link.order("play", "wait")));
-  const box = warningBox(id, button("Stop", () => tried(link.stop())), wait);
+  const wait = button("Wait until they have cooled", () => tried(link.order("play", "wait")), "Continues by itself when the units are cool");
+  const box = warningBox(id, button("Stop", () => tried(link.stop()), "Ends this play"), wait);
   box.off = link.on("player", ({ hot, waits }) => { wait.hidden = waits; box.tell(hot && `${hot}. ${waits ? "It then continues by itself." : "It stays silent until you choose."}`); });
   return box;
 }
@@ -44,9 +44,9 @@ export function airShown(link) {
     };
     dialog.replaceChildren(make("h2", { id: "air-title" }, "Air of the room"),
       make("p", {}, "Drives are solved for this air, and the exposure check covers it. Without it, drives are solved for the air of their mode, and the check covers 14 to 30 °C."),
-      field("Temperature, or a thermometer", temperature), make("p.quiet", {}, "Degrees Celsius such as 22C, or lsl:NAME, serial:PORT, file:PATH"), field("Humidity, %", humidity), problem,
-      make("div.buttons", {}, button("Use this air", () => state({ temperature: temperature.value, humidity: humidity.value === "" ? null : Number(humidity.value) }), "use-air"),
-        button("Not stated", () => state({})), button("Close", () => dialog.close())));
+      field("Temperature, or a thermometer", temperature, "Degrees Celsius such as 22C, or lsl:NAME, serial:PORT, file:PATH"), make("p.quiet", {}, "Degrees Celsius such as 22C, or lsl:NAME, serial:PORT, file:PATH"), field("Humidity, %", humidity, "Relative humidity, which damps the sound"), problem,
+      make("div.buttons", {}, button("Use this air", () => state({ temperature: temperature.value, humidity: humidity.value === "" ? null : Number(humidity.value) }), "New drives are solved for this air", "use-air"),
+        button("Not stated", () => state({}), "Takes the stated air back"), button("Close", () => dialog.close(), "Changes nothing")));
     for (const one of dialog.querySelectorAll("#use-air, input")) one.disabled = !link.controls;
     openModal(dialog, link);
   });

@@ -11,6 +11,7 @@ from pandas import DataFrame
 from midair.errors import InputError
 from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
 from midair.study.statistics import column, frame_of
+from midair.validation import is_number
 
 _SINGLE = ("yes-no", "same-different", "magnitude")
 """Kinds of questions that always get their own part of the report."""
@@ -186,19 +187,11 @@ def _check_labels(found: DataFrame, presented: str, answered: str) -> None:
     if not mixed or all(len(words[name]) == len(given[name]) for name in given):
         return
     name = mixed[-1]
-    odd = next((word for word in words[name] if not _is_number(word)), words[name][0])
+    odd = next((word for word in words[name] if not is_number(word)), words[name][0])
     raise InputError(
         f"column {name!r}: expected labels of one kind in {presented!r} and {answered!r}, got {odd!r} where the other "
         "column has numbers; remove or rename the rows without an answer"
     )
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _form_rows(scored: DataFrame, design: Design | None) -> DataFrame:

@@ -66,7 +66,7 @@ class Headphones:
             ) from wrong
         except sounddevice.PortAudioError as wrong:
             raise DeviceError(
-                f"headphones: expected a sound output, got: {str(wrong)[:120]}; connect one, or --noise none"
+                f"headphones: expected a sound output, got: {str(wrong)[:120]}; connect one, or choose the noise none"
             ) from wrong
         return self
 

@@ -135,18 +135,19 @@ export function controls(transport, root) {
   bar.className = "view-controls";
   bar.setAttribute("role", "toolbar");
   bar.setAttribute("aria-label", "Transport");
-  const button = (label, act, icon) => {
+  const button = (label, act, help, icon) => {
     const made = page.createElement("button");
     made.type = "button";
-    if (icon) { made.setAttribute("aria-label", label); made.title = label; made.append(drawing(page, icon)); } else made.textContent = label;
+    made.title = help;
+    if (icon) { made.setAttribute("aria-label", label); made.append(drawing(page, icon)); } else made.textContent = label;
     made.addEventListener("click", act);
     bar.append(made);
     return made;
   };
-  button("to the start (Home)", () => transport.seek(transport.first), ICONS.start);
-  const play = button("play (Space)", () => transport.toggle(), ICONS.play);
-  const loop = button("Loop", () => transport.setLoop({ on: !transport.loop.on }));
-  const speeds = Object.entries(SPEEDS).map(([label, speed]) => [button(label, () => transport.setSpeed(speed)), speed]);
+  button("to the start (Home)", () => transport.seek(transport.first), "to the start (Home)", ICONS.start);
+  const play = button("play (Space)", () => transport.toggle(), "play (Space)", ICONS.play);
+  const loop = button("Loop", () => transport.setLoop({ on: !transport.loop.on }), "repeats the part from I to O (L)");
+  const speeds = Object.entries(SPEEDS).map(([label, speed]) => [button(label, () => transport.setSpeed(speed), `moves at ${label} of the speed`), speed]);
   const where = page.createElement("output"), shows = page.createElement("span");
   where.className = "view-where";
   shows.className = "view-shows";

@@ -7,12 +7,13 @@ import shutil
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.drives import log, save_drive
 from tests.palms import palm_path
 
 from midair.cli.commands.study import study_app as app
 from midair.errors import BrokenFileError, InputError, MidairError, MissingFileError
-from midair.files import save_palm_path, save_solution
-from midair.model import Drive, Provenance, Solution, TransducerArray
+from midair.files import save_palm_path
+from midair.model import Provenance, TransducerArray
 from midair.physics import focus_phase
 from midair.rig import dose_report
 from midair.settings import Settings
@@ -142,6 +143,24 @@ def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the
     assert note in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.slow
+def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path, capsys):
+    """Its drive lies beside it, and is presented at 13 shares of its pressure."""
+    save_drive(tmp_path / 'my "wool".drive.h5')
+    take = ("--template", "detection", "--take", tmp_path / 'my "wool".h5')
+    study("new", tmp_path / "faint", *take, "--participants", 5)
+    assert 'my "wool".drive.h5: 0.02 s, copied' in capsys.readouterr().out
+    assert study("run", tmp_path / "faint", "--simulate") == 0
+    study("analyse", tmp_path / "faint", "--draws", 50)
+    said = " ".join(capsys.readouterr().out.split())
+    low, high = map(
+        float, re.search(r"5 thresholds: [\d.]+ \(95 % limits over people ([\d.]+) to ([\d.]+)\)", said).groups()
+    )
+    assert 1 < low < 10 < high < 100, "per cent of the pressure of the drive"
+    report = (tmp_path / "faint" / "report.html").read_text(encoding="utf-8")
+    assert "Detection threshold of my &#34;wool&#34; in midair" in report
+
+
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
@@ -155,6 +174,8 @@ def test_refusals_are_one_clear_line(tmp_path):
         study("analyse", tmp_path / "s")
     with pytest.raises(InputError, match="expected answers"):
         study("export", tmp_path / "s", tmp_path / "b")
+    with pytest.raises(MissingFileError, match=r"expected wool\.drive\.h5 in "):
+        study("new", tmp_path / "t", "--template", "detection", "--take", tmp_path / "wool.h5")
     with pytest.raises(MissingFileError, match="TOML"):
         study("new", tmp_path / "t", "--source", tmp_path / "no.toml")
 
@@ -224,18 +245,10 @@ def study_of_drives(folder, level, frames=10):
     array = TransducerArray.autd3()
     phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (frames, array.count))
     made = Settings().noted(Provenance())
-    drive = Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array, provenance=made)
     (folder / "drives.toml").write_text(DRIVES)
-    solution = Solution(
-        drive=drive, error=np.zeros(frames), iterations=np.ones(frames), status=("iterations",) * frames
-    )
-    save_solution(solution, folder / "focus.drive.h5")
+    save_drive(folder / "focus.drive.h5", phase, level, provenance=made)
     study("new", folder / "s", "--source", folder / "drives.toml")
     return folder / "s"
-
-
-def played(folder):
-    return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
 
 
 @pytest.mark.long
@@ -249,7 +262,7 @@ def test_the_air_of_the_room_is_printed_and_stored(tmp_path, monkeypatch, capsys
     assert told.count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
     first = json.loads((folder / "sessions" / "sub-01.jsonl").read_text(encoding="utf-8").splitlines()[0])
     assert first["room"] == {"temperature_c": 15.0, "humidity": 0.4}
-    assert [entry["room"] for entry in played(tmp_path) if entry["event"] == "play"] == [first["room"]] * 2
+    assert [entry["room"] for entry in log() if entry["event"] == "play"] == [first["room"]] * 2
 
 
 @pytest.mark.long
@@ -264,7 +277,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     )
     assert study("run", folder, "--participant", 1, "--array", array) == 0
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
-    events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
+    events = [(entry["event"], entry["drive"], entry["device"]) for entry in log()]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
     (day,) = dose_report("s/1").days
     assert (day["orders"], day["without_end"], day["simulated"]) == (2, 0, True)
@@ -286,7 +299,7 @@ def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, caps
         study("run", folder, "--participant", 1, "--array", "virtual", "--follow", line[-1])
     assert study("run", folder, "--participant", 1, *line) == 0
     assert "the palm is followed" in capsys.readouterr().err
-    assert [entry["event"] for entry in played(tmp_path)] == ["play", "end"] * 2
+    assert [entry["event"] for entry in log()] == ["play", "end"] * 2
     sent = {bytes(datagram[20:269]) for _, _, order, datagram in tap.frames() if order == 0x16}
     assert len(sent) > 20, "5 when they are not steered: the frames of one focus differ, since they are steered"
 
@@ -301,7 +314,7 @@ def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypat
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
     answered_for = ("--override-exposure", "A. Person")
     assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
-    assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
+    assert {entry.get("override_by") for entry in log() if entry["event"] == "play"} == {"A. Person"}
 
 
 @pytest.mark.parametrize(("line", "word"), [("serial:/dev/none", "nothing plays"), ("keyboard", "the answers need")])

@@ -51,6 +51,7 @@ def new_command(
     /,
     *,
     template: Template = "paper",
+    take: Path | None = None,
     source: Path | None = None,
     trials: Path | None = None,
     participants: int | None = None,
@@ -69,6 +70,9 @@ def new_command(
         detection: threshold of a vibration.
         intervals: which of two intervals is stronger.
         paired: which of two stimuli is closer to a real object.
+    take
+        Recording, NAME.h5, whose threshold --template detection measures; its drive is beside it, or solved with
+        --mode.
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
     trials
@@ -89,13 +93,17 @@ def new_command(
     --------
     $ midair study new touch --participants 3
     $ midair study new dry --drives none
+    $ midair study new faint --template detection --take stroke.h5
     """
+    if take is not None and (source is not None or drives):
+        raise InputError("--take: expected it with --template alone, got --source or --drives")
     if participants is not None:
         within(participants, "--participants", 1)
     if trials is not None and source is None:
         raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
     table = "" if trials is None else read_text(trials, "the table of trials")
-    text = template_text(template) if source is None else read_text(source, "the TOML of a study")
+    text = template_text(template, take=take and take.name) if source is None else read_text(source, "a study in TOML")
+    beside = take or source
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     if not kept:
@@ -104,7 +112,7 @@ def new_command(
     gathered: list[StudyDrive] = []
 
     def fill(into: Path) -> dict[str, str]:
-        folder = Path(drives) if drives else None if source is None else source.parent
+        folder = Path(drives) if drives else None if beside is None else beside.parent
         with progress_bars() as stage:
             gathered.extend(prepare_drives(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
         return {one.source: one.digest for one in gathered} | prepare_media(design, into, found_in=folder)
