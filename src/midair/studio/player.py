@@ -187,7 +187,7 @@ class _Player:
     held: ExitStack = field(default_factory=ExitStack)
     solver: ExitStack = field(default_factory=ExitStack)
     admitted: dict[int, Any] = field(default_factory=dict[int, Any])
-    """What was checked, its path and the exposure limits, by number."""
+    """Clearance, path and exposure limits of each check by its number."""
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     palm: PalmWatch | None = None
