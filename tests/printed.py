@@ -12,7 +12,7 @@ def _plain(text):
 
 
 def not_printed(page, printed):
-    """Lines of the text blocks that follow the consoles of a page and are not in what was printed; "..." ends any line."""
+    """Lines of the text blocks that follow the consoles of a page and are not in what was printed, "..." aside."""
     found = re.findall(
         r"^```console\n(?:(?!```).*\n)+```\n+```text\n((?:(?!```).*\n)+)```",
         (ROOT / page).read_text(encoding="utf-8"),
