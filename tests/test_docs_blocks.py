@@ -115,7 +115,7 @@ def pattern(path):
 
 TOMLS = {
     "docs/build-a-sensor.md": [sensor],
-    "docs/draw.md": [pattern, pattern, pattern],
+    "docs/draw.md": [pattern, pattern, pattern, pattern],
     "docs/follow.md": [tracker],
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],

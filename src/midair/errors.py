@@ -13,14 +13,8 @@ class MidairError(Exception):
 class InputError(MidairError, ValueError):
     """A value that cannot be used.
 
-    Parameters
-    ----------
-    *args : str
-        The message.
-    parameters : mapping of str to str, optional
-        Parameters that correct the input, each as it is typed in Python; the message ends with this advice.
-    setting : str
-        Name of the setting that is out of range, with which the message then begins.
+    `parameters` correct the input, each as it is typed in Python; the message ends with this advice. `setting` is the
+    name of the setting that is out of range, with which the message then begins.
     """
 
     def __init__(self, *args: object, parameters: Mapping[str, str] | None = None, setting: str = "") -> None:

@@ -3,7 +3,7 @@ import time
 
 import numpy as np
 import pytest
-from tests.waiting import wait_until
+from tests.waiting import Clock, wait_until
 
 from midair.devices import VirtualArray, check_exposure
 from midair.errors import DeviceStateError, InputError, StoppedError
@@ -11,16 +11,9 @@ from midair.model import Drive, TransducerArray
 from midair.rig import PlayLease, default_exposure, under_lease
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
 def clock():
-    return Clock()
+    return Clock(100.0)
 
 
 @pytest.fixture

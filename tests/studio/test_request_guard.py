@@ -2,6 +2,7 @@ import asyncio
 import socket
 
 import pytest
+from tests.waiting import Clock
 
 from midair.studio.request_guard import LoginTokens, RequestGuard
 from midair.studio.server import listen
@@ -10,16 +11,9 @@ PORT = 8123
 OURS = f"http://127.0.0.1:{PORT}"
 
 
-class Clock:
-    now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
 def keys():
-    return LoginTokens(port=PORT, clock=Clock())
+    return LoginTokens(port=PORT, clock=Clock(0.0))
 
 
 async def inner(scope, receive, send):

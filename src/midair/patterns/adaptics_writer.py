@@ -60,6 +60,11 @@ def adaptics_text(pattern: Pattern | AdapticsPattern, duration: float | None = N
     # The end of a rest before a jump, which is a step.
     rests = ~moves[knots - 1].any(axis=1) & (np.diff(knots, append=knots[-1] + 1) == 1) & (knots > 0)
     knots = knots[~rests | np.isin(knots, changes + 1)]
+    # A corner at a frame bends by less than a nanometre in the frame before, too.
+    before, here, after = knots[:-2], knots[1:-1], knots[2:]
+    bend = rows[here] - rows[here - 1] - (rows[after] - rows[here])
+    flat = (np.abs(bend).max(axis=1) < 1e-6) & (after == here + 1) & (here > before + 1)
+    knots = np.delete(knots, 1 + np.flatnonzero(flat & (spot[before] == spot[after])))
     if len(knots) > MOST_KEYS:
         raise InputError(
             f"expected at most {MOST_KEYS} key frames in an .adaptics file, got {len(knots)}; it holds straight lines, "

@@ -92,25 +92,12 @@ def solver(
 ) -> Method:
     """The solver of this name, or the given solver, with other settings where the method has them.
 
-    Parameters
-    ----------
-    method : str or a solver
-        A name in `METHODS`, or a solver such as ``Fast(iterations=60)``.
-    iterations : int or tuple of int, optional
-        Maximum for every frame, or for frames that start at zero and frames that start at the previous one.
-    start : {"previous", "zero"}, optional
-        Start of every frame after the first; ignored by methods without this setting.
-    backend : str, optional
-        Array library of "fast" and "glide", see `backend.backend`.
-    jobs : int, optional
-        Number of worker threads of "glide"; ignored by the other methods.
-
-    Raises
-    ------
-    InputError
-        If the method or the start is unknown; if iterations are below 1, are given to "glide" (which has its own
-        for each kind of frame), or are two numbers for a method that has one; if a backend is given to a method
-        that has none.
+    `method` is a name in `METHODS`, or a solver such as ``Fast(iterations=60)``. `iterations` is the maximum for every
+    frame, or for frames that start at zero and frames that start at the previous one; `start` ("previous", "zero") that
+    of every frame after the first; `backend` the array library of "fast" and "glide", see `backend.backend`; `jobs` the
+    number of worker threads of "glide". Methods without a start or jobs ignore them. Raises InputError if the method or
+    the start is unknown; if iterations are below 1, are given to "glide" (which has its own for each kind of frame), or
+    are two numbers for a method that has one; if a backend is given to a method that has none.
     """
     if isinstance(method, str) and method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")

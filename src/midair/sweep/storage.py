@@ -1,12 +1,13 @@
 """Parts of a sweep, divided into tasks; its storage: a folder, or a prefix of an object store that fsspec supports."""
 
+import json
 import os
 import secrets
 import shutil
 import sys
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -65,14 +66,8 @@ class Coordinate:
 
 
 def settings_of(thing: Any) -> Any:
-    """Convert settings to JSON values: objects to mappings, tuples to lists, other types to strings."""
-    if is_dataclass(thing) and not isinstance(thing, type):
-        return {field.name: settings_of(getattr(thing, field.name)) for field in fields(thing)}
-    if isinstance(thing, Mapping):
-        return {str(name): settings_of(each) for name, each in thing.items()}
-    if isinstance(thing, list | tuple):
-        return [settings_of(each) for each in thing]
-    return thing if thing is None or isinstance(thing, str | int | float) else str(thing)
+    """Convert a dataclass of settings to JSON values; other types than those of JSON become strings."""
+    return json.loads(json.dumps(asdict(thing), default=str))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

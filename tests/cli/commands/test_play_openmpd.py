@@ -16,13 +16,6 @@ pytest.importorskip("serial")
 pytestmark = pytest.mark.usefixtures("own_state")
 
 
-@pytest.fixture
-def board():
-    one = OpenMpdSimulator()
-    yield one
-    one.close()
-
-
 def write_board(path, board):
     degrees = np.rint(np.degrees(board.offset)).astype(int)
     lists = [

@@ -7,7 +7,6 @@ import time
 
 import psutil
 import pytest
-from tests.simulators.openmpd import OpenMpdSimulator
 from tests.waiting import wait_until
 
 pytest.importorskip("serial")
@@ -31,13 +30,6 @@ except DeviceError as wrong:
     print(wrong)
     sys.exit(1)
 """
-
-
-@pytest.fixture
-def board():
-    one = OpenMpdSimulator()
-    yield one
-    one.close()
 
 
 @pytest.fixture

@@ -1,26 +1,18 @@
 import numpy as np
 import pytest
+from tests.solvers.terms.test_quiet_ears import ARRAY, GRID, target
 
 from midair.errors import InputError
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Palm, TransducerArray
-from midair.physics import focus_amplitude, propagate, transfer_matrix
+from midair.model import Acoustics, ControlGrid, Palm, TransducerArray
+from midair.physics import propagate, transfer_matrix
 from midair.settings import CHOICES, Settings
 from midair.solvers import solve
 from midair.solvers.terms import QuietPalm
-
-ARRAY = TransducerArray.autd3(columns=1, rows=1)
-GRID = ControlGrid(rows=4, columns=4, pitch=11e-3)
 
 
 def around(grid):
     palm = Palm.disc(85e-3, pitch=1.5e-3)
     return palm.grid(grid.height).position[palm.beyond(22e-3, 22e-3).ravel()]
-
-
-def target():
-    amplitude = np.zeros((2, GRID.count))
-    amplitude[0, [0, 5]], amplitude[1, [3, 9]] = 1.0, 0.7
-    return AmplitudeFrames(amplitude=0.2 * focus_amplitude(GRID, ARRAY) * amplitude, rate=1000.0, grid=GRID)
 
 
 def test_rows_add_up_to_the_mean_square_over_the_palm():

@@ -268,23 +268,12 @@ def measure_calibration(
     combines, as in the GUM, the noise (Bendat and Piersol), the variation between takes beyond the noise, and the
     uncertainty of the reference.
 
-    Parameters
-    ----------
-    takes : sequence of ReferencedTake
-        Noise or sweeps that fill the band; a sweep begins and ends in silence. Either all takes press on all cells at
-        once, or one or more takes press on each cell alone, which also gives the crosstalk (takes on all cells are then
-        used for linearity only). Five different levels give the linearity.
-    quiet : Recording, optional
-        A recording without any pressure, for the noise; without it, the noise is the residual of the fit.
-    date, version
-        As in `Calibration`.
-
-    Raises
-    ------
-    MismatchError
-        If the takes are not of one sensor, or only some cells were pressed alone.
-    BandError
-        If the takes are too short, or fewer than two bins are valid.
+    The takes are noise or sweeps that fill the band; a sweep begins and ends in silence. Either all press on all cells
+    at once, or one or more press on each cell alone, which also gives the crosstalk (takes on all cells are then used
+    for linearity only). Five different levels give the linearity. `quiet` is a recording without any pressure, for the
+    noise; without it, the noise is the residual of the fit. `date` and `version` are as in `Calibration`. Raises
+    MismatchError if the takes are not of one sensor, or only some cells were pressed alone; BandError if the takes are
+    too short, or fewer than two bins are valid.
     """
     check_alike(takes)
     settings = settings or MeasureSettings()

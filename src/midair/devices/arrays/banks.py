@@ -163,10 +163,7 @@ class CoolingPause:
 
 
 class UnitsArray(ArrayDevice, Generic[U]):
-    """An array of units, open between `connect` and `close`; the subclasses differ in how they send frames.
-
-    `connect` opens the units. The other parameters are as in `ArrayDevice`.
-    """
+    """An array of units, open between `connect` and `close`; the subclasses differ in how they send frames."""
 
     def __init__(
         self,

@@ -65,11 +65,11 @@ class AudioSource:
     """Inputs of one audio device.
 
     `device` is part of its name or its number in `midair doctor`; empty for the default input. `channels` and `rate`
-    are those of the device by default. `piece` is the length of a PortAudio block, in s.
+    are those of the device by default.
     """
 
     def __init__(self, device: str = "", *, channels: int | None = None, rate: float | None = None) -> None:
-        self._device, self._channels, self._rate_wanted, self._piece = device, channels, rate, 0.02
+        self._device, self._channels, self._rate_wanted = device, channels, rate
         self._pieces: queue.SimpleQueue[_Piece] = queue.SimpleQueue()
         self._last: _Piece | None = None
         self._stream: sounddevice.RawInputStream | None = None
@@ -84,7 +84,7 @@ class AudioSource:
         try:
             self._stream = sounddevice.RawInputStream(
                 samplerate=self._rate,
-                blocksize=max(1, round(self._piece * self._rate)),
+                blocksize=max(1, round(0.02 * self._rate)),
                 device=int(found["index"]),
                 channels=channels,
                 dtype="float32",

@@ -193,35 +193,14 @@ class VirtualArray(ArrayDevice):
 
     The deviations are intended: they are what calibration and correction measure and compensate.
 
-    Parameters
-    ----------
-    skin : VirtualSkin, optional
-        The surface that the sound presses on.
-    acoustics : Acoustics, optional
-        Air in which the sound propagates, whatever a drive was solved for; each drive's own air if None.
-    dynamics : TransducerDynamics
-        Mean response of a transducer to a change of its drive.
-    phase_bits : int or None
-        Resolution of the phases; not quantised if None.
-    strength : float
-        Mean strength of the transducers relative to the model.
-    spread : float
-        Relative standard deviation of the strengths.
-    resonance_spread : float
-        Standard deviation of the resonances, in Hz.
-    quality_spread : float
-        Relative standard deviation of the quality factors.
-    seed : int
-        Seed of the deviations.
-    transducers : Transducers, optional
-        Replaces strength, spreads and seed.
-    silencer : {"auto", "off", "quarter", "half", "default"}, optional
-        Setting of the silencer, see `choose_silencer`; default: auto as on a real array, or off if a chain is given.
-    chain : PlaybackChain, optional
-        Replaces all settings above except the silencer's, to make single parts ideal.
-    palm : PalmPath, optional
-        Poses of the skin in array coordinates from the first frame of each play on, the last of which holds; it rests
-        in the middle above the array if None.
+    `skin` is the surface that the sound presses on, in poses `palm` in array coordinates from the first frame of each
+    play on, the last of which holds; it rests in the middle above the array if None. `acoustics` is the air in which
+    the sound propagates, whatever a drive was solved for; each drive's own if None. `dynamics` is the mean response of
+    a transducer to a change of its drive; phases are not quantised if `phase_bits` is None. `strength` is the mean
+    strength relative to the model, `spread` and `quality_spread` the relative standard deviations of strengths and
+    quality factors, `resonance_spread` that of the resonances in Hz, all drawn with `seed`; `transducers` replaces
+    them. `silencer` is auto by default, as on a real array, or off with a `chain`, which replaces everything but the
+    silencer, to make single parts ideal.
     """
 
     simulated = True

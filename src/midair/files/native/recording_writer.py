@@ -37,24 +37,12 @@ class RecordingWriter:
     the computer, because the operating system may hold data back until the file is closed. No other program of midair
     can replace or remove the file meanwhile.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        A new file.
-    rate, sensor, unit, provenance, calibration
-        As in `Recording` and `OpenedTake`.
-    interval : float
-        Longest time in s, and the equivalent number of frames, that may be buffered in memory.
-    reserve : int
-        Bytes to leave free on the disk; the recording stops before the disk is full.
-    expected : int
-        Number of frames if known; an error is raised at the start if the disk has less space.
-    staged : bool
-        Whether positions of a motion stage are stored too.
-    stored : {"f4", "f8"}
-        Precision of the samples; with "f4" a block that float32 cannot hold raises an error.
-    array : TransducerArray, optional
-        Array that plays meanwhile; every frame then needs `played` values.
+    `path` is a new file; `rate`, `sensor`, `unit`, `provenance` and `calibration` are as in `Recording` and
+    `OpenedTake`. `interval` is the longest time in s, and the equivalent number of frames, that may be buffered in
+    memory, `reserve` the bytes to leave free on the disk: the recording stops before the disk is full. With `expected`
+    frames an error is raised at the start if the disk has less space. `staged` stores positions of a motion stage too;
+    with `stored` "f4" a block that float32 cannot hold raises an error; with an `array` that plays meanwhile every
+    frame needs `played` values.
 
     Examples
     --------

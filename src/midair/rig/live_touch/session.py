@@ -187,12 +187,6 @@ class LiveSession:
     renewed while this process runs. `slots` is the number of frames in the ring, for slow readers; `wait` calls
     `report` with one line when a pause for cooling or following the palm begins or ends. `keep` and `notes` as in
     `live`.
-
-    Examples
-    --------
-    >>> with LiveSession(order) as session:
-    ...     session.wait(10.0)
-    ...     print(session.statistics.late)
     """
 
     def __init__(
