@@ -181,6 +181,15 @@ def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
     assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
 
 
+def test_a_threshold_is_of_one_take_and_other_studies_of_takes_have_two_or_more(talk):
+    twice = ["towel.h5", "towel.h5"]
+    for given, said in (
+        ({"template": "detection", "takes": twice}, "one take and no"),
+        ({"takes": twice[1:]}, "two or"),
+    ):
+        assert f"study: expected {said}" in talk.order("study", "new", name="x", **given)["error"]
+
+
 def test_code_shows_the_mode_and_the_chosen_settings(talk):
     made = talk.order("reproduce", "code", take="towel.h5", gain=2, height_mm=180)["ok"]
     assert made["options"] == "--mode best --gain 2 --height 180mm"

@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["own", "my takes and patterns"], ["threshold", "threshold of one of them"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
+const TEMPLATES = [["own", "my takes and patterns"], ["threshold", "threshold of a take"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 /** Name of a study and its title: studies from one template have the same title. */
 const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
