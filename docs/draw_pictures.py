@@ -3,12 +3,14 @@
 ``python docs/draw_pictures.py FOLDER`` writes them there.
 """
 
+import subprocess
 import sys
 import tempfile
 from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from midair.cli import run
 from midair.figures import maps_figure, png_bytes
@@ -62,6 +64,42 @@ def spectrum():
     return figure
 
 
+def studio(folder):
+    """The panel Draw in Chromium, on the way of a designer's first minutes."""
+    with tempfile.TemporaryDirectory() as steps:
+        subprocess.run([sys.executable, "-m", "benchmarks.draw_minutes", steps], check=True)
+        picture = Image.open(Path(steps) / "2-key-frames.png").convert("RGB").quantize(128)
+        picture.save(folder / "draw-studio.png", optimize=True)
+
+
+def press():
+    """The focus of a steady press at its own, turning place, and the pressure of the place in the middle."""
+    from midair.figures.style import STYLE, new_figure, plain_axes
+
+    angle = 2 * np.pi * np.arange(21) / 21
+    places = np.stack([3e-3 * np.cos(angle), 3e-3 * np.sin(angle), 0 * angle + 0.2], axis=1)
+    spot = "pressure_pa = 60\nlm = { frequency_hz = 10, radius_mm = 3, step_mm = 0.9 }\n"
+    spot += "receptors = { slow = 0.5, fast = 0.3, pacinian = 0.2 }"
+    both = felt(f"duration_s = 0.3\n[[spot]]\n{spot}", np.concatenate([places, [[0, 0, 0.2]]]))[-6400:]
+    step = ((0.1 + (np.arange(6400) + 1) / 32e3) * 210 - 1e-9).astype(int) % 21
+    figure = new_figure(8.4, 2.8, simulated=True)
+    axes = figure.subplots(1, 2)
+    time_axis = plain_axes(axes[0], x="time (ms)", y="pressure (Pa)")
+    line_axis = plain_axes(axes[1], x="frequency (Hz)", y="amplitude (Pa)")
+    shown = (
+        ("at the turning focus", both[np.arange(6400), step], STYLE.original),
+        ("in the middle", both[:, 21], STYLE.reproduced),
+    )
+    for label, wave, colour in shown:
+        time_axis.plot(np.arange(6400) / 32, wave, color=colour, linewidth=0.8)
+        lines = 2 * np.abs(np.fft.rfft(wave)) / len(wave)
+        lines[0] /= 2
+        line_axis.plot(np.arange(41) * 5, lines[:41], color=colour, label=label)
+    line_axis.legend(frameon=False, fontsize=8)
+    return figure
+
+
 if __name__ == "__main__":
-    for name, draw in {"draw-maps": maps, "draw-spectrum": spectrum}.items():
+    for name, draw in {"draw-maps": maps, "draw-spectrum": spectrum, "draw-press": press}.items():
         (Path(sys.argv[1]) / f"{name}.png").write_bytes(png_bytes(draw()))
+    studio(Path(sys.argv[1]))

@@ -12,11 +12,11 @@ def _plain(text):
 
 
 def not_printed(page, printed):
-    """Lines of the text blocks that follow the consoles of a page, but "...", and are not in what was printed."""
+    """Lines of the text blocks that follow the consoles of a page and are not in what was printed, "..." aside."""
     found = re.findall(
         r"^```console\n(?:(?!```).*\n)+```\n+```text\n((?:(?!```).*\n)+)```",
         (ROOT / page).read_text(encoding="utf-8"),
         re.MULTILINE,
     )
     whole = _plain(printed)
-    return [line for block in found for line in block.splitlines() if line != "..." and _plain(line) not in whole]
+    return [line for block in found for line in block.splitlines() if _plain(line.removesuffix("...")) not in whole]

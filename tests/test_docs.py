@@ -270,9 +270,10 @@ def test_every_option_that_a_page_names_is_one(page, capsys):
 
 
 @pytest.mark.slow
-def test_the_page_of_live_runs(folder):
+def test_the_page_of_live_runs(folder, capsys):
     for tokens in commands("docs/live.md"):
         assert run(tokens) == 0, tokens
+    assert not_printed("docs/live.md", capsys.readouterr().out) == []
     script, reading = blocks("docs/live.md", "python")
     (folder / "touch.py").write_text(script, encoding="utf-8")
     done = subprocess.run([sys.executable, "touch.py"], capture_output=True, text=True, check=True, cwd=folder)

@@ -115,7 +115,7 @@ def pattern(path):
 
 TOMLS = {
     "docs/build-a-sensor.md": [sensor],
-    "docs/draw.md": [pattern, pattern, pattern],
+    "docs/draw.md": [pattern, pattern, pattern, pattern],
     "docs/follow.md": [tracker],
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],
@@ -210,8 +210,10 @@ PREPARED = {
     "docs/error-budget.md": take,
     "docs/exposure.md": with_a_drive,
     "docs/fidelity.md": take,
+    "docs/follow.md": with_a_drive,
     "docs/install.md": None,
     "docs/palm.md": with_a_drive,
+    "docs/play-on-your-array.md": with_a_drive,
     "docs/record.md": None,
     "docs/settings.md": with_settings,
     "docs/sweep.md": strokes,
