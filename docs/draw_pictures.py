@@ -3,12 +3,14 @@
 ``python docs/draw_pictures.py FOLDER`` writes them there.
 """
 
+import subprocess
 import sys
 import tempfile
 from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from midair.cli import run
 from midair.figures import maps_figure, png_bytes
@@ -62,6 +64,14 @@ def spectrum():
     return figure
 
 
+def studio(folder):
+    """The panel Draw in Chromium, on the way of a designer's first minutes."""
+    with tempfile.TemporaryDirectory() as steps:
+        subprocess.run([sys.executable, "-m", "benchmarks.draw_minutes", steps], check=True)
+        picture = Image.open(Path(steps) / "2-key-frames.png").convert("RGB").quantize(128)
+        picture.save(folder / "draw-studio.png", optimize=True)
+
+
 def press():
     """The focus of a steady press at its own, turning place, and the pressure of the place in the middle."""
     from midair.figures.style import STYLE, new_figure, plain_axes
@@ -92,3 +102,4 @@ def press():
 if __name__ == "__main__":
     for name, draw in {"draw-maps": maps, "draw-spectrum": spectrum, "draw-press": press}.items():
         (Path(sys.argv[1]) / f"{name}.png").write_bytes(png_bytes(draw()))
+    studio(Path(sys.argv[1]))

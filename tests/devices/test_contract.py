@@ -1,5 +1,7 @@
 """The contract of every array; to test a new one, add an entry to a table. Sensors: sensors/test_sensor_contract.py."""
 
+import weakref
+
 import numpy as np
 import pytest
 from tests.simulators.autd3_firmware import autd3_firmware
@@ -181,6 +183,16 @@ def test_an_array_plays_again_after_it_has_played(array):
     with array:
         array.play(clear_any_exposure(drive(array), array))
         assert array.play(clear_any_exposure(drive(array), array)).frames == 5
+
+
+def test_an_array_holds_no_drive_of_an_order_that_another_replaced():
+    """A pattern that is changed a hundred times while it plays needs the memory of one."""
+    with (device := virtual_immediate(ONE)), device.drives_to_come() as (_, begin):
+        admission = clear_any_exposure(drive(device), device)
+        begin(admission, "a.toml", {})
+        held = weakref.ref(admission.drive.phase)
+        del admission
+        assert held() is None
 
 
 def test_closing_twice_and_silence_at_any_time_are_harmless(array):

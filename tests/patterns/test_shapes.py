@@ -7,7 +7,7 @@ import tomli_w
 from midair.errors import InputError
 from midair.files import to_plain
 from midair.patterns import SHAPES, AmplitudeModulation, LateralModulation, Pattern, Spot
-from midair.patterns.shapes import Arc, Circle, Lissajous, Polygon
+from midair.patterns.shapes import Arc, Circle, Lissajous, Polygon, Svg
 
 SHARE = np.linspace(0, 1, 401)
 
@@ -59,6 +59,20 @@ def test_closed_forms():
     eight = Lissajous(width_mm=20.0, depth_mm=10.0, a=1, b=2, phase_deg=0.0).at(SHARE)
     assert eight[:, 0] == pytest.approx(10 * np.sin(2 * np.pi * SHARE))
     assert eight[:, 1] == pytest.approx(5 * np.sin(4 * np.pi * SHARE))
+    ring = Svg(path="M2 1A1 1 0 0 0 0 1A1 1 0 0 0 2 1", size_mm=20.0)
+    assert ring.at(SHARE) == pytest.approx(Circle(radius_mm=10.0).at(SHARE), abs=0.02), "y of an SVG points down"
+    hook = Svg(path="m0 0h4v-2", size_mm=40.0).at(np.array([0, 1 / 3, 0.5, 2 / 3, 1]))
+    assert hook == pytest.approx(np.array([[-20, -10], [20, -10], [20, 10], [20, -10], [-20, -10]])), "there and back"
+    apart = Svg(path="M0 0H1M3 0H4", size_mm=40.0).at(np.array([0.25, 0.49, 0.51, 1]))[:, 0]
+    assert apart == pytest.approx([-15, -10.2, 10.2, 20]), "the jump takes no time"
+
+
+@pytest.mark.parametrize(
+    "path", ["", "hello", "M0 0", "M0 0C1 2 3", "M1e999 0H0", "M0 0H1e300", "M0 0L1,nan", "M0 0" + "L1 1" * 5001]
+)
+def test_bad_svg_paths_are_refused(path):
+    with pytest.raises(InputError, match="path: expected the d of an SVG path"):
+        Svg(path=path)
 
 
 PARAMETERS = {

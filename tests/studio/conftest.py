@@ -1,9 +1,75 @@
+import json
 import os
 import subprocess
 import sys
 import time
+import warnings
 
 import pytest
+
+from midair.studio import Studio, StudioPlan
+
+PORT = 8345
+ROOT = f"http://127.0.0.1:{PORT}"
+SOCKET = f"ws://127.0.0.1:{PORT}/socket"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The folder of a studio in this process."""
+    (made := tmp_path / "folder").mkdir()
+    return made
+
+
+@pytest.fixture
+def studio(folder, tmp_path):
+    (samples := tmp_path / "samples").mkdir()
+    made = Studio(StudioPlan(folder=folder), samples, PORT)
+    yield made
+    for each in (made.panels["live"], made.playing, made.jobs, made.reading):
+        each.close()
+
+
+@pytest.fixture
+def client(studio):
+    with warnings.catch_warnings():
+        # Starlette recommends another client library, which is not needed otherwise.
+        warnings.simplefilter("ignore")
+        from starlette.testclient import TestClient
+    client = TestClient(studio.application(), base_url=ROOT)
+    client.cookies.set(studio.keys.cookie, studio.keys.session)
+    return client
+
+
+class PageClient:
+    """A page that can send any message."""
+
+    def __init__(self, socket):
+        self.socket, self.number = socket, 0
+        self.state = json.loads(socket.receive_text())
+
+    @property
+    def page(self):
+        return self.state["page"]
+
+    def order(self, room, order, **given):
+        self.number += 1
+        return self.say({"id": self.number, "room": room, "order": order, "with": given})
+
+    def say(self, said):
+        self.socket.send_text(json.dumps(said))
+        while True:
+            answer = json.loads(self.socket.receive_text())
+            if "set" in answer:
+                self.state["whole"] |= answer["set"]
+            elif answer.get("id") == said.get("id", 0):
+                return answer
+
+
+@pytest.fixture
+def talk(client):
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        yield PageClient(socket)
 
 
 class LoopStarted:
@@ -72,6 +138,21 @@ class Look:
             time.sleep(0.05)
         state = self.page.evaluate("JSON.stringify(globalThis.studio?.link.state ?? {}).slice(0, 3000)")
         raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
+
+    def serious(self):
+        """Serious findings of axe on accessibility, with the elements."""
+        from axe_playwright_python.sync_playwright import Axe
+
+        found = Axe().run(self.page).response["violations"]
+        return [(one["id"], one["nodes"][0]["html"]) for one in found if one["impact"] in ("serious", "critical")]
+
+    def unhelped(self):
+        """Names of the controls without a line of help."""
+        return self.page.evaluate(
+            """[...document.querySelectorAll('button, input:not([type=file]), select, textarea')]
+            .filter((one) => !one.title && !document.getElementById(one.getAttribute('aria-describedby'))?.textContent)
+            .map((one) => one.getAttribute('aria-label') ?? (one.labels?.[0] ?? one).innerText)"""
+        )
 
     def go(self, address):
         self.page.evaluate(f"location.hash = {address!r}")

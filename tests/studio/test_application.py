@@ -3,94 +3,31 @@ import json
 import os
 import re
 import time
-import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from starlette.websockets import WebSocketDisconnect
+from tests.studio.conftest import ROOT, SOCKET, PageClient
 from tests.waiting import wait_until
 
 from midair.datasets import stroke
 from midair.errors import DeviceStateError, InputError, StoppedError
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
-from midair.patterns import Pattern
-from midair.studio import Studio, StudioPlan
+from midair.patterns import Pattern, load_adaptics
 from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
-with warnings.catch_warnings():
-    # Starlette recommends another client library, which is not needed otherwise.
-    warnings.simplefilter("ignore")
-    from starlette.testclient import TestClient
-
-PORT = 8345
-ROOT = f"http://127.0.0.1:{PORT}"
-SOCKET = f"ws://127.0.0.1:{PORT}/socket"
-
 
 @pytest.fixture
-def studio(tmp_path):
-    folder, samples = tmp_path / "folder", tmp_path / "samples"
-    folder.mkdir()
-    samples.mkdir()
-    frames = stroke("towel", duration=0.2)
-    save(
-        Recording(
-            samples=frames.pressure,
-            rate=frames.rate,
-            sensor=frames.sensor,
-            unit="Pa",
-            provenance=Provenance(source="x"),
-        ),
-        folder / "towel.h5",
-    )
-    made = Studio(StudioPlan(folder=folder), samples, PORT)
-    yield made
-    made.playing.close()
-    made.jobs.close()
-    made.reading.close()
-
-
-@pytest.fixture
-def client(studio):
-    client = TestClient(studio.application(), base_url=ROOT)
-    client.cookies.set(studio.keys.cookie, studio.keys.session)
-    return client
-
-
-class PageClient:
-    """A page that can send any message."""
-
-    def __init__(self, socket):
-        self.socket, self.number = socket, 0
-        self.state = json.loads(socket.receive_text())
-
-    @property
-    def page(self):
-        return self.state["page"]
-
-    def order(self, room, order, **given):
-        self.number += 1
-        return self.say({"id": self.number, "room": room, "order": order, "with": given})
-
-    def say(self, said):
-        self.socket.send_text(json.dumps(said))
-        while True:
-            answer = json.loads(self.socket.receive_text())
-            if "set" in answer:
-                self.state["whole"] |= answer["set"]
-            elif answer.get("id") == said.get("id", 0):
-                return answer
-
-
-@pytest.fixture
-def talk(client):
-    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        yield PageClient(socket)
+def folder(folder):
+    frames, of = stroke("towel", duration=0.2), Provenance(source="x")
+    take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=of)
+    save(take, folder / "towel.h5")
+    return folder
 
 
 def test_page_and_files_are_served(client):
@@ -128,7 +65,7 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
         with client.stream("GET", name, headers={"accept-encoding": "gzip"}) as answer:
             assert answer.headers["content-encoding"] == "gzip"
             received += sum(map(len, answer.iter_raw()))
-    assert received < 100_000
+    assert received < 110_000
 
 
 def test_demo_stroke_is_shown_until_the_sample_exists(studio, client, talk):
@@ -260,8 +197,8 @@ def test_code_shows_the_mode_and_the_chosen_settings(talk):
     assert "choose fast or glide" in wrong, "refused when it is ordered, not when its turn comes"
 
 
-def test_request_without_cookie_is_refused(studio):
-    client = TestClient(studio.application(), base_url=ROOT)
+def test_request_without_cookie_is_refused(client):
+    client.cookies.clear()
     for path in ("/", "/web/app.js", "/file/towel.h5", "/frames/samples/0?take=towel.h5"):
         assert client.get(path).status_code == 403
     with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKET, headers={"origin": ROOT}):
@@ -445,6 +382,8 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form = SaveForm(name="tap", pattern=pattern, drive=True)
     assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
     assert panel.open(None, one) == pattern
+    assert asyncio.run(panel.save(None, form.model_copy(update={"adaptics": True}))) == {"saved": ["tap.adaptics"]}
+    assert load_adaptics(studio.folder.path / "tap.adaptics", {}, pressure=20.0).foci().pressure.max() == 20
     assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 13
     louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
     asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()
@@ -455,8 +394,7 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form.pattern["spot"][0]["signal"] = {"file": "../other.h5"}
     with pytest.raises(InputError, match="leads out"):
         asyncio.run(panel.preview(None, form))
-    touched = int(np.ptp(load(studio.folder.path / "towel.h5").samples, axis=0).argmax())
-    form.pattern["spot"][0]["signal"] = {"file": "towel.h5", "channel": touched}
+    form.pattern["spot"][0]["signal"] = {"file": "towel.h5"}
     asyncio.run(panel.draft(None, form))
     assert load_solution(studio.takes.samples / "drawn" / "pattern.drive.h5").drive.level.std() > 0
 

@@ -5,15 +5,15 @@ import tomllib
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from benchmarks.draw_minutes import SEEN, walk
 
-from midair.cli import run
+from midair.files import load_solution
+from midair.patterns import load_pattern
 
 pytestmark = pytest.mark.browser
 
-SEEN = "!studio.room.busy && studio.room.seen === JSON.stringify(studio.room.pattern)"
 
-
-def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
+def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look):
     studio = studio_at()
     page = look(studio)
     click, press, value = (lambda name: page.page.locator(name).click()), page.page.keyboard.press, page.page.evaluate
@@ -22,26 +22,17 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     page.until(f"studio.name === 'draw' && {SEEN}", timeout=120)
     assert "limit 110 dB" in page.page.locator("#draw-exposure").inner_text()
     assert "above the detection threshold" in page.page.locator("#draw-felt").inner_text()
-    box = page.page.locator(".palm-picture svg").bounding_box()
-    for x, y in ((-30, -30), (30, -30), (0, 30), (-30, -29)):  # a triangle, in mm
-        page.page.mouse.move(box["x"] + (x / 104 + 0.5) * box["width"], box["y"] + (0.5 - y / 104) * box["height"])
-        if x == y == -30:
-            page.page.mouse.down()
-    page.page.mouse.up()
-    drawn = value("studio.room.one.shape")
-    assert (drawn["name"], len(drawn["corners_mm"])) == ("polygon", 3)
-    page.page.locator("#main").focus()
-    for key, name in (("Control+z", "circle"), ("Control+Shift+z", "polygon")):
-        press(key)
-        assert value("studio.room.one.shape.name") == name
+    page.page.get_by_role("button", name="square").click()
+    press("Control+z")
+    assert value("studio.room.one.shape.name") == "circle"
+    click("#draw-redo")
+    assert value("studio.room.one.shape.name") == "polygon"
     centre = value("studio.room.one.centre_mm")
     page.page.locator('[data-handle="0"]').focus()
     for key in ("ArrowRight", "Shift+ArrowUp", "ArrowRight"):
         press(key)
     assert value("document.activeElement.dataset.handle") == "0", "the handle keeps the focus"
     assert value("studio.room.one.centre_mm") == [centre[0] + 2, centre[1] + 5]
-    click("#draw-undo")
-    assert value("studio.room.one.centre_mm") == centre
     page.page.get_by_role("button", name="texture on a spot").click()
     page.page.locator("#draw-slider-grain").focus()
     press("End")
@@ -58,7 +49,6 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     click("#draw-save-drive")
     page.until(f"{said} === 'saved grainy.toml and grainy.drive.h5'", timeout=60)
     saved = tomllib.loads((studio.folder / "grainy.toml").read_text(encoding="utf-8"))
-    assert run(["draw", str(studio.folder / "grainy.toml"), str(tmp_path / "again.drive.h5")]) == 0
     click("#draw-save")
     page.page.get_by_role("button", name="Cancel").click()
     page.until(f"{said} === 'not saved'")
@@ -69,11 +59,63 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look, tmp_path):
     assert page.wrong == []
 
 
+@pytest.mark.timeout(1800)
+def test_a_designer_draws_two_touches_and_a_study_of_them(studio_at, look, tmp_path):
+    """A curl with key frames, a recorded texture in a loop that is changed while it plays, a study of both."""
+    page, kept = look(studio := studio_at(), reduced_motion="reduce"), os.environ.get("MIDAIR_PICTURES", tmp_path)
+    seen = lambda name: page.page.screenshot(path=f"{kept}/draw-{name}.png")  # noqa: E731
+    assert walk(page.page, seen, lambda script: page.until(script, timeout=300)) < 60
+    curl, cloth = (load_pattern(studio.folder / f"{name}.toml") for name in ("curl", "cloth"))
+    assert 3 <= len(curl.spot[0].shape.corners_mm) <= 12
+    assert [(key.centre_mm, key.part) for key in curl.spot[0].key] == [((0, 0), 1), ((30, 0), 0.3)]
+    assert cloth.foci().pressure.max() == pytest.approx(80, abs=1)
+    assert cloth.foci().pressure.std() > 5, "the take modulates it"
+    made = studio.folder / "touches"
+    assert load_solution(made / "curl.drive.h5").drive.provenance.source == "curl.toml"
+    assert "SIMULATED" in (made / "report.html").read_text(encoding="utf-8")
+    assert page.wrong == []
+
+
+def test_key_frames_are_moved_by_arrow_keys_and_mouse(studio_at, look):
+    page = look(studio_at())
+    click, press, value = (lambda name: page.page.locator(name).click()), page.page.keyboard.press, page.page.evaluate
+    keys = "studio.room.one.key.map((key) => [key.at_s, ...key.centre_mm, key.part ?? 1])"
+    page.go("#draw")
+    page.until("studio.name === 'draw'")
+    page.page.get_by_role("button", name="texture on a spot").click()
+    click("#draw-key-add")
+    click("#draw-key-add")
+    assert value(keys) == [[0, 0, 0, 1], [0.5, 0, 0, 1], [1, 0, 0, 1]]
+    page.page.locator('[data-key="1"]').focus()
+    for key in ("Shift+ArrowRight", "ArrowLeft", "ArrowDown"):
+        press(key)
+    page.page.locator('[data-handle="0.k2"]').focus()
+    press("Shift+ArrowUp")
+    assert value(keys) == [[0, 0, 0, 1], [0.59, 0, 0, 0.95], [1, 0, 5, 1]]
+    page.page.locator('[data-key="1"]').focus()
+    page.page.locator("#draw-key-ease").select_option("step")
+    box, across = page.page.locator(".times").bounding_box(), (26 + 364 * 0.65) / 400
+    page.page.mouse.dblclick(box["x"] + across * box["width"], box["y"] + 0.5 * box["height"])
+    assert value(keys)[2] == [0.65, 0, 0, 0.95], "a jump holds until the next key"
+    for _ in range(2):
+        press("Control+z")
+    page.page.locator('[data-key="1"]').focus()
+    press("Delete")
+    assert value(keys) == [[0, 0, 0, 1], [1, 0, 5, 1]]
+    page.page.locator("#draw-shape").select_option("svg")
+    page.page.locator("#draw-svg").fill("M0 0H9V9")
+    press("Tab")
+    page.until(SEEN, timeout=120)
+    assert value("studio.room._path(studio.room.one)[200].map(Math.round)") == [20, 20]
+    assert page.wrong == []
+
+
 def test_the_panel_fits_and_is_accessible(studio_at, look, tmp_path):
     page = look(studio_at())
     page.go("#draw")
     page.until("studio.name === 'draw'")
     page.page.get_by_role("button", name="line stroke").click()
+    page.page.locator("#draw-key-add").click()
     page.until(SEEN, timeout=120)
     for scheme, width in (("dark", 1280), ("light", 1280), ("dark", 390), ("light", 390)):
         page.page.emulate_media(color_scheme=scheme)
@@ -81,10 +123,6 @@ def test_the_panel_fits_and_is_accessible(studio_at, look, tmp_path):
         page.page.locator("main").evaluate("(main) => main.scrollTo(0, 0)")
         page.page.screenshot(path=f"{os.environ.get('MIDAIR_PICTURES', tmp_path)}/draw-{scheme}-{width}.png")
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        assert (
-            page.page.evaluate("""[...document.querySelectorAll('.draw .field :is(input, select)')].filter((one) =>
-            !document.getElementById(one.getAttribute('aria-describedby'))?.innerText).map((one) => one.id)""")
-            == []
-        )
+        assert page.unhelped() == []
         assert Axe().run(page.page).response["violations"] == []
     assert page.wrong == []

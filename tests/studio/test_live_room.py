@@ -1,47 +1,15 @@
 import json
-import warnings
 
 import pytest
+from tests.studio.conftest import ROOT, SOCKET, PageClient
 
 from midair.model import Acoustics, Medium
-from midair.studio import Studio, StudioPlan
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    from starlette.testclient import TestClient
-
-ROOT = "http://127.0.0.1:8346"
 
 
-@pytest.fixture
-def studio(tmp_path):
-    folder, samples = tmp_path / "folder", tmp_path / "samples"
-    folder.mkdir()
-    samples.mkdir()
-    made = Studio(StudioPlan(folder=folder), samples, 8346)
-    yield made
-    made.panels["live"].close()
-    made.playing.close()
-    made.jobs.close()
-
-
-@pytest.fixture
-def client(studio):
-    client = TestClient(studio.application(), base_url=ROOT)
-    client.cookies.set(studio.keys.cookie, studio.keys.session)
-    return client
-
-
-def page(client):
-    return client.websocket_connect("ws://127.0.0.1:8346/socket", headers={"origin": ROOT})
-
-
-def ask(socket, order, **given):
-    socket.send_text(json.dumps({"id": 7, "room": "live", "order": order, "with": given}))
-    while True:
-        answer = json.loads(socket.receive_text())
-        if answer.get("id") == 7:
-            return answer
+def begin(talk, *, alive=True):
+    """Begin with the checked settings; returns the error."""
+    talk.socket.send_text(json.dumps({"alive": alive}))
+    return talk.order("live", "begin", admission=3)["error"]
 
 
 @pytest.mark.parametrize(
@@ -61,50 +29,45 @@ def ask(socket, order, **given):
         ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),
     ],
 )
-def test_invalid_live_order_gets_an_error_message(client, order, given, words):
-    with page(client) as socket:
-        assert words in ask(socket, order, **given)["error"]
+def test_invalid_live_order_gets_an_error_message(talk, order, given, words):
+    assert words in talk.order("live", order, **given)["error"]
 
 
+@pytest.mark.usefixtures("talk")
 def test_watching_page_sees_live_touch_and_changes_nothing(client, studio):
-    with page(client) as _, page(client) as second:
-        assert ask(second, "sight", shown=True)["ok"]
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        second = PageClient(socket)
+        assert second.order("live", "sight", shown=True)["ok"]
         for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
-            assert "may only watch" in ask(second, order, **given)["error"]
-        assert ask(second, "sight", shown=False)["ok"]
+            assert "may only watch" in second.order("live", order, **given)["error"]
+        assert second.order("live", "sight", shown=False)["ok"]
     assert studio.panels["live"].feed.waiting == 0
 
 
-def test_state_is_known_before_anything_plays(client, studio):
+def test_state_is_known_before_anything_plays(talk, studio):
     (studio.folder.path / "skin.calibration.h5").write_bytes(b"")
-    with page(client) as socket:
-        said = json.loads(socket.receive_text())
-        assert said["whole"]["live"]["state"] == "idle"
-        assert "live_about" not in said["whole"]
-        ask(socket, "sight", shown=True)
+    assert talk.state["whole"]["live"]["state"] == "idle"
+    assert "live_about" not in talk.state["whole"]
+    talk.order("live", "sight", shown=True)
     assert studio.store.state["live"]["calibrations"] == ["skin.calibration.h5"]
 
 
-def test_nothing_is_armed_if_the_array_cannot_be_lent(client, studio):
+def test_nothing_is_armed_if_the_array_cannot_be_lent(talk, studio):
     """Without a player, checked settings do not start and the lease stays revoked."""
     studio.panels["live"]._checked = {3: _request()}
-    with page(client) as socket:
-        socket.send_text(json.dumps({"alive": True}))
-        assert "player" in ask(socket, "begin", admission=3)["error"]
-        assert "just checked" in ask(socket, "begin", admission=3)["error"], "a check is used up by what it allowed"
+    assert "player" in begin(talk)
+    assert "just checked" in begin(talk), "a check is used up by what it allowed"
     assert not studio.playing.permit.armed
     assert studio.store.state["live"]["state"] == "idle"
 
 
-def test_an_error_of_the_studio_is_answered(client, studio, capsys):
+def test_an_error_of_the_studio_is_answered(talk, studio, capsys):
     studio.panels["live"]._checked = {3: {}}
-    with page(client) as socket:
-        socket.send_text(json.dumps({"alive": True}))
-        assert "error in midair, please report it: KeyError" in ask(socket, "begin", admission=3)["error"]
+    assert "error in midair, please report it: KeyError" in begin(talk)
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_stop_before_the_array_is_lent_is_not_forgotten(client, studio, monkeypatch):
+def test_a_stop_before_the_array_is_lent_is_not_forgotten(talk, studio, monkeypatch):
     asked = []
 
     async def let_go(do, **_):
@@ -115,27 +78,21 @@ def test_a_stop_before_the_array_is_lent_is_not_forgotten(client, studio, monkey
 
     monkeypatch.setattr(studio.playing._player, "ask", let_go)
     studio.panels["live"]._checked = {3: _request()}
-    with page(client) as socket:
-        socket.send_text(json.dumps({"alive": True}))
-        assert "stopped on request" in ask(socket, "begin", admission=3)["error"]
+    assert "stopped on request" in begin(talk)
     assert asked[0] == "let go"
     assert not studio.playing.permit.armed
     assert studio.store.state["live"]["state"] == "idle"
 
 
-def test_live_begins_only_in_the_air_of_its_check(client, studio):
+def test_live_begins_only_in_the_air_of_its_check(talk, studio):
     request = _request() | {"acoustics": Acoustics(medium=Medium.at(temperature=22.0))}
     studio.panels["live"]._checked = {3: request}
-    with page(client) as socket:
-        socket.send_text(json.dumps({"alive": True}))
-        assert "the air of the room changed" in ask(socket, "begin", admission=3)["error"]
+    assert "the air of the room changed" in begin(talk)
 
 
-def test_hidden_page_cannot_begin(client, studio):
+def test_hidden_page_cannot_begin(talk, studio):
     studio.panels["live"]._checked = {3: _request()}
-    with page(client) as socket:
-        socket.send_text(json.dumps({"alive": False}))
-        assert "to be visible" in ask(socket, "begin", admission=3)["error"]
+    assert "to be visible" in begin(talk, alive=False)
     assert not studio.playing.permit.armed
 
 

@@ -1,5 +1,6 @@
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from multiprocessing import Event, Pipe
 
@@ -11,7 +12,8 @@ from tests.simulators.moving_hand import Hand
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
-from midair.errors import DeviceError, MidairError, StoppedError
+from midair.cli import run
+from midair.errors import DeviceError, DeviceStateError, MidairError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
 from midair.rig import PlayLease, dose_report, record
@@ -148,6 +150,51 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
         assert player.act({"do": "unfollow"})
         assert (player.array is None) == (device == "virtual")
     wait_until(lambda: messages[-1] == {"kind": "palm", "palm": None})
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("device", ["virtual", "autd3:emulator"])
+def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, device):
+    if device != "virtual":
+        pytest.importorskip("autd3")
+    path, (here, there), permit, answers = tmp_path / "pattern.toml", Pipe(), PlayLease(), []
+    player = _Player(StudioPipe(there), permit, device, 0)
+
+    def write(pressure):
+        path.write_text(f"duration_s = 0.05\nrate_hz = 1000\n[[spot]]\npressure_pa = {pressure}", encoding="utf-8")
+
+    def plays():
+        return permit.renew(lasts=10.0) and player.loops and player.loops.state()["drive"]
+
+    def ask(pressure):
+        write(pressure)
+        here.send({"do": "change", "id": pressure, "path": str(path)})
+        wait_until(
+            lambda: plays() and here.poll() and (said := here.recv())["kind"] != "sounds" and [answers.append(said)]
+        )
+
+    def change():
+        wait_until(plays)
+        before = plays()
+        ask(1e6)
+        ask(0.5)
+        wait_until(lambda: 0 < plays() < 0.8 * before)
+        permit.stop()
+
+    write(1)
+    assert run(["draw", str(path), str(tmp_path / "pattern.drive.h5"), "-q"]) == 0
+    admit = {"do": "admit", "path": str(tmp_path / "pattern.drive.h5"), **CHECKED, "override": "a test"}
+    with player.held, ThreadPoolExecutor(1) as pool:
+        found = player.act(admit | {"room": Medium.at()})
+        play = {"do": "play", "admission": found["number"], "masked": False, "output": "", "loop": True}
+        changed = pool.submit(change)
+        with pytest.raises(StoppedError):
+            player.act(play | {"leave": permit.arm(lasts=10.0)})
+        changed.result()
+        with pytest.raises(DeviceStateError, match="expected a pattern that plays in a loop"):
+            player.act({"do": "change", "path": str(path)})
+    assert "pressure_pa: expected 0 to 10000 Pa" in answers[0]["error"]
+    assert len(dose_report().orders) == 2, "what was refused never played"
 
 
 @pytest.mark.long

@@ -21,8 +21,8 @@ async def inner(scope, receive, send):
     await send({"type": "http.response.body", "body": b"inside"})
 
 
-def asked(keys, *, path="/", method="GET", kind="http", query="", **headers):
-    """Status, headers and body of an answer; headers with _ for -, a list for a repeated header."""
+def asked(keys, *, path="/", method="GET", kind="http", query="", inner=inner, **headers):
+    """Status, headers (none twice) and body of an answer; headers with _ for -, a list for a repeated header."""
     raw = [(b"host", f"127.0.0.1:{PORT}".encode())] if "host" not in headers else []
     for name, values in headers.items():
         each = values if isinstance(values, list) else [values]
@@ -38,7 +38,9 @@ def asked(keys, *, path="/", method="GET", kind="http", query="", **headers):
     asyncio.run(RequestGuard(inner, keys, stop_port=999)(scope, None, send))
     if kind == "websocket" and sent[0]["type"] == "websocket.close":
         return 403, {}, b""
-    return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
+    found = dict(given := sent[0]["headers"])
+    assert len(found) == len(given)
+    return sent[0]["status"], found, sent[1]["body"]
 
 
 def cookie(keys):
@@ -136,22 +138,10 @@ def test_response_may_set_a_stricter_policy(keys):
     async def report(scope, receive, send):
         headers = [(b"content-security-policy", b"sandbox")]
         await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": b""})
 
-    sent = []
-
-    async def send(message):
-        sent.append(message)
-
-    scope = {
-        "type": "http",
-        "path": "/",
-        "method": "GET",
-        "query_string": b"",
-        "headers": [(b"host", f"127.0.0.1:{PORT}".encode()), (b"cookie", cookie(keys).encode())],
-    }
-    asyncio.run(RequestGuard(report, keys)(scope, None, send))
-    policies = [value for name, value in sent[0]["headers"] if name == b"content-security-policy"]
-    assert policies == [b"sandbox"]
+    _, headers, _ = asked(keys, inner=report, cookie=cookie(keys))
+    assert headers[b"content-security-policy"] == b"sandbox"
 
 
 def test_used_link_works_only_for_a_browser_that_is_logged_in(keys):

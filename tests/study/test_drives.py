@@ -1,4 +1,5 @@
 import hashlib
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -55,6 +56,19 @@ def test_existing_drives_are_copied_and_hashed(tmp_path):
     copied = tmp_path / "to" / "a.drive.h5"
     assert found[0].digest == hashlib.sha256(copied.read_bytes()).hexdigest() == digest_of_file(copied)
     assert copied.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_pattern_is_drawn_unless_its_drive_is_newer(tmp_path):
+    pattern, drive = tmp_path / "a.toml", tmp_path / "a.drive.h5"
+    (tmp_path / "to").mkdir()
+    pattern.write_text("duration_s = 0.01\n[[spot]]", encoding="utf-8")
+    for age, how in ((None, "drawn"), (1, "found"), (-1, "drawn")):
+        if age is not None:
+            save_solution(solution(), drive)
+            os.utime(drive, (when := pattern.stat().st_mtime + age, when))
+        (one,) = prepare_drives(design(A), tmp_path / "to", found_in=tmp_path)
+        assert (one.how, one.duration) == (how, 0.01)
+    assert load_solution(tmp_path / "to" / "a.drive.h5").drive.provenance.source == "a.toml"
 
 
 @pytest.mark.long

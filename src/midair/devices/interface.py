@@ -297,8 +297,10 @@ class ArrayDevice(ABC):
             )
             self._log = partial(log_pause, number, source, self.name)
             profile, outcome = admission.exposure.profile, cast("tuple[Ending, str]", ("played", ""))
+            free, later = self.simulated or admission.named, admission.later
+            # An array for which orders replace each other must not keep their drives.
+            del admission
             if not self._orders:
-                free = self.simulated or admission.named
                 self._left = np.inf if free else sound_left(profile, self.participant)
             self._orders.append((profile, time.monotonic(), said))
             try:
@@ -311,7 +313,7 @@ class ArrayDevice(ABC):
             finally:
                 self._log = log_nothing
                 self._orders.pop()
-                said |= {"checked": exposed(admission.later())} if admission.later else {}
+                said |= {"checked": exposed(later())} if later else {}
                 log_end(number, source, self.name, *outcome, report=said)
 
     def _check_hours(self) -> None:

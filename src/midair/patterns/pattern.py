@@ -71,7 +71,7 @@ class SignalModulation(Checked):
     """Factor 1 - depth / 2 + depth / 2 s(t) on the pressure, s being a recorded signal with its peak at 1 or -1."""
 
     file: str = setting("", "Recording, wave or effect that midair import reads; repeated to the end of the spot.")
-    channel: int = setting(0, "Channel, row by row.", limits=(0, 100_000))
+    channel: int | None = setting(None, "Channel, row by row; none: that with the widest range.", limits=(0, 100_000))
     depth: float = setting(1.0, "Part of the pressure that follows the signal.", limits=(0, 1))
 
     def factor(self, time: Array, rate: float) -> Array:
@@ -84,9 +84,11 @@ class SignalModulation(Checked):
         except UnitError:
             # The level counts for nothing.
             recording = open_take(self.file, unit="V").recording
-        if self.channel >= (count := recording.sensor.count):
-            raise InputError(f"signal.channel: expected 0 to {count - 1} of {self.file}, got {self.channel}")
-        signal = np.asarray(recording.samples).reshape(recording.frames, -1)[:, self.channel]
+        channels = np.asarray(recording.samples).reshape(recording.frames, -1)
+        channel = int(np.ptp(channels, axis=0).argmax()) if self.channel is None else self.channel
+        if channel >= (count := recording.sensor.count):
+            raise InputError(f"signal.channel: expected 0 to {count - 1} of {self.file}, got {channel}")
+        signal = channels[:, channel]
         signal = resample(signal - np.median(signal), recording.rate, rate)
         if not (peak := np.abs(signal).max()) > 0:
             raise InputError(f"signal.file: expected a signal that changes, got a constant in {self.file}")

@@ -5,6 +5,8 @@ A shape is a frozen dataclass whose fields are the keys of its table in a patter
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
 from typing import ClassVar
 
 import numpy as np
@@ -135,8 +137,69 @@ class Lissajous(Shape):
         return np.stack([x, self.depth_mm / 2 * np.sin(2 * np.pi * self.b * share)], axis=-1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Svg(Shape):
+    """The outline of the attribute `d` of an SVG path, centred, at equal speed; an open one is drawn there and back.
+
+    The focus jumps between the parts of a path.
+    """
+
+    path: str = setting("M0 0C3-6 9-3 9 2S3 10 0 13C-3 10-9 7-9 2S-3-6 0 0Z", "Commands of the path; y points down.")
+    size_mm: float = setting(40.0, "Longer side of its box.", unit="mm", limits=_SPAN, above=True)
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        _outline(self.path)
+
+    def _at(self, share: Array) -> Array:
+        places, way = _outline(self.path)
+        return self.size_mm * np.stack([np.interp(share * way[-1], way, axis) for axis in places.T], axis=-1)
+
+
+LONGEST_PATH = 20_000
+"""Longest path in characters."""
+
+
+@lru_cache(16)
+def _outline(path: str) -> tuple[Array, Array]:
+    """Places of a path, centred, its longer side 1, y up, shape (place, 2), and the length of the way to each."""
+    from fontTools.pens.recordingPen import RecordingPen
+    from fontTools.svgLib.path import parse_path
+
+    pen, parts, s = RecordingPen(), list[list[Array]](), np.linspace(0, 1, 33)[1:, None]
+    try:
+        if len(path) > LONGEST_PATH:
+            raise ValueError(f"{len(path)} characters")
+        parse_path(path, pen)
+        for command, points in pen.value:
+            if command == "moveTo":
+                parts.append([np.array(points)])
+            elif points:
+                # Bezier curve of one to three points, of which the last one is its end.
+                curve, order = [parts[-1][-1][-1], *points], len(points)
+                if not np.abs(curve).max() <= 1e6:
+                    raise ValueError("a number beyond a million")
+                weights = [comb(order, k) * s**k * (1 - s) ** (order - k) for k in range(order + 1)]
+                parts[-1].append(np.hstack(weights) @ np.array(curve))
+        places = [np.concatenate(part) for part in parts]
+        low, high = (edge(np.concatenate(places), axis=0) for edge in (np.min, np.max))
+        if not (size := (high - low).max()) > 0:
+            raise ValueError("a path without length")
+    except (ValueError, IndexError, ArithmeticError) as wrong:
+        raise InputError(
+            f"path: expected the d of an SVG path of up to {LONGEST_PATH} characters, M0 0L10 5 say, got: {wrong}"
+        ) from wrong
+    if len(places) == 1 and not np.allclose(places[0][0], places[0][-1], atol=1e-6 * size):
+        places = [np.concatenate([places[0], places[0][-2::-1]])]
+    steps = [np.append(0, np.linalg.norm(np.diff(part, axis=0), axis=1)) for part in places]
+    return (np.concatenate(places) - (low + high) / 2) / [size, -size], np.cumsum(np.concatenate(steps) / size)
+
+
 SHAPES: Registry[type[Shape]] = Registry(
     "midair.shapes",
-    {kind.__name__.lower(): f"{__name__}:{kind.__name__}" for kind in (Points, Circle, Arc, Line, Polygon, Lissajous)},
+    {
+        kind.__name__.lower(): f"{__name__}:{kind.__name__}"
+        for kind in (Points, Circle, Arc, Line, Polygon, Lissajous, Svg)
+    },
 )
 """Shapes by the name that a pattern's file gives them."""

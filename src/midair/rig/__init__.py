@@ -113,6 +113,7 @@ from .recorder import Played as Played
 from .recorder import play as play
 from .recorder import play_pressure as play_pressure
 from .recorder import record as record
+from .remote import FramePlayer as FramePlayer
 from .remote import serve as serve
 from .remote import serve_adaptics as serve_adaptics
 from .signals import END_SIGNALS as END_SIGNALS

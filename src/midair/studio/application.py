@@ -171,7 +171,7 @@ class Studio:
         """Return the ASGI application behind the request guard."""
         routes = [
             Route("/", self._index),
-            Route("/favicon.ico", self._icon),
+            Route("/favicon.ico", partial(self._web, name="icon.svg")),
             Route("/web/{name}", self._web),
             Route("/colours/{name}", self._colours),
             Route("/frames/{stream}/{second:int}", self._frames),
@@ -203,11 +203,8 @@ class Studio:
         self.store.put(takes=self.takes.rows())
         return self._files.answer(request, "index.html")
 
-    async def _icon(self, request: Request) -> Response:
-        return self._files.answer(request, "icon.svg")
-
-    async def _web(self, request: Request) -> Response:
-        return self._files.answer(request, request.path_params["name"])
+    async def _web(self, request: Request, name: str = "") -> Response:
+        return self._files.answer(request, name or request.path_params["name"])
 
     async def _colours(self, request: Request) -> Response:
         name = request.path_params["name"]

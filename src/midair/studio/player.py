@@ -9,6 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -28,10 +29,11 @@ from midair.devices import (
 )
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.files import load_solution, profile_named, save
-from midair.model import Acoustics, Medium
+from midair.model import RATE, Acoustics, Medium
 from midair.physics import PoseBox, middle_of, pose_of
 from midair.rig import (
     FollowRules,
+    FramePlayer,
     PlaySettings,
     SolvedAhead,
     VirtualRig,
@@ -184,13 +186,14 @@ class _Player:
     array: Any = None
     held: ExitStack = field(default_factory=ExitStack)
     solver: ExitStack = field(default_factory=ExitStack)
-    admitted: dict[int, tuple[Any, Path, Medium | None]] = field(
-        default_factory=dict[int, tuple[Any, Path, Medium | None]]
-    )
+    admitted: dict[int, Any] = field(default_factory=dict[int, Any])
+    """Clearance, path and exposure limits of each check by its number."""
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     palm: PalmWatch | None = None
     followed: tuple[Any, PlaySettings] | None = None
+    loops: FramePlayer | None = None
+    """Plays a pattern in a loop."""
     number: int = 0
 
     def act(self, order: Mapping[str, Any]) -> Any:
@@ -203,6 +206,10 @@ class _Player:
                     return self._admit(order)
                 case "play":
                     return self._play(order)
+                case "change":
+                    if self.loops is None:
+                        raise DeviceStateError("play: expected a pattern that plays in a loop, got none; play it again")
+                    return self.loops.load(Path(order["path"]), None, False, {})
                 case "mask":
                     self.trials.clear()
                     return self.noise.take(order["noise"], order["device"])
@@ -259,7 +266,7 @@ class _Player:
         room: Any = order.get("room")
         self.solver.close()
         if order.get("solve"):
-            return self._admit_unsolved(order, path, room)
+            return self._admit_unsolved(order, path)
         trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
@@ -297,11 +304,11 @@ class _Player:
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
         found = self._found(admission, repeats * drive.frames / drive.rate, drive.acoustics)
-        self.admitted[self.number] = (admission, path, room)
+        self.admitted[self.number] = (admission, path, choices)
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
 
-    def _admit_unsolved(self, order: Mapping[str, Any], path: Path, room: Medium | None) -> dict[str, Any]:
+    def _admit_unsolved(self, order: Mapping[str, Any], path: Path) -> dict[str, Any]:
         """Begin to solve a take for this array; every part is checked ahead of its sound."""
         transducers, settings, pressure = led_pressure(order["solve"])
         how = PlaySettings(device=self.device, exposure=_choices(order), repeats=order["repeats"])
@@ -314,7 +321,7 @@ class _Player:
         solving = SolvedAhead(pressure, transducers, array, settings, how, path)
         admission = self.solver.enter_context(solving).first_part()
         # The drive does not exist yet.
-        self.admitted = {self.number + 1: (solving, Path(order["solve"].take), room)}
+        self.admitted = {self.number + 1: (solving, Path(order["solve"].take), how.exposure)}
         found = self._found(admission, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
         return found | {"verdict": f"first part: {found['verdict']}; each part is checked before it sounds"}
 
@@ -356,6 +363,40 @@ class _Player:
             self._open()
         return {"output": "", **asdict(done.report)}
 
+    def _loop(self, leave: Any, path: Path, choices: ExposureChoices) -> dict[str, Any]:
+        """Play a pattern again and again, until a StoppedError.
+
+        Meanwhile, "change" draws a file in its place and checks its exposure; the next pass is the new one.
+        """
+        self.held.close()
+        how = PlaySettings(device=self.device, exposure=choices)
+        self.array = array = immediate_array(how, RATE)
+        try:
+            with array, array.drives_to_come() as (quiet, begin), ThreadPoolExecutor(1) as pool:
+                self.loops = player = FramePlayer(array, how, quiet, begin)
+                player.permit = self.permit
+                file = player.load(path, None, False, {})["file"]
+                playing = pool.submit(player.run)
+                player.triggers.put((player.loaded_file(file), 0, leave, False))
+                try:
+                    while self.permit.refusal(leave) is None and not playing.done():
+                        self.pipe.send("sounds", done=0, total=0, emitting=array.emitting)
+                        if self.pipe.poll(0.05) and (asked := self.pipe.receive()) is not None:
+                            self.pipe.handle(asked, self._during_a_loop)
+                finally:
+                    player.triggers.put(None)
+                playing.result()
+                self.permit.check(leave, self.device)
+                return {}
+        finally:
+            self.array = self.loops = None
+            self._open()
+
+    def _during_a_loop(self, order: Mapping[str, Any]) -> Any:
+        if order["do"] not in ("change", "unfollow"):
+            raise DeviceStateError("play: expected an idle array, a pattern plays in a loop; press STOP")
+        return self.act(order)
+
     def _virtual(self, drive: Any, room: Medium | None) -> Any:
         """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
         return open_rig(drive=drive, acoustics=None if room is None else Acoustics(medium=room), seed=self.seed)
@@ -377,8 +418,10 @@ class _Player:
                 solving.finish()
                 return report
 
-    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, room: Medium | None) -> dict[str, Any]:
-        leave, output = order["leave"], order["output"]
+    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, choices: ExposureChoices) -> Any:
+        leave, output, room = order["leave"], order["output"], choices.room
+        if order.get("loop"):
+            return self._loop(leave, path.with_name(path.name.replace(".drive.h5", ".toml")), choices)
         if self.palm is not None:
             self.palm.begin()
         if admission.box is not None:

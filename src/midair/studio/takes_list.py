@@ -135,8 +135,8 @@ class TakesList:
         return self.folder.name_of(next(iter(moved.values())))
 
     def duplicate(self, name: str) -> str:
-        """Copy a take without its drive under a free name; returns it."""
-        path = next(iter(self.family(name)))
+        """Copy a take or a sample into the folder, without its drive, under a free name; returns it."""
+        check_not_recording(path := self.path(name))
         stem = re.sub(r"-\d+$", "", path.stem)
         copy = self.folder.free(stem, path.suffix)
         with atomic_file(copy) as partial:

@@ -10,6 +10,7 @@ from typing import Literal
 from midair.errors import BrokenFileError, FileError, MismatchError, MissingFileError
 from midair.files import load_solution, open_take, save_solutions
 from midair.model import PressureFrames, Progress, TransducerArray
+from midair.patterns import draw_file, load_pattern
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
 from midair.rig import VirtualRig, record, sensor_named
 from midair.settings import MODES, Mode, Settings
@@ -27,8 +28,8 @@ class StudyDrive:
 
     source: str
     """File name in the plan."""
-    how: Literal["found", "solved", "virtual"]
-    """A copied drive; a drive solved from a recording; a drive of a virtual stroke."""
+    how: Literal["found", "drawn", "solved", "virtual"]
+    """A copied drive; a drive of a pattern, of a recording, of a virtual stroke."""
     duration: float
     """In s."""
     digest: str
@@ -56,9 +57,10 @@ def prepare_drives(
     seed: int = 0,
     stage: Stage = lambda _: None,
 ) -> list[StudyDrive]:
-    """Put every drive of a design into a folder: copied, solved from a recording, or from a virtual stroke.
+    """Put every drive of a design into a folder: copied, drawn, solved from a recording, or from a virtual stroke.
 
-    `found_in` is a folder of drives or recordings: if ``felt.drive.h5`` is missing, ``felt.h5`` is solved. If None, the
+    `found_in` is a folder of drives, patterns or recordings: if ``felt.drive.h5`` is missing, or older than
+    ``felt.toml``, that pattern is drawn, or else ``felt.h5`` solved. If None, the
     virtual sources of the stimuli (`made_from`) are used, with `seed` for strokes and sensor. `settings` of the solver
     are by default those of `mode`, at 1 kHz for virtual strokes. `stage` receives the name of each step and returns its
     progress callback. Raises MissingFileError, which names them, if drives have no source; BrokenFileError if a file is
@@ -70,26 +72,29 @@ def prepare_drives(
     missing = [
         source
         for source, one in sorted(wanted.items())
-        if not any(_find_source(source, found_in)) and not (found_in is None and one.made_from)
+        if _find_source(source, found_in) is None and not (found_in is None and one.made_from)
     ]
     if missing:
-        where = f"in {found_in}" if found_in else "in a folder"
+        where, stem = f"in {found_in}" if found_in else "in a folder", missing[0].removesuffix(ENDING)
         raise MissingFileError(
-            f"drives: expected {', '.join(missing)} {where} (or recordings, {missing[0].removesuffix(ENDING)}.h5 and so"
+            f"drives: expected {', '.join(missing)} {where} (or patterns, {stem}.toml, or recordings, {stem}.h5 and so"
             " on), found none; give their folder with --drives, or --drives none for a plan that is only simulated"
         )
     gathered: list[StudyDrive] = []
     for source, stimulus in sorted(wanted.items()):
         target = into / source
         target.parent.mkdir(parents=True, exist_ok=True)
-        ready, recording = _find_source(source, found_in)
-        how: Literal["found", "solved", "virtual"]
-        if ready is not None:
+        found = _find_source(source, found_in)
+        how: Literal["found", "drawn", "solved", "virtual"]
+        if found is not None and found.name == Path(source).name:
             how = "found"
-            shutil.copyfile(ready, target)
-        elif recording is not None:
+            shutil.copyfile(found, target)
+        elif found is not None and found.suffix == ".toml":
+            how, foci = "drawn", load_pattern(found).foci()
+            draw_file(foci, found, target, TransducerArray.autd3(), progress=stage(source))
+        elif found is not None:
             how, chosen = "solved", settings or MODES[mode]()
-            take = open_take(recording)
+            take = open_take(found)
             _solve(calibrated_pressure(take.recording, take.calibration, chosen), chosen, target, stage(source))
         else:
             # At 4 kHz a simulated drive would take four times as long and four times the disk space.
@@ -133,12 +138,16 @@ def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimul
             )
 
 
-def _find_source(source: str, folder: Path | None) -> tuple[Path | None, Path | None]:
-    """Drive and recording of a source in a folder, None where missing."""
+def _find_source(source: str, folder: Path | None) -> Path | None:
+    """Drive, pattern or recording of a source in a folder; a drive that is older than its pattern is passed over."""
     if folder is None:
-        return None, None
-    ready, recording = folder / source, folder / f"{source.removesuffix(ENDING)}.h5"
-    return ready if ready.is_file() else None, recording if recording.is_file() and recording != ready else None
+        return None
+    stem = source.removesuffix(ENDING)
+    ready, pattern, recording = (folder / name for name in (source, f"{stem}.toml", f"{stem}.h5"))
+    there = [path for path in (ready, pattern, recording) if path.is_file()]
+    if there[:2] == [ready, pattern] and ready.stat().st_mtime < pattern.stat().st_mtime:
+        return pattern
+    return there[0] if there else None
 
 
 def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:

@@ -90,7 +90,7 @@ def streamed(sensor: SensorDevice, *, longest: float = 30.0) -> StreamedSensor:
         sensor.start()
         block = sensor.read(round(longest * sensor.rate))
     samples = np.asarray(block.samples).reshape(len(block.samples), -1)
-    stream = Stream(channels=sensor.grid.count, rate=sensor.rate, unit=sensor.unit)
+    stream = Stream(channels=sensor.grid.count, rate=sensor.rate, unit=sensor.unit, stored=sensor.stored)
     wiring = SensorWiring(grid=sensor.grid, unit=sensor.unit, full_scale=sensor.full_scale)
     made = StreamedSensor(RepeatedSource(samples, stream), name=sensor.name, wire=lambda _: wiring)
     made.calibration, made.simulated = sensor.calibration, sensor.simulated

@@ -30,7 +30,7 @@ from midair.physics import PoseBox
 from midair.rig.names import open_tracker
 from midair.rig.playing import PlaySettings, tracker_name
 from midair.rig.remote.messages import checked, models, object_of
-from midair.rig.remote.player import Player, leave_realtime
+from midair.rig.remote.player import FramePlayer, leave_realtime
 from midair.rig.remote.server import Client, Server, play_and_serve
 from midair.validation import positive
 
@@ -72,7 +72,7 @@ class Stream:
     """
 
     def __init__(
-        self, player: Player, pressure: float, tracker: Tracker | None, report: Callable[[str], object]
+        self, player: FramePlayer, pressure: float, tracker: Tracker | None, report: Callable[[str], object]
     ) -> None:
         self._array, self._acoustics = player.aim()
         self._units, self._pressure, self._report = player.array.placement.units, pressure, report
@@ -191,7 +191,7 @@ class DesignerServer(Server):
 
     free, most_bytes, strict = ("stop",), 1_000_000, True
 
-    def __init__(self, player: Player, stream: Stream, report: Callable[[str], object]) -> None:
+    def __init__(self, player: FramePlayer, stream: Stream, report: Callable[[str], object]) -> None:
         super().__init__(player, Path(), "", report)
         self._stream, self._start = stream, 0.0
         self._wanted = self._taken = ("", dict[str, float]())
@@ -270,7 +270,7 @@ def serve_adaptics(
     follow = tracker_name(chosen.follow, chosen.tracker_latency)
     with open_tracker(follow) if follow else nullcontext() as tracker:
 
-        def server(player: Player) -> DesignerServer:
+        def server(player: FramePlayer) -> DesignerServer:
             return DesignerServer(player, Stream(player, pressure, tracker, report), report)
 
         play_and_serve(chosen, server, "127.0.0.1", (port,), ready)

@@ -92,7 +92,7 @@ Trigger = tuple[Loaded, int, LeaseToken, bool]
 """What plays, its passes, the permission, and whether its level rises from 0."""
 
 
-class Player:
+class FramePlayer:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
     def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: Any) -> None:

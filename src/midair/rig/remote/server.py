@@ -24,7 +24,7 @@ from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
 from midair.rig.playing import PlaySettings, immediate_array
 from midair.rig.remote.messages import osc_packet, read_json, read_osc
-from midair.rig.remote.player import LEASE, Player
+from midair.rig.remote.player import LEASE, FramePlayer
 from midair.rig.signals import signals_end_the_program
 
 LEAVES = 5.0
@@ -57,7 +57,7 @@ class Server(asyncio.DatagramProtocol):
     """Longest message; whether one that is refused silences the array."""
     read = staticmethod(read_json)
 
-    def __init__(self, player: Player, folder: Path, key: str, report: Callable[[str], object]) -> None:
+    def __init__(self, player: FramePlayer, folder: Path, key: str, report: Callable[[str], object]) -> None:
         self._player, self._folder, self._key, self._report = player, folder.resolve(), key.encode(), report
         self._clients: dict[Any, Client] = {}
         self._control: Client | None = None
@@ -277,7 +277,7 @@ def serve(
 
 def play_and_serve(
     settings: PlaySettings | None,
-    server: Callable[[Player], Server],
+    server: Callable[[FramePlayer], Server],
     host: str,
     ports: Sequence[int],
     ready: Callable[..., object],
@@ -290,7 +290,7 @@ def play_and_serve(
         signals_end_the_program(),
         array,
         array.drives_to_come() as (quiet, begin),
-        (player := Player(array, chosen, quiet, begin)).tracker,
+        (player := FramePlayer(array, chosen, quiet, begin)).tracker,
         ThreadPoolExecutor(1) as pool,
     ):
         playing = pool.submit(player.run)

@@ -3,6 +3,7 @@
 The effect of a pattern on a palm, and its drive, are computed in the worker processes.
 """
 
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -18,9 +19,9 @@ from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, SkinModel, band_levels
-from midair.files import DEFAULT_PROFILE, atomic_file, profile_named, read_toml
+from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
 from midair.model import Acoustics, Medium, Palm, Solution, TransducerArray
-from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
+from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure, save_adaptics
 from midair.physics import SKINS, SkinMotion
 from midair.rig import array_calibration_for, array_of_kind
 from midair.studio.jobs import Progressed
@@ -136,8 +137,10 @@ def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:
     pattern, source = Pattern.from_plain(request.pattern), Path(request.files[0])
     if tuple(map(stamp_of, request.files)) != request.replaces:
         raise InputError("save: expected the files as they were when it was asked, one has changed; save again")
-    with atomic_file(source) as written:
-        written.write_text(request.text, encoding="utf-8")
+    if source.suffix == ".adaptics":
+        save_adaptics(pattern, source, None if pattern.duration_s else LOOP)
+    else:
+        write_file(source, request.text)
     for drive in request.files[1:]:
         foci, stage = pattern.foci(None if pattern.duration_s else LOOP), partial(progress, "drawing")
         draw_file(foci, source, drive, request.array(), medium=request.room, progress=stage)
@@ -151,10 +154,11 @@ class PatternForm(Arguments):
 
 
 class SaveForm(PatternForm):
-    """A pattern, the name of its file without ending, and whether its drive is made too."""
+    """A pattern, the name of its file without ending, and what is written: its drive too, or an AdapTics file alone."""
 
     name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*$")
     drive: bool = False
+    adaptics: bool = False
     replaces: str = Field(default="", max_length=200)
 
 
@@ -171,6 +175,7 @@ class DrawPanel(Panel):
         store.offer("draw", "preview", self.preview, PatternForm, watchers=True)
         store.offer("draw", "save", self.save, SaveForm)
         store.offer("draw", "draft", self.draft, PatternForm)
+        store.offer("draw", "change", self.change, PatternForm)
         self._show(palette=PALETTE, files=[])
 
     def files(self, *_: object) -> None:
@@ -192,28 +197,40 @@ class DrawPanel(Panel):
 
         If a file exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        files = [self._takes.folder.place(order.name + ending) for ending in (".toml", ".drive.h5")[: 1 + order.drive]]
-        stamps = tuple(map(stamp_of, files))
-        if any(stamps) and order.replaces != "-".join(stamps):
-            return {"asks": {"files": [each.name for each in files if each.exists()], "replaces": "-".join(stamps)}}
-        saved = await self._write(order, files, stamps)
+        endings = (".adaptics",) if order.adaptics else (".toml", ".drive.h5")[: 1 + order.drive]
+        files = [self._takes.folder.place(order.name + ending) for ending in endings]
+        request = self._request(order, files)
+        stamps = "-".join(request.replaces)
+        if any(request.replaces) and order.replaces != stamps:
+            return {"asks": {"files": [each.name for each in files if each.exists()], "replaces": stamps}}
+        saved = await self._write(request)
         self.files()
         return {"saved": saved}
 
     async def draft(self, _: Page, order: PatternForm) -> str:
         """Make the drive of a pattern in the session's folder; returns the name to check and play."""
-        (folder := self._takes.samples / "drawn").mkdir(exist_ok=True)
-        (folder / "pattern.rerecorded.h5").unlink(missing_ok=True)
-        files = [folder / "pattern.toml", folder / "pattern.drive.h5"]
-        await self._write(order, files, tuple(map(stamp_of, files)))
+        await self._draft(order, ".toml", ".drive.h5")
+        (self._takes.samples / "drawn" / "pattern.rerecorded.h5").unlink(missing_ok=True)
         return f"{DRAWN}pattern.toml"
 
-    async def _write(self, order: PatternForm, files: list[Path], stamps: tuple[str, ...]) -> list[str]:
-        request = self._request(order, files=tuple(map(str, files)), replaces=stamps)
-        queue = self._context.jobs if len(files) > 1 else self._context.reading
-        return await queue.result(f"draw {files[0].stem}", save_pattern, request)
+    async def change(self, _: Page, order: PatternForm) -> dict[str, Any]:
+        """Let a pattern replace the one that plays in a loop, when its exposure has been checked."""
+        return await self._context.playing.change(await self._draft(order, ".toml"))
 
-    def _request(self, order: PatternForm, **more: Any) -> PatternRequest:
+    async def _draft(self, order: PatternForm, *endings: str) -> Path:
+        """Write a pattern with an end into the session's folder."""
+        (folder := self._takes.samples / "drawn").mkdir(exist_ok=True)
+        files = [folder / f"pattern{ending}" for ending in endings]
+        request = self._request(order, files)
+        plain = {"duration_s": LOOP} | request.pattern
+        await self._write(replace(request, pattern=plain, text=tomli_w.dumps(plain)))
+        return files[0]
+
+    async def _write(self, request: PatternRequest) -> list[str]:
+        queue = self._context.jobs if len(request.files) > 1 else self._context.reading
+        return await queue.result(f"draw {Path(next(iter(request.files))).stem}", save_pattern, request)
+
+    def _request(self, order: PatternForm, files: Sequence[Path] = ()) -> PatternRequest:
         plain = deepcopy(order.pattern)
         for spot in plain["spot"] if isinstance(plain.get("spot"), list) else []:
             if isinstance(spot, dict) and isinstance(signal := spot.get("signal"), dict):  # pyright: ignore[reportUnknownMemberType]
@@ -225,5 +242,6 @@ class DrawPanel(Panel):
             device=context.playing.device,
             array_calibration=context.array_calibration,
             room=context.air.medium,
-            **more,
+            files=tuple(map(str, files)),
+            replaces=tuple(map(stamp_of, files)),
         )

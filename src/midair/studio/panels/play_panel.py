@@ -29,7 +29,7 @@ from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
 from midair.studio.take_data import stamp_of
-from midair.studio.takes_list import TakesList, take_of
+from midair.studio.takes_list import DRAWN, TakesList, take_of
 from midair.studio.work import SolveRequest
 from midair.studio.worker_process import WorkerProcess
 
@@ -86,7 +86,10 @@ class PlayNow(Arguments):
 
     admission: int
     loop: bool = False
-    """Play until STOP, without a re-recording; a drive that is solved meanwhile is played from the next pass."""
+    """Play until STOP, without a re-recording; a drive that is solved meanwhile is played from the next pass.
+
+    A pattern of Draw goes round without a gap, while `change` replaces it.
+    """
 
 
 class PlayPanel:
@@ -141,6 +144,7 @@ class PlayPanel:
             "said": "",
             "hot": "",
             "waits": False,
+            "loop": False,
         }
         store.offer("play", "check", self.check, CheckExposure)
         store.offer("play", "play", self.play, PlayNow)
@@ -245,6 +249,9 @@ class PlayPanel:
         while True:
             check, solved, room = self._checked[number]
             self.check_same_air(room)
+            if order.loop and check.take.startswith(DRAWN) and not check.follow:
+                how = {"admission": number, "output": "", "masked": False, "loop": True}
+                return await self._sound(page, check.take, "play", solved=solved, **how)
             if not order.loop:
                 del self._checked[number]
                 return await self._once(page, check.take, solved, number)
@@ -278,6 +285,10 @@ class PlayPanel:
         for callback in self.played:
             callback(take)
         return report
+
+    async def change(self, pattern: Path) -> dict[str, Any]:
+        """Let the pattern of a file replace the one that plays in a loop; ExposureError if it may not."""
+        return await self._player.ask("change", path=str(pattern))
 
     async def admit_trial(
         self, path: Path, share: float, *, override: str = "", room: Medium | None = None
@@ -343,7 +354,7 @@ class PlayPanel:
         if solved is not None:
             self._air.plays(self.device, solved)
         leave = self.permit.arm(lasts=ALIVE)
-        self._show(state="plays", take=what, done=0, total=0, said="")
+        self._show(state="plays", take=what, done=0, total=0, said="", loop=order.get("loop", False))
         try:
             report = await self._player.ask(do, leave=leave, **order)
         except MidairError as wrong:

@@ -3,6 +3,7 @@
    The document is the pattern as the dicts of its TOML file; a number can be "$NAME", a parameter with a slider. */
 
 import { choice, make, openModal, panel, playable, tried } from "/web/dom.js";
+import { TimeLine } from "/web/draw-keys.js";
 import { drawn } from "/web/palm-view.js";
 import { askToPlay } from "/web/playing.js";
 import { colours } from "/web/take.js";
@@ -12,6 +13,7 @@ const SHAPES = {
   points: ["Points", { places_mm: [[0, 0]] }], circle: ["Circle", { radius_mm: 15 }], line: ["Line", { length_mm: 30 }],
   polygon: ["Polygon", { corners_mm: [[-15, -15], [15, -15], [15, 15], [-15, 15]] }], arc: ["Arc", { radius_mm: 15, from_deg: 0, to_deg: 180 }],
   lissajous: ["Lissajous curve", { width_mm: 30, depth_mm: 30, a: 3, b: 2, phase_deg: 90 }],
+  svg: ["SVG path", { path: "M0 0C3-6 9-3 9 2S3 10 0 13C-3 10-9 7-9 2S-3-6 0 0Z", size_mm: 40 }],
 };
 const CORNERS = { points: "places_mm", polygon: "corners_mm" };
 /** path: label, unit, value if it is left out, lowest, highest of a slider, step, help, highest if it is more. */
@@ -21,12 +23,12 @@ const NUMBERS = {
   "shape.radius_mm": ["Radius", "mm", 15, 1, 40, 1, "From the centre to the path."], "shape.length_mm": ["Length", "mm", 30, 1, 80, 1, "From end to end; drawn there and back."],
   "shape.from_deg": ["From", "°", 0, -360, 360, 1, "Angle at the beginning."], "shape.to_deg": ["To", "°", 180, -360, 360, 1, "Angle at the end; drawn there and back."],
   "shape.width_mm": ["Width", "mm", 30, 0, 80, 1, "From the left to the right end."], "shape.depth_mm": ["Height", "mm", 30, 0, 80, 1, "From the lowest to the highest place."],
-  "shape.a": ["Waves across", "", 3, 1, 50, 1, "Waves from left to right in one pass."], "shape.b": ["Waves up", "", 2, 1, 50, 1, "Waves up and down in one pass."], "shape.phase_deg": ["Phase", "°", 90, -360, 360, 1, "Changes the form of the curve."],
+  "shape.a": ["Waves across", "", 3, 1, 50, 1, "Waves from left to right in one pass."], "shape.b": ["Waves up", "", 2, 1, 50, 1, "Waves up and down in one pass."], "shape.size_mm": ["Size", "mm", 40, 1, 80, 1, "Longer side of its box; it is centred."], "shape.phase_deg": ["Phase", "°", 90, -360, 360, 1, "Changes the form of the curve."],
   pressure_pa: ["Pressure", "Pa", 50, 0, 200, 1, "Highest pressure on the palm."],
   draw_hz: ["Passes", "per s", 50, 0.1, 200, 0.1, "How often the path is drawn in a second.", 2000], speed_m_s: ["Speed", "m/s", 1, 0.01, 10, 0.01, "Speed along the path."],
   "am.frequency_hz": ["Vibration", "Hz", 150, 1, 400, 1, "Skin feels 100 to 300 Hz best.", 2000], "am.depth": ["Depth", "", 1, 0, 1, 0.05, "1: down to silence; 0: no vibration."],
   "lm.frequency_hz": ["Orbits", "Hz", 5, 0.5, 60, 0.5, "Turns per second of the small orbit.", 100], "lm.radius_mm": ["Orbit's radius", "mm", 3, 0.5, 20, 0.5, "Radius of the small orbit."],
-  "signal.channel": ["Its channel", "", 0, 0, 255, 1, "Cell of the take, row by row from 0."], "signal.depth": ["Its depth", "", 1, 0, 1, 0.05, "Part of the pressure that follows the signal."],
+  "signal.channel": ["Its channel", "", null, 0, 255, 1, "Cell of the take, row by row from 0; empty: the strongest."], "signal.depth": ["Its depth", "", 1, 0, 1, 0.05, "Part of the pressure that follows the signal."],
   start_s: ["Begins at", "s", 0, 0, 2, 0.01, "The spot is silent before."], stop_s: ["Ends at", "s", null, 0.01, 2, 0.01, "The spot is silent afterwards; empty: at the end."],
 };
 const get = (from, path) => path.split(".").reduce((at, name) => at?.[name], from);
@@ -37,6 +39,19 @@ function put(into, path, value) {
 const isName = (value) => typeof value === "string" && value.startsWith("$");
 const copy = (value) => JSON.parse(JSON.stringify(value));
 let kept = null; // the pattern outlives a visit to another panel
+
+/** Places along an SVG path, centred, the longer side of their box 1, y up; the browser finds them. */
+function outlineOf(d) {
+  if (outlineOf.d === d) return outlineOf.found;
+  const path = drawn("path", { d }), long = path.getTotalLength(), all = long > 0 ? Array.from({ length: 401 }, (_, i) => path.getPointAtLength((long * i) / 400)) : [{ x: 0, y: 0 }];
+  const [[left, right], [top, low]] = ["x", "y"].map((axis) => [Math.min, Math.max].map((end) => end(...all.map((place) => place[axis])))), size = Math.max(right - left, low - top) || 1;
+  return Object.assign(outlineOf, { d, found: all.map(({ x, y }) => [(x - (left + right) / 2) / size, ((top + low) / 2 - y) / size]) }).found;
+}
+/** A line through places; it is broken where an outline jumps to its next part. */
+function lineOf(places, breaks = false) {
+  const step = breaks ? 1.5 * Math.max(...places.slice(1, 60).map(([x, y], i) => Math.hypot(x - places[i][0], y - places[i][1])), 0.1) : Infinity;
+  return places.map(([x, y], i) => `${i && Math.hypot(x - places[i - 1][0], y - places[i - 1][1]) < step ? "L" : "M"}${x.toFixed(2)} ${(-y).toFixed(2)}`).join("");
+}
 
 /** Few corners of a drawn path: the fewest within a distance, which grows until there are at most 12. */
 export function corners(path) {
@@ -57,6 +72,7 @@ export default class Draw {
     this.studio = studio;
     this.link = studio.link;
     Object.assign(this, kept ?? { pattern: { name: "circle", duration_s: 1, spot: [{ shape: { name: "circle", radius_mm: 15 }, pressure_pa: 50, draw_hz: 50 }] }, spot: 0, corner: 0, past: [], future: [], snap: true, shows: "pressure" });
+    this.line = new TimeLine(this);
     this._tidy();
     this._build();
     this._offs = [this.link.on("draw", (draw) => this._files(draw)), this.link.on("player", () => this.control()), this.link.on("air", () => this._soon())];
@@ -73,10 +89,13 @@ export default class Draw {
   }
   control() {
     const { player } = this.link.state, controls = this.link.controls;
-    this.play.disabled = !controls || !playable(player) || Boolean(this.playing);
-    this.play.textContent = player?.device === "virtual" ? "Play on the virtual array" : "Play …";
-    for (const one of [this.save, this.saveDrive]) one.disabled = !controls;
+    this.play.disabled = !controls || (!this.looping && (!playable(player) || Boolean(this.playing)));
+    this.play.textContent = this.looping ? "Stop the loop" : player?.device === "virtual" ? "Play on the virtual array" : "Play …";
+    this.loops.disabled = this.looping;
+    for (const one of [this.save, this.saveDrive, this.saveOther]) one.disabled = !controls;
   }
+  /** Whether this pattern plays in a loop, in which it can be changed. */
+  get looping() { const { player } = this.link.state; return player?.state === "plays" && player.loop; }
   get one() { return this.pattern.spot[this.spot]; }
   /** A number, or the value of its parameter. */
   value(from, path, otherwise = 0) { const found = get(from, path) ?? otherwise; return isName(found) ? this.pattern.parameters?.[found.slice(1)]?.default ?? otherwise : found; }
@@ -91,6 +110,7 @@ export default class Draw {
       const { name } = spot.shape, many = CORNERS[name];
       if (many) spot.shape[many] ??= copy(SHAPES[name][1][many]);
       spot.centre_mm ??= [0, 0];
+      for (const key of spot.key ?? []) key.centre_mm ??= [0, 0];
     }
     this.spot = Math.max(0, Math.min(this.spot, this.pattern.spot.length - 1));
     this.corner = Math.max(0, Math.min(this.corner, (this.many?.length ?? 1) - 1));
@@ -121,6 +141,7 @@ export default class Draw {
     this._tidy();
     if (whole) this._forms();
     this._picture();
+    this.line.show(whole);
     this.undoes.disabled = !this.past.length;
     this.redoes.disabled = !this.future.length;
     this._soon();
@@ -134,6 +155,7 @@ export default class Draw {
     this.fileName.onchange = () => this.edit(() => { this.pattern.name = this.fileName.value; }, "name", false);
     this.save = button("Save", "draw-save", () => this._save(false), "Writes NAME.toml");
     this.saveDrive = button("Save with drive", "draw-save-drive", () => this._save(true), "Writes NAME.drive.h5 too, which studies can use");
+    this.saveOther = button("Save .adaptics", "draw-save-adaptics", () => this._save(false, true), "Writes NAME.adaptics for the AdapTics Designer, which has one spot at a time");
     this.opens = choice([], "", () => this._open(this.opens.value));
     this.opens.id = "draw-open";
     this.said = make("p.quiet", { id: "draw-said", role: "status" });
@@ -149,6 +171,7 @@ export default class Draw {
     this.mapWords = make("span", {}, "pressure, rms");
     this.skinWords = make("p.quiet");
     this.play = make("button.main", { type: "button", id: "draw-play", title: "Checks the exposure, then plays", onclick: () => this._play() }, "Play");
+    this.loops = make("input", { type: "checkbox", id: "draw-loop", title: "Plays again and again, with each change in the next pass, until Esc" });
     this.played = make("p", { id: "draw-played", role: "status" });
     this.form = make("div.column");
     this.more = make("div.column");
@@ -159,13 +182,12 @@ export default class Draw {
     this.studio.main.append(make("div.draw", {},
       make("div.column.left", {}, panel("Start from", null, this.palette, make("p.quiet", {}, "Replaces the pattern; Undo brings it back.")),
         this.sliders,
-        panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive),
+        panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive, this.saveOther),
           make("p.quiet", {}, "Save writes NAME.toml; the drive, NAME.drive.h5, can be played and used in a study."), this._row("Open", this.opens, "A pattern of the folder."), this.said)),
-      make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm")),
-        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm to draw a path, drag a handle to move it. Arrow keys move the handle in focus by 1 mm, with Shift by 5; Delete removes it."),
-        this.spots, make("p.quiet", {}, "Each spot is one focus; all press at once."))),
-      make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play), this.played,
-        make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
+      make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm"), this.spots),
+        make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm: a new path. Drag a handle, or press arrow keys, with Shift by 5 mm; Delete removes it. All spots press at once.")), this.line.box),
+      make("div.column", {}, panel("Effect on the palm", simulated(), make("div.gets", {}, make("figure", {}, this.skin, this.skinWords), this.lines), make("div.buttons", {}, this.play, make("label", { htmlFor: "draw-loop" }, this.loops, " in a loop")), this.played,
+        make("p.quiet", {}, "The exposure of the whole drive is checked before it plays. In a loop, each change is checked too, and then played in the next pass. Esc is STOP.")), this.formPanel, panel("Pattern", null, this.whole))));
     this._shown();
   }
   /** A control, its label and one line of help. */
@@ -211,14 +233,18 @@ export default class Draw {
     const moves = choice([["", "none"], ["draw_hz", "passes"], ["speed_m_s", "speed"]], "draw_hz" in one && one.draw_hz !== 0 ? "draw_hz" : one.speed_m_s ? "speed_m_s" : "", () => this.edit(() => { for (const key of ["draw_hz", "speed_m_s"]) delete one[key]; if (moves.value) one[moves.value] = NUMBERS[moves.value][2]; }));
     moves.id = "draw-moves";
     const ticked = (key, label, help, start) => { const box = make("input", { type: "checkbox", id: `draw-${key}`, checked: Boolean(one[key]), onchange: () => this.edit(() => { if (box.checked) one[key] = start; else delete one[key]; }) }); return this._row(label, box, help); };
-    const files = new Set(["", one.signal?.file ?? "", ...(this.link.state.takes ?? []).filter((take) => !take.sample).map((take) => take.name)]);
-    const signal = choice([...files].map((file) => [file, file || "none"]), one.signal?.file ?? "", () => this.edit(() => { if (signal.value) one.signal = { ...one.signal, file: signal.value }; else delete one.signal; }));
+    const takes = (this.link.state.takes ?? []).filter((take) => take.stamp !== "first").map((take) => take.name), files = new Set(["", one.signal?.file ?? "", ...takes]);
+    const signal = choice([...files].map((file) => [file, file.replace(/^sample:(.*)/, "a copy of the sample $1") || "none"]), one.signal?.file ?? "", async () => {
+      const sample = signal.value.startsWith("sample:"), file = sample ? await tried(this.link.order("reproduce", "duplicate", { take: signal.value })) : signal.value;
+      this.edit(() => { if (file) one.signal = { ...one.signal, file }; else delete one.signal; });
+    });
     signal.id = "draw-signal";
+    const outline = make("textarea", { id: "draw-svg", rows: 3, maxLength: 20000, spellcheck: false, value: one.shape.path ?? "", onchange: () => this.edit(() => { one.shape.path = outline.value; }) });
     const cornerRows = !many ? [] : [make("div.buttons", {}, make("button", { type: "button", id: "draw-corner-add", title: "Adds a corner after the chosen one", onclick: () => this._addCorner() }, name === "points" ? "Add a place" : "Add a corner"),
       make("button", { type: "button", id: "draw-corner-delete", title: "Removes the chosen corner", disabled: many.length <= (name === "points" ? 1 : 3), onclick: () => this._removeCorner() }, name === "points" ? "Delete the place" : "Delete the corner")),
       ...[0, 1].map((axis) => this._number(one, `shape.${CORNERS[name]}.${this.corner}.${axis}`, [`${name === "points" ? "Place" : "Corner"} ${this.corner + 1}, ${"xy"[axis]}`, "mm", 0, -40, 40, 1, "From the centre of the spot."], "corner-"))];
     this.form.replaceChildren(this._row("Shape", shape, "The path that the focus moves along."), ...Object.keys(SHAPES[name]?.[1] ?? {}).filter((key) => `shape.${key}` in NUMBERS).map((key) => number(`shape.${key}`)), ...cornerRows,
-      number("centre_mm.0"), number("centre_mm.1"), number("turn_deg"), number("pressure_pa"),
+      ...(name === "svg" ? [this._row("Path", outline, "The d of a path in an SVG file, M0 0L10 5 say.")] : []), number("centre_mm.0"), number("centre_mm.1"), number("turn_deg"), number("pressure_pa"),
       this._row("Motion (STM)", moves, "Spatiotemporal modulation, along the path."), ...(moves.value ? [number(moves.value)] : []),
       ticked("am", "Vibration (AM)", "Amplitude modulation: the pressure rises and falls.", { frequency_hz: 150, depth: 1 }), ...(one.am ? [number("am.frequency_hz"), number("am.depth")] : []),
       ticked("lm", "Small orbit (LM)", "Lateral modulation: the focus circles around its place.", { frequency_hz: 5, radius_mm: 3 }), ...(one.lm ? [number("lm.frequency_hz"), number("lm.radius_mm")] : []),
@@ -250,47 +276,68 @@ export default class Draw {
     const { shape } = spot, v = (key) => this.value(shape, key, SHAPES[shape.name]?.[1][key]), many = shape[CORNERS[shape.name]];
     const turn = (this.value(spot, "turn_deg") * Math.PI) / 180, [cx, cy] = [this.value(spot, "centre_mm.0"), this.value(spot, "centre_mm.1")], circle = (from, to) => Array.from({ length: 73 }, (_, i) => { const a = ((from + ((to - from) * i) / 72) * Math.PI) / 180; return [v("radius_mm") * Math.cos(a), v("radius_mm") * Math.sin(a)]; });
     const own = many ? many.map((_, i) => [this.value(many, `${i}.0`), this.value(many, `${i}.1`)])
-      : shape.name === "circle" ? circle(0, 360) : shape.name === "arc" ? circle(v("from_deg"), v("to_deg")) : shape.name === "line" ? [[-v("length_mm") / 2, 0], [v("length_mm") / 2, 0]]
+      : shape.name === "svg" ? outlineOf(shape.path).map((place) => place.map((value) => v("size_mm") * value)) : shape.name === "circle" ? circle(0, 360) : shape.name === "arc" ? circle(v("from_deg"), v("to_deg")) : shape.name === "line" ? [[-v("length_mm") / 2, 0], [v("length_mm") / 2, 0]]
       : shape.name === "lissajous" ? Array.from({ length: 361 }, (_, i) => [(v("width_mm") / 2) * Math.sin((2 * Math.PI * v("a") * i) / 360 + (v("phase_deg") * Math.PI) / 180), (v("depth_mm") / 2) * Math.sin((2 * Math.PI * v("b") * i) / 360)]) : [[0, 0]];
     return own.map(([x, y]) => [cx + x * Math.cos(turn) - y * Math.sin(turn), cy + x * Math.sin(turn) + y * Math.cos(turn)]);
   }
   _picture() {
-    const held = document.activeElement?.dataset?.handle, text = (points) => points.map(([x, y]) => `${x.toFixed(2)} ${(-y).toFixed(2)}`).join("L");
+    const held = document.activeElement?.dataset?.handle;
     const parts = [drawn("path", { class: "hand", d: "M-32 52C-42 36-47 12-46-18C-46-30-45-40-46-52M46-52C45-40 45-30 46-20C49-16 51-12 52-8M46 14C43 32 38 42 32 52M-22-52V-46M0-52V-47M22-52V-46" }), drawn("path", { class: "scale", d: "M-48 47H-38M-48 46V48M-38 46V48" })];
     const scale = drawn("text", { x: -36, y: 48.5 });
     scale.textContent = "10 mm";
     parts.push(scale);
     this.pattern.spot.forEach((spot, i) => {
       const path = this._path(spot), { name } = spot.shape, chosen = i === this.spot;
-      if (name !== "points") for (const kind of ["edge", "path"]) parts.push(drawn("path", { class: `${kind}${chosen ? " chosen" : ""}`, d: `M${text(path)}${name === "polygon" ? "Z" : ""}` }));
+      if (name !== "points") for (const kind of ["edge", "path"]) parts.push(drawn("path", { class: `${kind}${chosen ? " chosen" : ""}`, d: `${lineOf(path, name === "svg")}${name === "polygon" ? "Z" : ""}` }));
       const centre = [this.value(spot, "centre_mm.0"), this.value(spot, "centre_mm.1")];
+      if (chosen && spot.key) {
+        const places = spot.key.map((key) => this.line.place(key).map((value, axis) => value + centre[axis]));
+        parts.push(drawn("path", { class: "way", d: lineOf(places) }), ...places.map((place, j) => this._handle(`${i}.k${j}`, place, `Spot ${i + 1}, key ${j + 1}`, j === this.line.key, 2.6)));
+      }
       parts.push(this._handle(`${i}`, centre, `Spot ${i + 1}, ${SHAPES[name]?.[0] ?? name}, centre`, chosen, 2.4, String(i + 1)));
       if (chosen && CORNERS[name] && (name !== "points" || path.length > 1)) path.forEach((place, j) => parts.push(this._handle(`${i}.${j}`, place, `Spot ${i + 1}, ${name === "points" ? "place" : "corner"} ${j + 1}`, j === this.corner, 1.7)));
       else if (name === "points" && path.length > 1) for (const [x, y] of path) parts.push(drawn("circle", { class: "path", cx: x, cy: -y, r: 1.2 }));
     });
-    if (this.stroke) parts.push(drawn("path", { class: "path chosen", d: `M${text(this.stroke)}` }));
+    if (this.stroke) parts.push(drawn("path", { class: "path chosen", d: lineOf(this.stroke) }));
     this.view.replaceChildren(...parts);
     if (held) this.view.querySelector(`[data-handle="${held}"]`)?.focus({ preventScroll: true });
   }
   _handle(key, [x, y], label, chosen, r, words = "") {
     const made = drawn("g", { "data-handle": key, tabindex: 0, role: "button", "aria-pressed": chosen, "aria-label": `${label} at ${Number(x.toFixed(1))}, ${Number(y.toFixed(1))} mm` });
-    made.append(drawn("circle", { class: "reach", cx: x, cy: -y, r: 4 }), drawn("circle", { class: `handle${chosen ? " chosen" : ""}`, cx: x, cy: -y, r }));
+    made.append(drawn("circle", { class: "reach", cx: x, cy: -y, r: 4 }), key.includes("k") ? drawn("path", { class: `handle${chosen ? " chosen" : ""}`, d: `M${x - r} ${-y}l${r} ${-r} ${r} ${r} ${-r} ${r}z` }) : drawn("circle", { class: `handle${chosen ? " chosen" : ""}`, cx: x, cy: -y, r }));
     if (words) { const text = drawn("text", { class: "number", x, y: -y + 1.1, "aria-hidden": "true" }); text.textContent = words; made.append(text); }
     return made;
   }
-  /** Move a handle to a place in mm: the centre of a spot, or a corner. */
+  /** Spot of a handle, and its corner or its key frame. */
+  _parts(key) { const [, i, , k, j] = /^(\d+)(\.(k?)(\d+))?$/.exec(key); return { i: Number(i), j: j && !k ? Number(j) : undefined, k: k ? Number(j) : undefined }; }
+  /** Move a handle to a place in mm: the centre of a spot, or a corner, or a key frame. */
   _move(key, place, kind) {
-    const [i, j] = key.split(".").map(Number), spot = this.pattern.spot[i], [x, y] = place.map((value) => Math.max(-60, Math.min(60, this.step(value))));
+    const { i, j, k } = this._parts(key), spot = this.pattern.spot[i], [x, y] = place.map((value) => Math.max(-60, Math.min(60, this.step(value))));
     this.edit(() => {
-      if (j === undefined) { this.set(spot, "centre_mm.0", x); this.set(spot, "centre_mm.1", y); return; }
+      const moved = k === undefined ? [spot, 0, 0] : [spot.key[k], this.value(spot, "centre_mm.0"), this.value(spot, "centre_mm.1")];
+      if (j === undefined) { this.set(moved[0], "centre_mm.0", this.step(x - moved[1])); this.set(moved[0], "centre_mm.1", this.step(y - moved[2])); return; }
       const turn = (-this.value(spot, "turn_deg") * Math.PI) / 180, dx = x - this.value(spot, "centre_mm.0"), dy = y - this.value(spot, "centre_mm.1"), many = spot.shape[CORNERS[spot.shape.name]];
       const round = (value) => Number(value.toFixed(1));
       this.set(many, `${j}.0`, round(dx * Math.cos(turn) - dy * Math.sin(turn)));
       this.set(many, `${j}.1`, round(dx * Math.sin(turn) + dy * Math.cos(turn)));
     }, `${kind} ${key}`, kind !== "drag");
   }
-  _choose(key) { const [i, j] = key.split(".").map(Number); if (i !== this.spot || (j !== undefined && j !== this.corner)) { if (i !== this.spot) this.corner = 0; this.spot = i; if (j !== undefined) this.corner = j; this._tidy(); this._forms(); this._picture(); } }
-  _place(key) { const [i, j] = key.split(".").map(Number), spot = this.pattern.spot[i]; return j === undefined ? [this.value(spot, "centre_mm.0"), this.value(spot, "centre_mm.1")] : this._path(spot)[j]; }
+  _choose(key) {
+    const { i, j, k } = this._parts(key);
+    if (i === this.spot && (j ?? this.corner) === this.corner && (k ?? this.line.key) === this.line.key) return;
+    if (i !== this.spot) this.corner = 0;
+    this.spot = i;
+    this.corner = j ?? this.corner;
+    this.line.key = k ?? this.line.key;
+    this._tidy();
+    this._forms();
+    this._picture();
+    this.line.show();
+  }
+  _place(key) {
+    const { i, j, k } = this._parts(key), spot = this.pattern.spot[i], centre = [this.value(spot, "centre_mm.0"), this.value(spot, "centre_mm.1")];
+    return j !== undefined ? this._path(spot)[j] : k === undefined ? centre : this.line.place(spot.key[k]).map((value, axis) => value + centre[axis]);
+  }
   _pointer() {
     const { view } = this, at = ({ clientX, clientY }) => { const box = view.getBoundingClientRect(); return [((clientX - box.left) / box.width - 0.5) * 2 * HALF, (0.5 - (clientY - box.top) / box.height) * 2 * HALF]; };
     let dragged = "";
@@ -321,7 +368,7 @@ export default class Draw {
         event.preventDefault();
         const size = event.shiftKey ? 5 : 1, [x, y] = this._place(key);
         this._move(key, [x + size * by[0], y + size * by[1]], "key");
-      } else if (event.key === "Delete" || event.key === "Backspace") { event.preventDefault(); if (key.includes(".")) this._removeCorner(); else this._remove(); }
+      } else if (event.key === "Delete" || event.key === "Backspace") { event.preventDefault(); if (key.includes("k")) this.line.remove(); else if (key.includes(".")) this._removeCorner(); else this._remove(); }
     });
   }
   /** A drawn path becomes the shape of the chosen spot: a polygon, or a line if it is straight. */
@@ -349,7 +396,10 @@ export default class Draw {
     this.busy = true;
     const asked = JSON.stringify(this.pattern);
     let found, wrong;
+    const changed = this.looping && this.link.controls && asked !== this.sent ? this.link.order("draw", "change", { pattern: this.pattern }).then(() => "playing in a loop, with this change", (error) => `not played: ${error.message}`) : null;
+    this.sent = asked;
     try { found = await this.link.order("draw", "preview", { pattern: this.pattern }); } catch (error) { wrong = error.message; }
+    if (changed) { this.played.textContent = "checking the exposure of this change …"; this.played.textContent = await changed; }
     this.busy = false;
     if (this.left) return;
     if (this.again) { this.again = false; this._preview(); return; }
@@ -363,7 +413,8 @@ export default class Draw {
       make("p", {}, `Skin: moves by ${motion.top} µm rms ${skin}, 20 to 470 Hz.`),
       make(over > 0 ? "p.bad" : "p.good", { id: "draw-exposure" }, exposure ? `Exposure: about ${exposure.peak_db} dB at the ${exposure.place}, limit ${exposure.limit_db} dB${over > 0 ? `: ${over} dB too loud for a real array, unless attenuated` : ""}.` : "Exposure: the pattern is silent."),
       make(felt?.level_db > 0 ? "p.good" : "p.bad", { id: "draw-felt" }, felt ? `Felt: ${Math.abs(felt.level_db)} dB ${felt.level_db > 0 ? "above" : "below"} the detection threshold, ${felt.band_hz.join(" to ")} Hz; people lie ${felt.people_db[0]} to +${felt.people_db[1]} dB from it.` : "Felt: nothing vibrates; steady pressure is not in this model."));
-    this.mapWords.textContent = `pressure, 0 to ${pressure.top} Pa rms`;
+    const part = this.pattern.duration_s > 1 || !this.pattern.duration_s ? ", first second" : "";
+    this.mapWords.textContent = `pressure, 0 to ${pressure.top} Pa rms${part}`;
     this.skinWords.textContent = `motion, 0 to ${motion.top} µm rms`;
     this._paint(this.map, pressure, found, `Pressure on the palm, rms: ${pressure.top} Pa ${place}`);
     this._paint(this.skin, motion, found, `Motion of the skin, rms: ${motion.top} µm ${skin}`);
@@ -390,8 +441,8 @@ export default class Draw {
     this.edit(() => { this.pattern = { ...found, name: found.name || file.replace(/\.toml$/, "") }; this.spot = this.corner = 0; });
     this.said.textContent = `opened ${file}`;
   }
-  async _save(drive) {
-    const given = { name: this.fileName.value.trim(), pattern: { ...this.pattern, name: this.fileName.value.trim() }, drive };
+  async _save(drive, adaptics = false) {
+    const given = { name: this.fileName.value.trim(), pattern: { ...this.pattern, name: this.fileName.value.trim() }, drive, adaptics };
     if (!given.name) { this.fileName.focus(); this.said.textContent = "Give it a name first."; return; }
     this.said.textContent = drive ? "drawing …" : "saving …";
     let answer = await tried(this.link.order("draw", "save", given));
@@ -406,20 +457,22 @@ export default class Draw {
     return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true }));
   }
   async _play() {
-    const { link } = this;
+    const { link } = this, loop = this.loops.checked;
+    if (this.looping) { tried(link.stop()); return; }
     this.playing = true;
     this.control();
     const say = (words) => { this.played.textContent = words; };
     try {
       say("drawing …");
+      this.sent = JSON.stringify(this.pattern);
       const take = await link.order("draw", "draft", { pattern: this.pattern });
-      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take, () => this._play()); return; }
+      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take, () => this._play()); document.getElementById("loop").checked = loop; return; }
       say("checking the exposure …");
       const found = await link.order("play", "check", { take });
       if (this.left || !found.number) { say(found.refused || ""); return; }
-      say("playing …");
-      const report = await link.order("play", "play", { admission: found.number });
+      say(loop ? "SIMULATED: playing in a loop; change the pattern meanwhile, Esc ends it" : "playing …");
+      const report = await link.order("play", "play", { admission: found.number, loop });
       say(`SIMULATED: played ${report.frames ?? "all"} frames on the virtual array. ${found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}` : found.verdict}`);
-    } catch (wrong) { say(wrong.message); } finally { this.playing = false; if (!this.left) this.control(); }
+    } catch (wrong) { say(loop && /stopped on request/.test(wrong.message) ? "stopped" : wrong.message); } finally { this.playing = false; if (!this.left) this.control(); }
   }
 }

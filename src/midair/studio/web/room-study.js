@@ -3,7 +3,7 @@
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { drift } from "/web/warnings.js";
 
-const TEMPLATES = [["own", "my takes"], ["threshold", "threshold of a take"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
+const TEMPLATES = [["own", "my takes and patterns"], ["threshold", "threshold of a take"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
 /** Name of a study and its title: studies from one template have the same title. */
 const titled = ({ name, title }) => (title && title !== name ? `${name}: ${title}` : name);
@@ -14,13 +14,13 @@ export default class Study {
     this.link = studio.link;
     this.shown = "";
     this.participant = studio.address.take === "participant";
-    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show()), this.link.on("takes", () => this._show())];
+    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show()), ...["takes", "draw"].map((name) => this.link.on(name, () => this._show()))];
     this._keys = (event) => this._key(event);
     addEventListener("keydown", this._keys);
     this.reopened();
     this._show();
   }
-  reopened() { this.link.order("study", "list").catch(() => {}); }
+  reopened() { for (const [room, order] of [["study", "list"], ["draw", "files"]]) this.link.order(room, order).catch(() => {}); }
   leave() {
     for (const off of this._offs) off();
     removeEventListener("keydown", this._keys);
@@ -40,7 +40,7 @@ export default class Study {
   _forExperimenter() {
     const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
     const drifted = (session?.solved_c ?? []).map((solved) => drift(this.link, solved)).filter(Boolean).join("; ");
-    const own = (this.link.state.takes ?? []).filter((row) => !row.sample && row.name.endsWith(".h5")).map((row) => row.name);
+    const own = (this.link.state.takes ?? []).filter((row) => !row.sample && row.name.endsWith(".h5")).map((row) => row.name).concat(this.link.state.draw?.files ?? []);
     const key = JSON.stringify([session, studies, controls, drifted, own]);
     if (key === this.shown) return;
     this.shown = key;
@@ -48,11 +48,11 @@ export default class Study {
     const left = make("div.column.left");
     if (!session) {
       const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, own.length > 1 ? "own" : "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
-      const takes = make("select", { multiple: true, size: 6, "aria-label": "takes to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, ""))));
-      const asked = [["Question", "Which one was it?", ""], ["Second question (may stay empty)", "", "scale"]].map(([label, value, kind]) => [label, make("textarea", { maxLength: 500, rows: 2, value }), choice([["", "the name of the take"], ["scale", "a number from 1 to 7"]], kind)]);
+      const takes = make("select", { multiple: true, size: 6, "aria-label": "takes and patterns to present" }, ...own.map((value) => make("option", { value }, value.replace(/\.h5$/, "").replace(/(.*)\.toml$/, "$1 (pattern)"))));
+      const asked = [["Question", "Which one was it?", ""], ["Second question (may stay empty)", "", "scale"]].map(([label, value, kind]) => [label, make("textarea", { maxLength: 500, rows: 2, value }), choice([["", "one of the names"], ["scale", "a number from 1 to 7"]], kind)]);
       const often = make("input", { type: "number", min: 1, max: 100, value: "5" });
-      const words = make("p.quiet"), questions = make("div.column", {}, ...asked.flatMap(([label, text, kind], i) => [field(label, text, "Asked after each presentation"), field(`Answer${i ? " to the second" : ""}`, kind, "Names are analysed as confusions, numbers as ratings")]), field("Repetitions", often, "Presentations of each take to each person"));
-      const mine = make("div.column", { id: "own-study" }, field("Takes", takes, "Stimuli of the study; a take without a drive is solved in the mode quick"), words, questions);
+      const words = make("p.quiet"), questions = make("div.column", {}, ...asked.flatMap(([label, text, kind], i) => [field(label, text, "Asked after each presentation"), field(`Answer${i ? " to the second" : ""}`, kind, "Names are analysed as confusions, numbers as ratings")]), field("Repetitions", often, "Presentations of each to each person"));
+      const mine = make("div.column", { id: "own-study" }, field("Takes and patterns", takes, "Stimuli of the study; patterns are drawn, a take without a drive is solved in the mode quick"), words, questions);
       const fit = () => {
         mine.hidden = !["own", "threshold"].includes(template.value);
         questions.hidden = template.value !== "own";
@@ -62,7 +62,7 @@ export default class Study {
       fit();
       const given = () => (template.value === "threshold" ? { template: "detection", takes: [...takes.selectedOptions].map((one) => one.value) } : template.value === "own" ? { takes: [...takes.selectedOptions].map((one) => one.value), questions: asked.map(([, text, kind]) => [text.value.trim(), kind.value === "scale"]).filter(([text]) => text), repetitions: Number(often.value) || 1 } : { template: template.value });
       left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, titled(each)]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })].map((one) => Object.assign(one, { title: "Study to run or to analyse" })) : [make("p.quiet", {}, "no studies in this folder yet")])),
-        panel("New study", null, field("Name", name, "Folder of the study"), field("Kind", template, "Your own takes, or a study with stimuli of its own"), field("Participants", people, "Each gets an order of their own"), mine,
+        panel("New study", null, field("Name", name, "Folder of the study"), field("Kind", template, "Your own takes and patterns, or a study with stimuli of its own"), field("Participants", people, "Each gets an order of their own"), mine,
           make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", title: "Draws the order of all trials and solves the drives, which takes a while", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), ...given(), participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw the plan"))));
     } else {
       const { step } = session, over = ["done", "stopped"].includes(step.kind);

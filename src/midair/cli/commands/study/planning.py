@@ -185,7 +185,12 @@ def withdraw_command(study: Study, participant: int, /, *, force: Force = False)
 
 
 def _print_drives(gathered: list[StudyDrive]) -> None:
-    words = {"found": "copied", "solved": "solved from its recording", "virtual": "from a virtual stroke"}
+    words = {
+        "found": "copied",
+        "drawn": "drawn",
+        "solved": "solved from its recording",
+        "virtual": "from a virtual stroke",
+    }
     for one in gathered:
         out().print(f"  {one.source}: {one.duration:.2f} s, {words[one.how]}, SHA-256 {one.digest[:12]}")
     if any(one.how == "virtual" for one in gathered):
