@@ -228,6 +228,7 @@ AFTERWARDS = {"midair calibrate bench lab": of_the_lab}
 @pytest.mark.parametrize("page", RUN)
 def test_every_command_of_a_page_prints_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
     if PREPARED[page] is not None:
         PREPARED[page]()
     printed = ""

@@ -21,6 +21,7 @@ from midair.devices import (
     state_folder,
     stop_playing,
 )
+from midair.devices.arrays.banks import Banks
 from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceError, HeldError, StoppedError
 from midair.files import profile_named, save_solution
@@ -37,7 +38,7 @@ def noise(frames=100, level=1.0):
     return Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array)
 
 
-class ClockedBanks:
+class ClockedBanks(Banks):
     """Banks of units that record when they sound, on this computer's clock; commands arrive with a delay."""
 
     emulated, frames_max, margin, patience, failsafe = True, 1024, 2 * MS, 2 * MS, 0.0
@@ -72,12 +73,6 @@ class ClockedBanks:
 
     def emitting(self):
         return any(begin <= self.now() < end for begin, end in self.sounds)
-
-    def state(self):
-        return None
-
-    def release(self):
-        pass
 
     def describe(self):
         return {}

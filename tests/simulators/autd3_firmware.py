@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.devices import BankedArray
-from midair.devices.arrays.banks import TooLateError
+from midair.devices.arrays.banks import Banks, TooLateError
 from midair.devices.frame_bytes import TICK
 from midair.errors import DeviceStateError
 from midair.model import Placement
@@ -32,7 +32,7 @@ class EmittedFrames:
         return (instant - self.begin) // TICK
 
 
-class Autd3Firmware:
+class Autd3Firmware(Banks):
     """Both pattern banks of emulated units; virtual time advances only in `wait_until`."""
 
     emulated = True
@@ -79,12 +79,6 @@ class Autd3Firmware:
 
     def emitting(self):
         return self._playing
-
-    def state(self):
-        return None
-
-    def release(self):
-        pass
 
     def describe(self):
         return {"units": f"{self._units} emulated"}

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from midair.errors import RateError
+from midair.model import BAND, PressureFrames, SensorGrid
 from midair.settings import CHOICES, Settings
 from midair.streaming import as_lazy
-from midair.targets import Circle, receptor_levels, receptors
+from midair.targets import Circle, add_lead, default_lead, receptor_levels, receptors
 
 RATE = 1000.0
 TIME = np.arange(4000) / RATE
@@ -39,6 +40,17 @@ def test_lazy_frames_have_the_same_pressure():
     pressure = np.random.default_rng(0).normal(size=(4000, 2, 2))
     read = receptors(as_lazy(pressure), RATE).read(700, 1900)
     np.testing.assert_allclose(read, receptors(pressure, RATE)[700:1900], atol=1e-4)
+
+
+def test_its_lead_begins_in_silence():
+    touch = PressureFrames(
+        pressure=np.random.default_rng(1).normal(size=(700, 1, 1)),
+        rate=RATE,
+        sensor=SensorGrid(rows=1, columns=1),
+        band=BAND,
+    )
+    led = receptors(add_lead(touch, default_lead("receptors", BAND)).pressure, RATE)
+    assert max(led[0].max(), led[-1].max()) < 5e-3 * led.max()
 
 
 def test_a_rate_below_both_vibrations_is_refused():

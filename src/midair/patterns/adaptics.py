@@ -199,7 +199,7 @@ def read_adaptics(
         return _pattern_of(content, values, pressure)
     except InputError as wrong:
         raise InputError(f"{source}: {wrong}") from wrong
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as wrong:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as wrong:
         raise BrokenFileError(f"{source}: expected {_EXPECTED}, got: {type(wrong).__name__} {wrong}") from wrong
 
 

@@ -7,7 +7,7 @@ estimated in turn (A. Janssen, R. Veldhuis & L. Vries, IEEE Trans. ASSP 34(2), 1
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -162,8 +162,7 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
     Channels are numbered row by row from 0. Raises ShapeError if a channel does not exist, and InputError if `fill` is
     unknown or a masked channel has no neighbour left.
     """
-    if fill not in get_args(Fill):
-        raise InputError(f"mask: expected fill to be one of {', '.join(get_args(Fill))}, got {fill!r}")
+    one_of(fill, Fill, "fill")
     masked = sorted(set(channels))
     for channel in masked:
         recording.sensor.channel_position(channel)

@@ -29,7 +29,7 @@ from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
-from midair.targets.receptors import receptors
+from midair.targets.receptors import RISE, receptors
 from midair.validation import one_of, positive
 
 
@@ -281,12 +281,12 @@ LONGEST = 10.0
 
 
 def default_lead(mapping: str, band: Band) -> float:
-    """Lead in s that a mapping needs in a band: the fade, and before it the rise time of a bias.
+    """Lead in s that a mapping needs in a band: the fade, and before it the rise time of a bias or of levels.
 
-    For 20 Hz 60 ms, and 150 ms with a slow bias.
+    For 20 Hz 60 ms, 150 ms with a slow bias, and 210 ms for receptors.
     """
     chosen = mapping_of(mapping, band)
-    return _swell(band) + (chosen.seconds if isinstance(chosen, SlowBias) else 0.0)
+    return _swell(band) + (chosen.seconds if isinstance(chosen, SlowBias) else RISE * (chosen is receptors))
 
 
 def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:

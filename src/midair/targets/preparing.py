@@ -56,20 +56,14 @@ def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
     return weights @ interpolation_matrix(sensor.grid, grid)
 
 
-def decouple(
-    pressure: PressureFrames,
-    *,
-    grid: ControlGrid | None = None,
-    sensor: SensorModel | None = None,
-    worst: float = 100.0,
-) -> PressureFrames:
+def decouple(pressure: PressureFrames, *, grid: ControlGrid | None = None) -> PressureFrames:
     """Pressure whose interpolation to the grid (by default the paper's) gives each cell its original reading.
 
     x' = M^-1 x, exact for interpolated pressure and approximate for interpolated amplitude. Apply it before a mapping,
-    which handles the negative values that it adds. `sensor` gives aperture and spread; the usual ones if None. Raises
-    InputError if the condition number of M, which amplifies noise, is higher than `worst`.
+    which handles the negative values that it adds. Aperture and spread are those of the usual sensor. Raises InputError
+    if the condition number of M, which amplifies noise, is above 100.
     """
-    grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
+    grid, sensor, worst = grid or ControlGrid(), SensorModel.usual(pressure.sensor), 100.0
     matrix = coupling(sensor, grid)
     condition = float(np.linalg.cond(matrix))
     if not condition <= worst:

@@ -19,6 +19,8 @@ FAST, PACINIAN = 30.0, 150.0
 """Frequencies in Hz of the vibrations for fast adapting receptors and for Pacinian corpuscles."""
 SPLITS = ((10.0, 10.0), (60.0, 20.0))
 """Limits between the bands of the three kinds, and widths of the transitions, in Hz."""
+RISE = 0.15
+"""Time in s before a touch in which the levels rise from less than half a percent."""
 SMOOTH = 0.1
 """Length in s of the Hann window over which the level of a band is averaged: no ripple from 20 Hz on."""
 

@@ -294,15 +294,13 @@ class PalmMaps:
         object.__setattr__(self, "maps", frozen)
 
 
-def film_of_palm(
-    groups: Sequence[PalmMaps], *, rate: float, title: str = "palm", simulated: bool = True, side: int = 256
-) -> Film:
-    """Make a film of maps, from left to right, that have the same number of frames.
+def film_of_palm(groups: Sequence[PalmMaps], *, rate: float, side: int = 256) -> Film:
+    """Make a film of simulated maps, from left to right, that have the same number of frames.
 
     `rate` is the frame rate in Hz, `side` the side of each map in pixels.
     """
     frames = min(len(each) for group in groups for each in group.maps.values())
-    shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
+    shown = ViewData(title="palm", rate=rate, frames=frames, simulated=True)
     # Red is positive, blue negative pressure. Leakage may be many times stronger than the target: on a square-root
     # scale both are visible.
     tops = [max(float(np.nanmax(np.abs(each))) for each in group.maps.values()) for group in groups]

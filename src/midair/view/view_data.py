@@ -53,18 +53,12 @@ def finer_points(grid: ControlGrid, times: int = 4) -> Array:
 
 
 def fit_interpolation(
-    grid: ControlGrid,
-    array: TransducerArray,
-    *,
-    acoustics: Acoustics | None = None,
-    times: int = 4,
-    lines: int = 4,
-    noise: float = 0.003,
+    grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics | None = None, times: int = 4
 ) -> InterpolatedField:
     """Fit the two matrices with the smallest mean error over all fields of the array with random phases.
 
-    Least squares over the fields of the single transducers on `lines` rows and columns of the grid, which get `times`
-    as many points per side. `noise` is the relative rms error of the known field, by default that of 8-bit counts.
+    Least squares over the fields of the single transducers on four rows and columns of the grid, which get `times` as
+    many points per side. The relative rms error of the known field is that of 8-bit counts, .003.
     """
     x, y = grid.x + grid.centre[0], grid.y + grid.centre[1]
     fine_x, fine_y = _between(x, times), _between(y, times)
@@ -75,10 +69,10 @@ def fit_interpolation(
         made = transfer_matrix(points, array, acoustics=acoustics)
         return made.reshape(len(some_y), len(some_x), array.count)
 
-    rows, columns = y[_spread(len(y), lines)], x[_spread(len(x), lines)]
+    rows, columns = y[_spread(len(y), 4)], x[_spread(len(x), 4)]
     return InterpolatedField(
-        down=_fitted(field(columns, y).swapaxes(0, 1), field(columns, fine_y).swapaxes(0, 1), noise),
-        across=_fitted(field(x, rows), field(fine_x, rows), noise),
+        down=_fitted(field(columns, y).swapaxes(0, 1), field(columns, fine_y).swapaxes(0, 1), 0.003),
+        across=_fitted(field(x, rows), field(fine_x, rows), 0.003),
     )
 
 

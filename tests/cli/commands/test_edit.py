@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -68,30 +66,6 @@ def test_the_result_can_be_of_any_format_and_losses_are_printed(take, answer):
     told = answer("cut", "take.h5", "made.csv", "--end", "0.1s")
     assert [loss["what"] for loss in told["lost"]] == ["calibration"]
     np.testing.assert_array_equal(load("made.csv").samples, take.samples[:100])
-
-
-WRONG = {
-    "beyond the end": (["cut", "take.h5", "x.h5", "--end", "3s"], 1, "0 to 0.5 s"),
-    "no unit": (["cut", "take.h5", "x.h5", "--end", "3"], 2, "unit"),
-    "one name": (["join", "take.h5", "x.h5"], 1, "got 2 names"),
-    "silence": (["trim", "take.h5", "x.h5", "--share", "1"], 1, "share"),
-    "no factor": (["gain", "take.h5", "x.h5", "--by", "loud"], 1, "6dB"),
-    "infinite factor": (["gain", "take.h5", "x.h5", "--by", "9999dB"], 1, "6dB"),
-    "no rate": (["resample", "take.h5", "x.h5"], 2, "rate"),
-    "no such channel": (["mask", "take.h5", "x.h5", "--channels", "3,16"], 1, "got 16"),
-    "no number": (["gain", "take.h5", "x.h5", "--by", "2", "--channels", "a"], 1, "0 to 15"),
-    "a file that is there": (["cut", "take.h5", "take.h5"], 1, "--force"),
-    "no file": (["trim", "gone.h5", "x.h5"], 1, "gone.h5"),
-    "no format": (["trim", "take.h5", "x.xyz"], 1, ".csv"),
-    "only read": (["trim", "take.h5", "x.xdf"], 1, "can be read, not written"),
-}
-
-
-@pytest.mark.parametrize(("words", "status", "text"), WRONG.values(), ids=WRONG)
-def test_refuses_in_one_line(words, status, text, one_line):
-    assert run(words) == status
-    assert text in one_line()
-    assert not Path("x.h5").exists()
 
 
 def test_force_replaces_the_file_itself(take):

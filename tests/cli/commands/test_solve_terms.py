@@ -75,31 +75,3 @@ def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
     assert "strength: expected none in a loop" in capsys.readouterr().err
     assert run(["loop", str(stroke), str(tmp_path / "r.html"), "--mapping", "receptors", *SMALL]) == 1
     assert "mapping: expected one that keeps the waveform in a loop" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "said", "status"),
-    [
-        ("--method gs --guard 20mm", "method gs: expected supported terms (none), got guard; choose", 1),
-        ("--method live --smooth 0.1", "got smooth; choose fast", 1),
-        ("--method fast --guard 1mm", "expected at least its pitch, 11 mm, got 1 mm", 1),
-        ("--method fast --smooth=-1", "smooth: expected 0 or more, got -1", 1),
-        ("--method fast --backend jax", "backend: expected one of numpy", 1),
-        ("--method gs --robust 2C", "got robust; choose lm or exact", 1),
-        (
-            "--method fast --fit windows --robust 2C",
-            "robust: expected fit points, as in the paper's mode, got windows or cells",
-            1,
-        ),
-        ("--robust 20C", "robust: expected 0 to 10 degrees Celsius, got 20", 1),
-        ("--robust 2C --temperature 1C", "temperature: expected 0 to 50 degrees Celsius, got -1", 1),
-        ("--robust 2", "2C", 2),
-        ("--level loud", "--level", 2),
-        ("--amplitudes free", "equal", 2),
-    ],
-)
-def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, status, one_line):
-    drive = tmp_path / "no.drive.h5"
-    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == status
-    assert said in one_line()
-    assert not drive.exists()

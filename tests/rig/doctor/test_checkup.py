@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.devices import StreamedSensor
-from midair.devices.sensors.sources import Chunk, Stream
+from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
@@ -68,7 +68,7 @@ def test_a_missing_package_gives_advice(wrong, found, advice, monkeypatch):
     assert (audio.state, audio.found, audio.advice) == ("missing", found, advice)
 
 
-class Sick:
+class Sick(Source):
     def open(self):
         return Stream(channels=4, rate=1000.0, unit="V", full_scale=2.0)
 
@@ -83,12 +83,6 @@ class Sick:
         samples[:, 1] = 0.25
         samples[7, 2] = -2.0
         return Chunk(samples=samples, first=0, device_time=0.0, host_time=0.0)
-
-    def stop(self):
-        pass
-
-    def close(self):
-        pass
 
     def describe(self):
         return {"port": "COM3"}

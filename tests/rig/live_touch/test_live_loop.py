@@ -8,6 +8,7 @@ import pytest
 from midair.devices import (
     Chunk,
     ExposureChoices,
+    Source,
     Stream,
     StreamedSensor,
     VirtualUnits,
@@ -30,7 +31,7 @@ ONE = Placement.grid(columns=1, rows=1)
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3)
 
 
-class Script:
+class Script(Source):
     """Frames of 10 Pa on every cell: (number, s from the start, by how much the stamp says earlier) each."""
 
     def __init__(self, frames, *, dies=None):
@@ -54,11 +55,6 @@ class Script:
         return Chunk(
             samples=np.full((1, 16), 10.0), first=number, device_time=number / 1000, host_time=self._begin + due - early
         )
-
-    def stop(self):
-        pass
-
-    close = stop
 
     def describe(self):
         return {}

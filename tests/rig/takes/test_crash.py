@@ -43,9 +43,7 @@ class Clock(SensorDevice):
     def __init__(self, given):
         self.given = given
 
-    def open(self): ...
     def stop(self): ...
-    def close(self): ...
 
     def start(self):
         self.taken, self.begin = 0, time.monotonic()

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -110,8 +109,7 @@ def trim_command(
     --------
     $ midair trim take.h5 short.h5
     """
-    change = partial(recordings.trim, share=share, margin=margin)
-    _edit([source], output, lambda takes: change(takes[0]), force=force, json=json)
+    _edit([source], output, lambda takes: recordings.trim(takes[0], share=share, margin=margin), force=force, json=json)
 
 
 def gain_command(

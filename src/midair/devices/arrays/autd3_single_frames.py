@@ -30,8 +30,8 @@ from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotError
 from midair.model import Placement
 
-_KEPT = 64
-"""Number of frames whose time of transmission is kept."""
+_KEPT, _CROWD = 64, 7
+"""Number of frames whose time of transmission is kept, and of those in transmission at most."""
 
 
 class ManualEventLoop(asyncio.AbstractEventLoop):
@@ -78,14 +78,11 @@ class ManualEventLoop(asyncio.AbstractEventLoop):
 class Autd3Immediate(Autd3Udp):
     """Units that play a frame from its instant on, and go silent soon after the last message.
 
-    `crowd` limits the frames in transmission; further ones are not sent (the units queue seven). `asked` is the
-    interval of state queries, in s. `failsafe` as in `Autd3Udp`.
+    At most seven frames are in transmission; further ones are not sent (the units queue seven). The state is queried
+    every 50 ms. `failsafe` as in `Autd3Udp`.
     """
 
-    def __init__(
-        self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05, crowd: int = 7, asked: float = 0.05
-    ) -> None:
-        self._crowd, self._asked = crowd, asked
+    def __init__(self, placement: Placement, place: Autd3Address, *, failsafe: float = 0.05) -> None:
         self._counts: dict[str, int] = dict.fromkeys(OUTCOMES, 0)
         self._sent_at = np.zeros(_KEPT, np.int64)
         self._number = self._in_transmission = self._unanswered = 0
@@ -103,7 +100,7 @@ class Autd3Immediate(Autd3Udp):
             raise self._wrong
         number, self._number = self._number, self._number + 1
         self._sent_at[number % _KEPT] = 0
-        if self._in_transmission >= self._crowd:
+        if self._in_transmission >= _CROWD:
             self._counts["crowded"] += 1
             return
         frame = Frames.encode(self._geometry, Pattern(PhaseBuffer.from_array(phases), intensity))[0]
@@ -112,7 +109,7 @@ class Autd3Immediate(Autd3Udp):
             return
         self._in_transmission += 1
         self._run_task(self._send_frame(frame, instant, number))
-        if (now := time.monotonic()) - self._last_query > self._asked:
+        if (now := time.monotonic()) - self._last_query > 0.05:
             self._last_query = now
             self._run_task(self._query_state())
 
@@ -172,7 +169,7 @@ class Autd3Immediate(Autd3Udp):
             self._counts["lost"] += 1
             self._unanswered += 1
             # A single lost datagram is a lost frame; many in a row mean a lost link.
-            if wrong.code != Autd3Error.TIMEOUT or self._unanswered >= self._crowd:
+            if wrong.code != Autd3Error.TIMEOUT or self._unanswered >= _CROWD:
                 self._wrong = LinkLostError(
                     f"autd3: {wrong}; the units silence themselves within {self.failsafe:g} s; check cables and power"
                 )

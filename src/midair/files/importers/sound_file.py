@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -124,10 +124,8 @@ _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write float64 without rounding; at most 1024 cells and 4 GB."""
-    if recording.sensor.count > 1024:
-        raise FileError(
-            f"{path}: a WAV holds up to 1024 channels, got a sensor of {recording.sensor.count}; save to .h5"
-        )
+    if (cells := recording.sensor.count) > 1024:
+        raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
     # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
@@ -144,9 +142,7 @@ def write_flac(recording: Recording, path: Path, calibration: Calibration | None
     return _write(recording, path, calibration, "FLAC")
 
 
-def _write(
-    recording: Recording, path: Path, calibration: Calibration | None, form: Literal["WAV", "FLAC"]
-) -> tuple[FormatLoss, ...]:
+def _write(recording: Recording, path: Path, calibration: Calibration | None, form: str) -> tuple[FormatLoss, ...]:
     """Write the samples divided by the power of two above the peak, and midair's header."""
     import soundfile
 

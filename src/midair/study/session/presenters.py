@@ -26,18 +26,15 @@ from midair.study.event_markers import EventMarkers
 class Headphones:
     """Sound output with white noise; a context manager that is silent on exit.
 
-    The samples are uniform, equal in all channels and new in every frame. `device` is the name of the sound output or
+    The samples are uniform, equal in both channels and new in every frame. `device` is the name of the sound output or
     part of it; "default" for the system's choice.
     """
 
-    def __init__(
-        self, noise: MaskingNoise, *, device: str = "default", channels: int = 2, seed: int | None = None
-    ) -> None:
+    def __init__(self, noise: MaskingNoise, *, device: str = "default", seed: int | None = None) -> None:
         self.noise = noise
         self.rate = 0.0
         self.underflows = 0
         self._device = None if device == "default" else device
-        self._channels = channels
         self._rng = np.random.default_rng(seed)
         # Full scale is 1; the rms of a full-scale sine is 1/sqrt 2, of uniform noise its bound/sqrt 3.
         self._bound = 10 ** (noise.level_dbfs / 20) * np.sqrt(1.5)
@@ -56,7 +53,7 @@ class Headphones:
             raise DeviceError("headphones: expected PortAudio; apt-get install libportaudio2") from wrong
         try:
             self._stream = sounddevice.OutputStream(
-                device=self._device, channels=self._channels, dtype="float32", callback=self._fill
+                device=self._device, channels=2, dtype="float32", callback=self._fill
             )
             self.rate = float(self._stream.samplerate)
             self._stream.start()

@@ -64,24 +64,6 @@ def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
     assert sweep.acoustics == Acoustics(medium=medium, directivity="point")
 
 
-@pytest.mark.parametrize(
-    ("wrong", "status", "word"),
-    [
-        (["--height", "200"], 2, "unit"),
-        (["--height", "200Hz"], 2, "another quantity"),
-        (["--count", "70000"], 1, "65535"),
-        (["--strength", "-1"], 1, "strengths"),
-        (["--method", "magic"], 1, "fast"),
-        (["--directivity", "round"], 2, "point"),
-    ],
-    ids=str,
-)
-def test_wrong_usage_is_one_line_and_leaves_nothing(one_line, wrong, status, word):
-    assert run(["sweep", "patterns", "s.zarr", *wrong]) == status
-    assert word in one_line()
-    assert not Path("s.zarr").exists()
-
-
 @pytest.mark.slow
 def test_ctrl_c_is_one_line_and_results_are_kept():
     """A terminal sends it to every process of the command."""
@@ -128,23 +110,3 @@ def test_recordings_under_settings(take, capsys, one_line):
     assert all(Path(name).is_file() for name in answer["files"])
     assert run([*ask, "--bits", "4"]) == 1
     assert "bits" in one_line()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "word"),
-    [
-        (["--vary", "method"], "OPTION=VALUE"),
-        (["--vary", "method=,"], "OPTION=VALUE"),
-        (["--vary", "frob=1"], "frob"),
-        (["--vary", "height=150"], "unit"),
-        (["--vary", "method=magic"], "magic"),
-        (["--vary", "height=150mm", "height=200mm"], "once"),
-        (["--vary", "height=150mm,150mm"], "twice"),
-    ],
-    ids=str,
-)
-def test_a_wrong_variation_is_one_line_and_leaves_nothing(take, capsys, one_line, wrong, word):
-    capsys.readouterr()
-    assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
-    assert word in one_line()
-    assert not Path("r.zarr").exists()
