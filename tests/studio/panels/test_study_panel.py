@@ -4,17 +4,24 @@ import hashlib
 import json
 import threading
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 from tests.drives import plan_of, save_drive
-from tests.studio.conftest import ROOT, SOCKET
 
+from midair.studio import Studio, StudioPlan
 from midair.studio.panels.study_panel import PagePresenter
 from midair.study import Stimulus, StudyFolder, read_design, read_events
 
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from starlette.testclient import TestClient
+
+PORT = 8347
+ROOT = f"http://127.0.0.1:{PORT}"
 PLAN = plan_of("f.drive.h5")
 
 
@@ -25,13 +32,20 @@ def long_drive(folder):
 
 
 @pytest.mark.slow
-def test_the_studio_ends_in_time_while_a_drive_is_presented(folder, client, tmp_path, monkeypatch):
+def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    folder, samples = tmp_path / "folder", tmp_path / "samples"
+    folder.mkdir()
+    samples.mkdir()
     study = StudyFolder.create(folder / "s", PLAN, read_design(PLAN), drives=long_drive)
+    studio = Studio(StudioPlan(folder=folder), samples, PORT)
     presents = threading.Event()
 
     def present():
-        with client, client.websocket_connect(SOCKET, headers={"origin": ROOT}) as page:
+        client = TestClient(studio.application(), base_url=ROOT)
+        client.cookies.set(studio.keys.cookie, studio.keys.session)
+        headers = {"origin": ROOT}
+        with client, client.websocket_connect(f"ws://127.0.0.1:{PORT}/socket", headers=headers) as page:
             state = json.loads(page.receive_text())["whole"]
 
             def until(true):
