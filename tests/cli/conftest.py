@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,19 @@ from midair.cli import run
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def module_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("module")
+
+
+@pytest.fixture
+def with_take(module_folder, monkeypatch):
+    """In a folder of the module, with a virtual towel in take.h5."""
+    monkeypatch.chdir(module_folder)
+    if not Path("take.h5").exists():
+        assert run(["record", "virtual:towel", "take.h5", "--duration", "0.7s"]) == 0
 
 
 @pytest.fixture

@@ -253,23 +253,10 @@ def measure_exposure(
 def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1) -> ExposureClearance:
     """Check a drive against a profile before it is played.
 
-    Parameters
-    ----------
-    device : ArrayDevice
-        The device that will play it. Its own array is used; the source strength and air stored in a file are ignored.
-    choices : ExposureChoices
-        The profile, the air in the room, and the action if a drive exceeds the profile.
-    repeats : int
-        Number of consecutive repeats, 1 or more.
-
-    Raises
-    ------
-    MismatchError
-        If the drive is for another array.
-    ExposureError
-        If the drive exceeds the profile and there is no override.
-    InputError
-        If `repeats` is below 1.
+    The array is that of the device that will play the drive; the source strength and air stored in a file are ignored.
+    `choices` holds the profile, the air in the room, and the action if a drive exceeds the profile; `repeats` is the
+    number of consecutive repeats, 1 or more. Raises MismatchError if the drive is for another array, ExposureError if
+    it exceeds the profile and there is no override, InputError if `repeats` is below 1.
     """
     _check_repeats(repeats)
     drive = with_checked_reading(drive)

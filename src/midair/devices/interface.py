@@ -237,36 +237,14 @@ class ArrayDevice(ABC):
         On a gated array the order is logged before the first sound and its end after the last, and `midair stop` in
         another terminal silences the array.
 
-        Parameters
-        ----------
-        admission : ExposureClearance
-            Result of `check_exposure` for this device; it includes the number of repeats, which follow without a gap.
-        source : str or Path
-            Name of the drive in the log; a file is hashed.
-        delay : float
-            Silence before the first frame, in s.
-        progress : callable, optional
-            Called with (frames begun, total frames).
-        watched : bool, optional
-            Whether playback on an array that is not gated is logged and can be stopped; default: no. A gated one always
-            is.
-        room : Medium, optional
-            Air that the user stated, for the log.
-
-        Raises
-        ------
-        MismatchError
-            If the drive was checked for another array.
-        InputError
-            If the delay is out of range.
-        DeviceStateError
-            If `admission` is no clearance or has no frames yet, or the device is not open.
-        StoppedError
-            If `midair stop` was called.
-        HeldError
-            If another program uses the device.
-        FileError
-            If the log or the state folder cannot be written.
+        `admission` is the result of `check_exposure` for this device; it includes the number of repeats, which follow
+        without a gap. `source` names the drive in the log, where a file is hashed; `delay` is the silence in s before
+        the first frame; `progress` is called with (frames begun, total frames). With `watched`, playback on an array
+        that is not gated is logged and can be stopped too; a gated one always is. `room` is the air that the user
+        stated, for the log. Raises MismatchError if the drive was checked for another array, InputError if the delay is
+        out of range, DeviceStateError if `admission` is no clearance or has no frames yet or the device is not open,
+        StoppedError if `midair stop` was called, HeldError if another program uses the device, FileError if the log or
+        the state folder cannot be written.
         """
         if not isinstance(admission, ExposureClearance):  # pyright: ignore[reportUnnecessaryIsInstance]
             kind = type(admission).__name__

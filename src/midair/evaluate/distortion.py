@@ -234,23 +234,11 @@ def fidelity(
 ) -> Fidelity:
     """Compare the delivered pressure with its original.
 
-    Parameters
-    ----------
-    original, delivered : PressureFrames
-        On the same cells; the slower one is resampled to the rate of the faster one.
-    band : tuple of float
-        (low, high) in Hz; both pressures are filtered to it with sharp edges.
-    judged : tuple of float, optional
-        (begin, duration) of the evaluated part, in s of the original; all if None. It is cut after filtering and
-        alignment: a perfect piece with a delay of an eighth of a millisecond would otherwise lose samples at its ends
-        and reach only 25 to 45 dB.
-    noise : ndarray, shape (row, column), optional
-        Rms noise of the sensor in the delivered pressure, in the band, in Pa.
-
-    Raises
-    ------
-    MismatchError
-        If the cells differ.
+    Both pressures are on the same cells; the slower one is resampled to the rate of the faster one, and both are
+    filtered to the `band` (low, high) in Hz with sharp edges. `judged` is (begin, duration) of the evaluated part, in s
+    of the original; all if None. It is cut after filtering and alignment: a perfect piece with a delay of an eighth of
+    a millisecond would otherwise lose samples at its ends and reach only 25 to 45 dB. `noise`, shape (row, column), is
+    the rms noise of the sensor in the delivered pressure, in the band, in Pa. Raises MismatchError if the cells differ.
     """
     if original.sensor.shape != delivered.sensor.shape:
         raise MismatchError(

@@ -291,25 +291,12 @@ def simulate(
     Raises RateError if the rate is not a whole multiple of the drive's; ShapeError if G, the weights or the chain's
     transducers do not match the drive's array or the points.
 
-    Parameters
-    ----------
-    drive : Drive
-        The array is silent before it.
-    G : ndarray of complex, shape (point, transducer)
-        From `transfer_matrix`, in Pa.
-    chain : PlaybackChain, optional
-        Simulated effects; if None, 8-bit phases that are held, and ideal transducers.
-    acoustics : Acoustics, optional
-        Its medium determines the radiation pressure; if None, that of the drive.
-    weights : ndarray, shape (cell, point), optional
-        Cells that average over the points, from `cell_weights`.
-    progress : callable, optional
-        Called with (frames done, frames in total).
-
-    Returns
-    -------
-    ndarray, shape (frame * rate / drive.rate, point) or (..., cell)
-        Step i is at the end of the i-th interval of 1 / rate; with an ideal hold at its beginning.
+    The array is silent before the drive. `G`, shape (point, transducer), comes from `transfer_matrix`, in Pa. `chain`
+    holds the simulated effects; if None, 8-bit phases that are held, and ideal transducers. The medium of `acoustics`
+    determines the radiation pressure; if None, that of the drive. `weights`, shape (cell, point), are cells that
+    average over the points, from `cell_weights`; `progress` is called with (frames done, frames in total). Returns
+    shape (frame * rate / drive.rate, point) or (..., cell): step i is at the end of the i-th interval of 1 / rate; with
+    an ideal hold at its beginning.
     """
     chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
     steps = steps_per_frame(drive.rate, rate)

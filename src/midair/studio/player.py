@@ -379,15 +379,14 @@ class _Player:
                 playing = pool.submit(player.run)
                 player.triggers.put((player.loaded_file(file), 0, leave, False))
                 try:
-                    while self.permit.refusal(leave) is None and not playing.done():
+                    while not playing.done():
+                        self.permit.check(leave, self.device)
                         self.pipe.send("sounds", done=0, total=0, emitting=array.emitting)
                         if self.pipe.poll(0.05) and (asked := self.pipe.receive()) is not None:
                             self.pipe.handle(asked, self._during_a_loop)
                 finally:
                     player.triggers.put(None)
-                playing.result()
-                self.permit.check(leave, self.device)
-                return {}
+                return playing.result() or {}
         finally:
             self.array = self.loops = None
             self._open()

@@ -18,17 +18,7 @@ from midair.targets import add_lead
 
 COARSE = ["--points", "4", "--pitch", "11mm", "--method", "fast", "--iterations", "1", "1", "--guard", "0mm"]
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("compare")
-
-
-@pytest.fixture(autouse=True)
-def _folder(folder, monkeypatch):
-    monkeypatch.chdir(folder)
-    if not Path("take.h5").exists():
-        assert run(["record", "virtual:towel", "take.h5", "--duration", "0.7s"]) == 0
+pytestmark = pytest.mark.usefixtures("with_take")
 
 
 def perfect(drive_file):

@@ -25,17 +25,7 @@ QUICK = [
     "0.08s",
 ]
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("loop")
-
-
-@pytest.fixture(autouse=True)
-def _folder(folder, monkeypatch):
-    monkeypatch.chdir(folder)
-    if not Path("take.h5").exists():
-        assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+pytestmark = pytest.mark.usefixtures("with_take")
 
 
 @pytest.mark.long

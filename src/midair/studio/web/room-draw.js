@@ -92,6 +92,7 @@ export default class Draw {
     this.play.disabled = !controls || (!this.looping && (!playable(player) || Boolean(this.playing)));
     this.play.textContent = this.looping ? "Stop the loop" : player?.device === "virtual" ? "Play on the virtual array" : "Play …";
     this.loops.disabled = this.looping;
+    if (!this.looping && this.played.textContent.startsWith("playing in a loop")) this.played.textContent = "stopped";
     for (const one of [this.save, this.saveDrive, this.saveOther]) one.disabled = !controls;
   }
   /** Whether this pattern plays in a loop, in which it can be changed. */
