@@ -175,19 +175,8 @@ def printed_error(field: Field, amplitude: Array) -> Array:
 def sound_amplitude(pressure: Array, medium: Medium) -> Array:
     """Peak amplitude in Pa of a plane wave whose radiation pressure on a surface is `pressure`.
 
-    p_amp = c sqrt(2 rho P / alpha), section 4.1; 100 Pa of radiation pressure need 3801 Pa of sound.
-
-    Parameters
-    ----------
-    pressure : ndarray, any shape
-        Radiation pressure in Pa, never negative.
-    medium : Medium
-        Density rho (kg/m3), speed c (m/s), alpha = 1 + R with R the power reflection coefficient.
-
-    Raises
-    ------
-    NegativePressureError
-        If any pressure is below zero.
+    p_amp = c sqrt(2 rho P / alpha), section 4.1, with alpha = 1 + R, R the power reflection coefficient; 100 Pa of
+    radiation pressure need 3801 Pa of sound. A pressure below zero raises NegativePressureError.
     """
     pressure = np.asarray(pressure, float)
     if pressure.size and pressure.min() < 0:
