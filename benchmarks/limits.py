@@ -126,7 +126,7 @@ class _Counted(np.ndarray):
         return made.view(_Counted)
 
 
-def roofline(frames: int = 1500) -> None:
+def roofline(frames: int) -> None:
     """Print what part of this core's peak the products of the folded solver reach, best mode, a towel at 4 kHz."""
     product, operators, kinds = FoldedProduct._each, FieldOperators.of, []
 
@@ -174,7 +174,7 @@ def roofline(frames: int = 1500) -> None:
         print(f"  products with {name}: {each}; {flops / moved:.0f} FLOP a byte; {reached}")
 
 
-def folding(frames: int = 900) -> None:
+def folding(frames: int) -> None:
     """Print CPU time and E of the best mode, whole and folded, for arrays and grids of several kinds, a towel."""
     plain, rng = TransducerArray.autd3(), np.random.default_rng(0)
     middle = (plain.position.min(axis=0) + plain.position.max(axis=0)) / 2
@@ -221,11 +221,12 @@ def folding(frames: int = 900) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.limits", description="Limits of the folded solver.")
     parser.add_argument("--part", choices=("roofline", "folding"), nargs="*", default=["roofline", "folding"])
+    parser.add_argument("--frames", type=int, default=900, help="frames of each sequence (default 900)")
     options = parser.parse_args()
     if "roofline" in options.part:
-        roofline()
+        roofline(options.frames)
     if "folding" in options.part:
-        folding()
+        folding(options.frames)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,6 @@ NO_PROGRAMS = {
     "yardstick",
     "peers",
     "real_pressure",
-    "limits",
     "sequence",
     "static",
     "standstill",
@@ -34,6 +33,7 @@ PROGRAMS = sorted(
 SMALLEST = {
     "benchmarks": ["--others", "0", "--strengths", ".1", "--no-peers", "--methods", "naive", "--part", "static"],
     "benchmarks.recordings": ["--length", ".05", "--plain-frames", "2", "--part", "paper", "best", "jobs", "live"],
+    "benchmarks.limits": ["--frames", "40"],
     "benchmarks.terms": ["--part", "bits", "--strengths", ".1"],
     "benchmarks.playback": ["--seconds", ".02", "--rate", "4000"],
     "benchmarks.air": ["--heights", ".2", "--duration", ".002"],

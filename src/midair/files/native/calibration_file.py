@@ -51,10 +51,15 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
-    """Read a calibration; None if the HDF5 file of midair is a recording that has none.
+    """Read a calibration; None if `path` is a recording that has none.
 
     Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
     type, or was written by a newer midair.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        An HDF5 file of midair: a calibration or a recording.
     """
     with open_file(path) as file:
         if (kind := kind_of(file)) == "midair calibration":

@@ -370,8 +370,12 @@ def open_tracker(
     UnknownDeviceError, InputError, MissingExtraError or DeviceError if the name is unknown, an option is invalid, a
     package is missing, or the tracker does not answer.
 
-    `placement` is how the tracker lies relative to the array; by default their coordinates are the same. `clock` is
-    that of all times, for simulations.
+    Parameters
+    ----------
+    placement : TrackerPlacement or path, optional
+        How the tracker lies relative to the array; by default their coordinates are the same.
+    clock : callable
+        Clock of all times, for simulations.
     """
     options, place = tracker_options(name)
     if placement is not None and not isinstance(placement, TrackerPlacement):
