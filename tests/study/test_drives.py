@@ -69,6 +69,8 @@ def test_a_pattern_is_drawn_unless_its_drive_is_newer(tmp_path):
         (one,) = prepare_drives(design(A), tmp_path / "to", found_in=tmp_path)
         assert (one.how, one.duration) == (how, 0.01)
     assert load_solution(tmp_path / "to" / "a.drive.h5").drive.provenance.source == "a.toml"
+    pattern.write_text('name = "a study, not a pattern"', encoding="utf-8")
+    assert prepare_drives(design(A), tmp_path / "to", found_in=tmp_path)[0].how == "found"
 
 
 @pytest.mark.long

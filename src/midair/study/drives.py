@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from midair.errors import BrokenFileError, FileError, MismatchError, MissingFileError
-from midair.files import load_solution, open_take, save_solutions
+from midair.files import load_solution, open_take, read_toml, save_solutions
 from midair.model import PressureFrames, Progress, TransducerArray
 from midair.patterns import draw_file, load_pattern
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
@@ -145,6 +145,8 @@ def _find_source(source: str, folder: Path | None) -> Path | None:
     stem = source.removesuffix(ENDING)
     ready, pattern, recording = (folder / name for name in (source, f"{stem}.toml", f"{stem}.h5"))
     there = [path for path in (ready, pattern, recording) if path.is_file()]
+    if pattern in there and "spot" not in read_toml(pattern, "a pattern"):
+        there.remove(pattern)  # the study itself, or another table
     if there[:2] == [ready, pattern] and ready.stat().st_mtime < pattern.stat().st_mtime:
         return pattern
     return there[0] if there else None
