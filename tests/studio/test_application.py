@@ -12,7 +12,7 @@ from tests.studio.conftest import ROOT, SOCKET, PageClient
 from tests.waiting import wait_until
 
 from midair.datasets import stroke
-from midair.errors import DeviceStateError, InputError, StoppedError
+from midair.errors import DeviceStateError, ExposureError, InputError, StoppedError
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern, load_adaptics
@@ -362,6 +362,29 @@ def test_an_air_that_is_stated_during_a_check_needs_another_one(studio, monkeypa
     page = SimpleNamespace(visible=True, last_alive=time.monotonic(), number=1)
     with pytest.raises(DeviceStateError, match="the air of the room changed since the check"):
         asyncio.run(playing.play(page, PlayNow(admission=1)))
+
+
+def test_an_override_of_a_loop_does_not_admit_a_louder_drive(studio, monkeypatch):
+    """The person answered for the drive that was checked."""
+    drive, numbers = studio.folder.path / "towel.drive.h5", iter([1, 2])
+    drive.write_bytes(b"")
+    playing, asked = studio.playing, []
+
+    async def ask(what, **_):
+        asked.append(what)
+        if what == "play":
+            drive.write_bytes(b"solved meanwhile")
+            os.utime(drive, ns=(1, 1))
+            return {}
+        number = next(numbers)
+        return {"number": number, "solved_c": 22.0, "excess_db": 10.0 * number, "refused": ""}
+
+    monkeypatch.setattr(playing._player, "ask", ask)
+    asyncio.run(playing.check(None, CheckExposure(take="towel.h5", override="A. Person")))
+    page = SimpleNamespace(visible=True, last_alive=time.monotonic(), number=1)
+    with pytest.raises(ExposureError, match="expected at most 10 dB above the profile, got 20 dB in the new drive"):
+        asyncio.run(playing.play(page, PlayNow(admission=1, loop=True)))
+    assert asked == ["admit", "play", "admit"]
 
 
 def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):

@@ -260,6 +260,7 @@ class PlayPanel:
             await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
             newer = self.newest if take_of(self.newest) == take_of(check.take) else check.take
             if newer != check.take or stamp_of(drive) != stamp:
+                admitted = self._store.state["exposure"]["excess_db"]
                 # Nothing else may play while the new drive is checked.
                 self._show(state="plays", said="checks the exposure of the new drive")
                 try:
@@ -268,6 +269,12 @@ class PlayPanel:
                     self._show(state="ready")
                 if not found["number"]:
                     raise ExposureError(found["refused"])
+                if check.override and (excess := found["excess_db"]) > admitted:
+                    # A person answered for the drive that was checked, not for a louder one.
+                    raise ExposureError(
+                        f"play: expected at most {admitted:g} dB above the profile, got {excess:g} dB in the new drive; "
+                        "check its exposure, and play it on your own responsibility"
+                    )
                 number = found["number"]
             if self.permit.stops != stops:
                 raise StoppedError("play: stopped on request")
