@@ -272,8 +272,8 @@ class PlayPanel:
                 if check.override and (excess := found["excess_db"]) > admitted:
                     # A person answered for the drive that was checked, not for a louder one.
                     raise ExposureError(
-                        f"play: expected at most {admitted:g} dB above the profile, got {excess:g} dB in the new drive; "
-                        "check its exposure, and play it on your own responsibility"
+                        f"play: expected at most {admitted:g} dB above the profile, got {excess:g} dB in the new drive;"
+                        " check its exposure, and play it on your own responsibility"
                     )
                 number = found["number"]
             if self.permit.stops != stops:
