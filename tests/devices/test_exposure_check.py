@@ -129,6 +129,17 @@ def test_an_override_needs_a_name():
         ExposureChoices(profile=PROFILE, override="  ")
 
 
+def test_an_override_applies_up_to_the_excess_that_was_checked():
+    excess = measure_exposure(focus(), ARRAY, PROFILE).excess
+    for more, outcome in ((0.1, "overridden"), (-0.1, None)):
+        choices = ExposureChoices(profile=PROFILE, override="A Person", up_to=excess + more)
+        if outcome:
+            assert check_exposure(focus(), Loud(ARRAY), choices).outcome == outcome
+            continue
+        with pytest.raises(ExposureError, match=rf"expected at most {excess + more:.1f} dB .* A Person is responsible"):
+            check_exposure(focus(), Loud(ARRAY), choices)
+
+
 def test_an_excess_on_a_silent_device_is_reported_and_not_refused():
     admission = check_exposure(focus(), VirtualArray(ARRAY), CHOICES)
     assert admission.outcome == "exceeded"

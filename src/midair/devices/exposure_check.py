@@ -54,6 +54,8 @@ class ExposureChoices:
     """Whether to attenuate a drive that exceeds the profile, all frames by the same factor, until it meets it."""
     override: str | None = None
     """Name of the person who takes responsibility for playing a drive that exceeds the profile."""
+    up_to: float = np.inf
+    """Excess in dB above the profile up to which the override applies."""
     room: Medium | None = None
     """Air in the room, stated by the user or measured; 2 degrees and 20 % of humidity around it are checked.
 
@@ -457,10 +459,16 @@ def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tup
         return "kept", 1.0
     if choices.attenuate:
         return "attenuated", 10 ** (-found.excess / 20)
-    if choices.override is not None:
+    overridden = choices.override is not None
+    if overridden and found.excess <= choices.up_to:
         return "overridden", 1.0
     if not device.gated:
         return "exceeded", 1.0
+    if overridden:
+        raise ExposureError(
+            f"exposure: {found.verdict()}; expected at most {choices.up_to:.1f} dB above it, for which "
+            f"{choices.override} is responsible; stop it, and check the exposure of the louder drive"
+        )
     raise ExposureError(
         f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_not_felt_note(found)}), "
         "take another --profile, or take responsibility with --override-exposure NAME and ear protection for everyone "

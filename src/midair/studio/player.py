@@ -420,6 +420,8 @@ class _Player:
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, choices: ExposureChoices) -> Any:
         leave, output, room = order["leave"], order["output"], choices.room
         if order.get("loop"):
+            # A person answered for the pattern that was checked, not for a louder one.
+            choices = replace(choices, up_to=admission.exposure.excess + 0.01)
             return self._loop(leave, path.with_name(path.name.replace(".drive.h5", ".toml")), choices)
         if self.palm is not None:
             self.palm.begin()
@@ -466,9 +468,13 @@ class _Player:
 
 
 def _choices(order: Mapping[str, Any]) -> ExposureChoices:
-    profile = profile_named(order["profile"]).behind(order.get("protection", 0.0))
-    room, override = order.get("room"), order["override"] or None
-    return ExposureChoices(profile=profile, attenuate=order["attenuate"], override=override, room=room)
+    return ExposureChoices(
+        profile=profile_named(order["profile"]).behind(order.get("protection", 0.0)),
+        attenuate=order["attenuate"],
+        override=order["override"] or None,
+        up_to=order.get("up_to", np.inf),
+        room=order.get("room"),
+    )
 
 
 def exposed(found: Any) -> dict[str, Any]:
