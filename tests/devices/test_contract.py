@@ -67,6 +67,7 @@ def array(request):
         board.close()
 
 
+@pytest.mark.long
 def test_an_array_tells_what_it_played(array, attempts):
     seen = []
     with array:
@@ -114,6 +115,7 @@ def test_a_closed_array_does_not_play(array):
         array.play(clear_any_exposure(drive(array), array))
 
 
+@pytest.mark.long
 def test_repeats_and_a_delay_are_played(array, attempts):
     with array:
         for _ in attempts:

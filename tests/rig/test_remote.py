@@ -151,6 +151,7 @@ def test_a_second_client_cannot_play_but_can_stop(served):
         assert state(first)["control"] == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["hangs", "goes", "floods"])
 def test_a_client_that_hangs_goes_or_floods_ends_in_silence_and_another_gets_control(served, way):
     with served.playing() as client:

@@ -42,6 +42,7 @@ def phases(stand_in, board):
     return np.array([one.sound()[board.pin] for one in stand_in.heard]) * np.exp(1j * board.offset)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [1, 2], ids=["one", "twin"])
 def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count, attempts):
     boards = [measured_board(number) for number in range(count)]
@@ -76,6 +77,7 @@ def test_another_rate_sets_another_divider(stand_ins):
     assert len(port.heard) == 8
 
 
+@pytest.mark.long
 def test_the_last_frame_lasts_for_its_time_on_the_board_s_clock(stand_ins):
     """Silence is queued right after it, so that a delay of the program at the end has no effect.
 

@@ -58,6 +58,7 @@ def test_five_thousand_frames_on_four_units():
     assert (report.frames, report.late, report.gap) == (5000, 0, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hours", [-1, 1])
 def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monkeypatch, hours):
     jump, reports = [0], []
@@ -77,6 +78,7 @@ def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monke
     assert (reports[0].frames, reports[0].late, reports[0].gap) == (1000, 0, 0)
 
 
+@pytest.mark.long
 def test_after_playing_the_segment_that_plays_is_silent():
     with pyautd3_array("audit", PAIR) as device:
         report = device.play(clear_any_exposure(noise(300), device))

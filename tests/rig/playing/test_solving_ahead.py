@@ -141,6 +141,7 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     assert list(Path().glob("*drive*")) == []
 
 
+@pytest.mark.long
 def test_a_slow_computer_says_so_and_begins_when_the_rest_will_come_in_time():
     """Parts of .5 s take 1 s, and 287 of 800 frames are to come: 1.2 * 287 / 256 - (800 - 256) / 500 + .3 = .56 s."""
     ahead = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), QUICK.but(rate=500.0), PlaySettings(), None)
