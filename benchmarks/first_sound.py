@@ -103,7 +103,8 @@ def recorded(folder: Path, seconds: float) -> Path:
 def play(folder: Path, take: Path, mode: tuple[str, ...], more: dict[str, str]) -> subprocess.Popen[str]:
     """Start to play a recording on the emulator, with a state folder of its own."""
     midair = [sys.executable, "-m", "midair", "play", str(take), "--device", "autd3:emulator", *mode]
-    state = os.environ | {"MIDAIR_STATE": str(folder / "state")} | more
+    # The environment may forbid compiled Python files.
+    state = os.environ | {"MIDAIR_STATE": str(folder / "state"), "PYTHONDONTWRITEBYTECODE": ""} | more
     how = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, "env": state}
     return subprocess.Popen([*midair, "--override-exposure", "benchmark"], **how)
 

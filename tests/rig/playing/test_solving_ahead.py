@@ -143,18 +143,26 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
 
 @pytest.mark.long
 def test_a_slow_computer_says_so_and_begins_when_the_rest_will_come_in_time():
-    """Parts of .5 s take 1 s, and 287 of 800 frames are to come: 1.2 * 287 / 256 - (800 - 256) / 500 + .3 = .56 s."""
+    """Parts of .5 s take 1 s, the next one begins to sound with frame 513: 1.2 * 1 - 513 / 500 + .3 = .47 s."""
     ahead = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), QUICK.but(rate=500.0), PlaySettings(), None)
     lines, now = [], time.monotonic()
     ahead._arrived, ahead._frames = [(now - 3, 0), (now - 1, 257), (now, 513)], 800
     ahead._solved, ahead._stream = Future(), SimpleNamespace(clearance=lambda: "cleared")
     ahead._news.put(None)
     assert ahead.in_time(lines.append) == "cleared"
-    assert 0.557 <= time.monotonic() - now < 0.9
+    assert 0.473 <= time.monotonic() - now < 0.9
     (line,) = lines
     assert line == (
         "this computer solves 0.51 s of touch in a second: the first sound comes in about 1 s, so that there is no gap"
     )
+
+
+def test_a_short_last_part_has_the_speed_of_one_thread():
+    """Two threads take as long for a block of 256 frames as for two, here 1 s; it begins to sound after 769 frames."""
+    settings = QUICK.but(method=replace(QUICK.solver.solver(), jobs=2), rate=2000.0)
+    ahead, now = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), settings, PlaySettings(), None), time.monotonic()
+    ahead._arrived, ahead._frames = [(now - 3, 0), (now - 1, 257), (now, 769)], 769 + 256
+    assert ahead._lacks()[0] == pytest.approx(1.2 - 769 / 2000 + 0.3, abs=0.05)
 
 
 def test_what_needs_the_whole_drive_is_refused():

@@ -21,7 +21,7 @@ from midair.model import Drive, PressureFrames, Solution, TransducerArray
 from midair.pipeline import reproduce_stream
 from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
-from midair.solvers import frames_per_part, one_blas_thread
+from midair.solvers import Glide, frames_per_part, one_blas_thread
 
 RESERVE = 0.3
 """Time by which frames are ready before they sound, in s: the units need a tenth, the computer is not always free."""
@@ -145,18 +145,20 @@ class SolvedAhead:
     def _lacks(self) -> tuple[float, float]:
         """Time in s by which a play that begins now would be too early, and touch in s that is solved in a second."""
         rate, (times, counts) = self._settings.target.rate, np.array(self._arrived).T
-        rest = self._frames - counts[-1]
         # Simulated sound can wait.
-        if not self._device.gated or rest <= 0:
+        if not self._device.gated or counts[-1] >= self._frames:
             return 0.0, np.inf
+        solver = self._settings.solver.solver()
+        size, jobs = frames_per_part(solver), solver.jobs if isinstance(solver, Glide) else 1
+        begins = np.arange(counts[-1], self._frames, size)
+        # The last part is shorter: one thread solves a block of it, at a fraction of the speed.
+        work = np.cumsum(np.minimum(size, jobs * (self._frames - begins)))
         # The first part includes the preparation, which makes its speed a lower bound.
-        first = 1 if len(times) > 2 else 0
-        part, passed = min(rest, frames_per_part(self._settings.solver.solver())), time.monotonic() - times[-1]
+        first, passed = 1 if len(times) > 2 else 0, time.monotonic() - times[-1]
         paces = [(times[-1] - times[each]) / (counts[-1] - counts[each]) for each in (first, -2)]
-        pace = max(*paces, passed / part)
-        next_late = SLOWER * pace * part - counts[-1] / rate
-        last_late = SLOWER * pace * rest - (self._frames - part) / rate
-        return float(max(next_late, last_late) + RESERVE - passed), float(1 / (pace * rate)) if first else np.inf
+        pace = max(*paces, passed / work[0])
+        late = (SLOWER * pace * work - begins / rate).max()
+        return float(late + RESERVE - passed), float(1 / (pace * rate)) if first else np.inf
 
     def finish(self) -> ExposureClearance:
         """Wait until all is solved and written, and return the clearance of all frames; raises the solver's error."""
