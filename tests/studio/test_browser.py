@@ -620,6 +620,7 @@ def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
     assert page.wrong == []
 
 
+@pytest.mark.timeout(1800)
 def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tmp_path):
     """WAV, level, best mode, play, correction, A/B with sound, cut, study of three takes, report; no command typed."""
     wave, kept, began = tmp_path / "Corduroy.wav", os.environ.get("MIDAIR_PICTURES", str(tmp_path)), time.monotonic()
