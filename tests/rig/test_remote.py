@@ -200,6 +200,7 @@ def designed(tmp_path, monkeypatch):
         yield one
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["stops", "goes", "sends another", "is no page of this computer"])
 def test_the_designer_plays_its_pattern_until_it(designed, way):
     if way.startswith("is"):
