@@ -15,7 +15,7 @@ COVER_ALL := $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 LONG := -m "long and not slow"
 
 .PHONY: demo test coverage test-kernels test-long test-slow test-browser test-again test-long-again test-browser-again
-.PHONY: check bench bench-gpu docs figures links format release clean
+.PHONY: check lint bench bench-gpu docs figures links format release clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -64,14 +64,15 @@ test-long-again: $(VENV)/dev
 test-browser-again: $(VENV)/dev
 	$(BIN)/python -m pytest -m browser $(AGAIN)
 
-check: $(VENV)/dev
+check: lint docs
+
+lint: $(VENV)/dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.words
 	$(BIN)/typos README.md CHANGELOG.md CONTRIBUTING.md docs src examples
-	$(MAKE) docs
 
 docs: $(VENV)/dev
 	$(BIN)/sphinx-build --fail-on-warning --keep-going -q -b html docs docs/_build/html
