@@ -2,6 +2,7 @@ import asyncio
 import json
 import os
 import re
+import signal
 import time
 from math import inf
 from types import SimpleNamespace
@@ -387,6 +388,14 @@ def test_an_override_of_a_loop_does_not_admit_a_louder_drive(studio, monkeypatch
     with pytest.raises(ExposureError, match="louder than the checked one"):
         asyncio.run(playing.play(page, PlayNow(admission=1, loop=True)))
     assert asked == [("admit", inf), ("play", None), ("admit", 10.01)]
+
+
+@pytest.mark.long
+def test_a_signal_ends_a_studio_without_a_word(studio_at, capfd):
+    studio = studio_at()
+    studio.process.terminate()
+    assert studio.process.wait(30) == 128 + signal.SIGTERM
+    assert capfd.readouterr().err == ""
 
 
 def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):

@@ -421,6 +421,10 @@ def test_small_screens_show_pictures_first_and_scroll_one_way(studio_at, look, w
     heights = "new Set([...document.querySelectorAll('.meter')].map(one => one.offsetHeight)).size"
     assert page.page.evaluate(f"[{over}, {heights}]") == [0, 1], "numbers stay in their boxes, rows of one height"
     assert "rms in V" in page.page.locator("section[aria-label='Level of each cell']").inner_text()
+    page.page.evaluate("document.querySelector('#jobs').innerHTML = '<div class=job>A job</div>'")
+    ends = "[document.querySelector('#main').getBoundingClientRect().bottom, document.querySelector('#jobs').offsetTop]"
+    content, job = page.page.evaluate(ends)
+    assert content <= job, "a job covers nothing"
     assert page.wrong == []
 
 

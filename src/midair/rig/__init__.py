@@ -118,6 +118,7 @@ from .remote import serve as serve
 from .remote import serve_adaptics as serve_adaptics
 from .signals import END_SIGNALS as END_SIGNALS
 from .signals import handle_signals as handle_signals
+from .signals import signals_end_the_program as signals_end_the_program
 from .takes import Companion as Companion
 from .takes import Drift as Drift
 from .takes import Levels as Levels

@@ -162,10 +162,11 @@ class Studio:
             for panel in self.panels.values():
                 ending.callback(panel.close)
             ending.callback(self.playing.permit.stop)
-            ending.callback(tables.cancel)
             for panel in self.panels.values():
                 panel.start()
             yield
+            tables.cancel()
+            await asyncio.wait([tables])
 
     def application(self) -> RequestGuard:
         """Return the ASGI application behind the request guard."""

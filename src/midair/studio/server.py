@@ -9,6 +9,7 @@ from collections.abc import Callable
 import uvicorn
 
 from midair.errors import DeviceError, InputError
+from midair.rig import signals_end_the_program
 from midair.studio.application import Studio, StudioPlan
 from midair.studio.folders import folder_of_session
 from midair.studio.studio_state import LARGEST_ORDER
@@ -54,7 +55,9 @@ def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> Non
             timeout_graceful_shutdown=2,
             lifespan="on",
         )
-        _Server(config, lambda: _announce(studio.keys.link(), browser)).run(sockets=[listening])
+        # After its own end, the server raises the signal again.
+        with signals_end_the_program():
+            _Server(config, lambda: _announce(studio.keys.link(), browser)).run(sockets=[listening])
 
 
 def _announce(link: str, browser: bool) -> None:
