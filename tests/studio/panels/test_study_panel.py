@@ -39,7 +39,7 @@ def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatc
     samples.mkdir()
     study = StudyFolder.create(folder / "s", PLAN, read_design(PLAN), drives=long_drive)
     studio = Studio(StudioPlan(folder=folder), samples, PORT)
-    presents = threading.Event()
+    presents, ended = threading.Event(), threading.Event()
 
     def present():
         client = TestClient(studio.application(), base_url=ROOT)
@@ -48,10 +48,15 @@ def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatc
         with client, client.websocket_connect(f"ws://127.0.0.1:{PORT}/socket", headers=headers) as page:
             state = json.loads(page.receive_text())["whole"]
 
+            def live():
+                while not ended.wait(0.1):
+                    page.send_text('{"alive": true}')
+
+            threading.Thread(target=live, daemon=True).start()
+
             def until(true):
                 limit = time.monotonic() + 120
                 while not true(state) and time.monotonic() < limit:
-                    page.send_text('{"alive": true}')
                     said = json.loads(page.receive_text())
                     state.update(said.get("set", {}))
                     assert not said.get("error"), said
@@ -70,6 +75,7 @@ def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatc
             order(3, "present")
             until(lambda now: now["player"]["done"] > 0)
             presents.set()
+            ended.set()
 
     page = threading.Thread(target=present, daemon=True)
     page.start()
