@@ -92,7 +92,7 @@ def terminal(tmp_path):
     made.close()
 
 
-def printed(after="One session on a virtual array"):
+def printed(after="one session on a virtual array"):
     """The commands of a walk through a session that the page on studies prints after some words."""
     page = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
     block = page.partition(after)[2].partition("```console\n")[2].partition("```")[0]
@@ -151,7 +151,7 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
     ],
 )
 def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal, tmp_path, template, least, questions):
-    commands = [line.replace("detection", template) for line in printed("The other three run alike")]
+    commands = [line.replace("detection", template) for line in printed("The other three templates")]
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
     prompts = [
         ("Enter to continue", ["Enter"]),
