@@ -19,6 +19,7 @@ from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
 PROMPTS = [
+    ("Press Enter to continue", ["Enter"]),
     ("Enter to continue", ["Enter"]),
     ("Press Enter after the presentation", ["Enter"]),
     ("Press 1, 2, 3, 4, 5, 6, 7", ["5"]),
@@ -154,6 +155,7 @@ def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal,
     commands = [line.replace("detection", template) for line in printed("The other three templates")]
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
     prompts = [
+        ("Press Enter to continue", ["Enter"]),
         ("Enter to continue", ["Enter"]),
         ("Press 1, 2, 3", ["2"]),
         ("Press 1, 2", Observer(tmp_path / "weak", least)),
