@@ -248,6 +248,8 @@ class PlayPanel:
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
         self.newest, stops, number = "", self.permit.stops, order.admission
+        # A person answered for the drive that was checked, not for a louder one.
+        up_to = self._store.state["exposure"]["excess_db"] + 0.01 if order.loop else inf
         while True:
             check, solved, room = self._checked[number]
             self.check_same_air(room)
@@ -262,8 +264,6 @@ class PlayPanel:
             await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
             newer = self.newest if take_of(self.newest) == take_of(check.take) else check.take
             if newer != check.take or stamp_of(drive) != stamp:
-                # A person answered for the drive that was checked, not for a louder one.
-                up_to = self._store.state["exposure"]["excess_db"] + 0.01
                 # Nothing else may play while the new drive is checked.
                 self._show(state="plays", said="checks the exposure of the new drive")
                 try:
