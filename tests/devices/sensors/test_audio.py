@@ -13,7 +13,7 @@ import psutil
 import pytest
 from tests.waiting import wait_until
 
-from midair.errors import DeviceError, UnknownDeviceError
+from midair.errors import DeviceError, InputError, UnknownDeviceError
 from midair.files import open_take
 from midair.rig.names.sensor_names import source_sensor
 
@@ -200,3 +200,5 @@ def test_without_portaudio_the_debian_package_is_named(monkeypatch):
         DeviceError, match=r"^audio: expected the library PortAudio \(Debian: apt-get install libportaudio2\)"
     ):
         source_sensor("audio:x")
+    with pytest.raises(InputError, match="option channels"):
+        source_sensor("audio:x?channels=none")

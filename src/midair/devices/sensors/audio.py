@@ -6,6 +6,7 @@ follows from the converter's clock.
 
 import atexit
 import contextlib
+import importlib
 import queue
 import threading
 import time
@@ -20,12 +21,19 @@ from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, UnknownDeviceError
 from midair.model import RATE
 
+sounddevice: Any = None
+_reason = ""
 try:
-    import sounddevice
-except OSError as _wrong:
-    raise DeviceError(
-        f"audio: expected the library PortAudio (Debian: apt-get install libportaudio2), got: {_wrong}"
-    ) from _wrong
+    sounddevice = importlib.import_module("sounddevice")
+except OSError as _wrong:  # the library PortAudio is missing; the options of a name are checked without it
+    _reason = str(_wrong)
+
+
+def _need_library() -> None:
+    if sounddevice is None:
+        raise DeviceError(
+            f"audio: expected the library PortAudio (Debian: apt-get install libportaudio2), got: {_reason}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,14 +56,14 @@ class _PortAudio:
     def never_terminate(self) -> None:
         """Never terminate PortAudio: after the loss of a JACK server that would hang or abort the process."""
         self._keep_running = True
-        atexit.unregister(sounddevice._exit_handler)  # pyright: ignore[reportPrivateUsage]
+        atexit.unregister(sounddevice._exit_handler)
 
     def restart(self) -> None:
         """Restart PortAudio, which lists only the devices present when it started."""
         if not self._keep_running:
             with contextlib.suppress(sounddevice.PortAudioError):
-                sounddevice._terminate()  # pyright: ignore[reportPrivateUsage]
-            sounddevice._initialize()  # pyright: ignore[reportPrivateUsage]
+                sounddevice._terminate()
+            sounddevice._initialize()
 
 
 _PORTAUDIO = _PortAudio()
@@ -69,10 +77,11 @@ class AudioSource:
     """
 
     def __init__(self, device: str = "", *, channels: int | None = None, rate: float | None = None) -> None:
+        _need_library()
         self._device, self._channels, self._rate_wanted = device, channels, rate
         self._pieces: queue.SimpleQueue[_Piece] = queue.SimpleQueue()
         self._last: _Piece | None = None
-        self._stream: sounddevice.RawInputStream | None = None
+        self._stream: Any = None
         self._rate, self._frames, self._overflows = 1.0, 0, 0
         self._described: dict[str, str] = {}
 
@@ -188,7 +197,8 @@ class AudioSource:
 
 
 def inputs() -> list[dict[str, Any]]:
-    """Devices with inputs, as sounddevice describes them."""
+    """Devices with inputs, as sounddevice describes them; DeviceError without the library PortAudio."""
+    _need_library()
     return [dict(each) for each in sounddevice.query_devices() if each["max_input_channels"] > 0]
 
 
