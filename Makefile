@@ -2,67 +2,44 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Bytecode is made for what is imported, on first use: for all packages it takes half of the installation.
+PIP := --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 # One BLAS thread a process: more of them spin on small matrices and slow each other down.
 export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
-# The last lines name the tests that took longest: CONTRIBUTING.md says what a fast one may take.
-# Twice as many processes as the smallest machine has cores: much of a test of a device is waiting.
-PARALLEL := --numprocesses 4 --dist worksteal --durations 15 --durations-min 1
-# With COVERAGE set, as .ci/run does, the tests measure what they reach, the fast and then the long ones, and fail below the
-# floor in pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
-COVER := $(if $(COVERAGE),--cov --cov-report= --cov-fail-under=0)
-COVER_ALL := $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
-LONG := -m "long and not slow"
+# One worker for each core of the smallest machine: each collects all tests. The last lines name the slowest tests.
+PYTEST := $(BIN)/python -m pytest --numprocesses 2 --dist worksteal --durations 20 --durations-min 0.5
 
-.PHONY: demo test coverage test-kernels test-long test-slow test-browser test-again test-long-again test-browser-again
+.PHONY: demo test test-bare test-all test-fast test-long test-kernels test-browser test-slow test-coverage
 .PHONY: check lint bench bench-gpu docs figures links format release clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
+	$(BIN)/python -m pip install $(PIP) --editable .
 	touch $@
 
 $(VENV)/dev: $(VENV)/run
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	$(BIN)/python -m pip install $(PIP) --editable ".[dev]"
 	touch $@
 
 demo: $(VENV)/run
 	$(BIN)/midair demo --force
 
 test: $(VENV)/dev
-	@echo "The fast tests take three minutes on two quiet cores, longer on a busy machine."
-	@$(BIN)/python -m pytest $(PARALLEL) $(COVER) || { echo "Some tests failed. Type 'make test-again' to run those alone.\
-	 If they fail again, please report it with these lines and the output of $(BIN)/midair doctor."; exit 1; }
+	$(PYTEST)
 
-coverage:
-	$(MAKE) test COVERAGE=1
-	$(MAKE) test-long COVERAGE=1
+# The tests that need PortAudio, a sound server or Chromium, with these hidden: they are skipped, or pass without them.
+BARE := $(BIN)/python -m pytest -p tests.hidden -q
+test-bare: $(VENV)/dev
+	$(BARE) -m "not slow" tests/devices/sensors/test_audio.py tests/study/test_headphones.py tests/rig/names
+	$(BARE) -m browser tests/studio tests/view tests/rig/correction
 
-test-long: $(VENV)/dev
-	$(BIN)/python -m pytest $(LONG) $(PARALLEL) $(COVER_ALL)
+# What runs before a change is called done: every suite, with a log of each in .suites and a table at the end.
+test-all: $(VENV)/dev
+	$(BIN)/python -m tests.suites
 
-test-slow: $(VENV)/dev
-	$(BIN)/python -m pytest -m slow --timeout 3000 $(PARALLEL)
-
-test-browser: $(VENV)/dev
-	$(BIN)/python -m pytest -m browser --numprocesses 2 --dist worksteal --durations 10
-
-# Those that failed last, alone and one after the other: what fails again does not fail for want of time. Fails where
-# nothing had failed, so that it never hides another reason.
-AGAIN := --last-failed --last-failed-no-failures none
-
-# The last bits of a matrix product depend on the processor; the numerical tests pass under each kernel that this one has.
-test-kernels: $(VENV)/dev
-	$(BIN)/python -m tests.kernels
-
-test-again: $(VENV)/dev
-	$(BIN)/python -m pytest $(AGAIN)
-
-test-long-again: $(VENV)/dev
-	$(BIN)/python -m pytest $(LONG) $(AGAIN)
-
-test-browser-again: $(VENV)/dev
-	$(BIN)/python -m pytest -m browser $(AGAIN)
+test-fast test-long test-kernels test-browser test-slow test-coverage: $(VENV)/dev
+	$(BIN)/python -m tests.suites $(@:test-%=%)
 
 check: lint docs
 
@@ -124,4 +101,4 @@ format: $(VENV)/dev
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) .gpu .release dist demo docs/_build docs/gallery docs/reference .coverage* .hypothesis .pytest_cache .ruff_cache
+	rm -rf $(VENV) .gpu .release dist demo docs/_build docs/gallery docs/reference .coverage* .suites .hypothesis .pytest_cache .ruff_cache

@@ -58,7 +58,7 @@ def main(kernels: list[str]) -> int:
             print(f"{kernel}: left out, `make test` runs with it on this processor", flush=True)
             continue
         print(f"{kernel}:", flush=True)
-        words = [sys.executable, "-m", "pytest", "-q", "--numprocesses", "4", "--dist", "worksteal", *NUMERICAL]
+        words = [sys.executable, "-m", "pytest", "-q", "--numprocesses", "2", "--dist", "worksteal", *NUMERICAL]
         failed += [kernel] if subprocess.run(words, env=env, check=False).returncode else []
     print(f"failed under {', '.join(failed)}" if failed else "passed under each kernel that was run")
     return 1 if failed else 0

@@ -1,0 +1,61 @@
+"""`python -m tests.suites [NAME ...]`: run the suites one after the other, each with a log, and print a table.
+
+A suite that fails does not stop the next. The logs are in .suites, and the exit status is 1 if any suite failed.
+"""
+
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+PYTEST = [sys.executable, "-m", "pytest", "--numprocesses", "2", "--dist", "worksteal", "--durations", "20"]
+SUITES = {
+    "fast": PYTEST,
+    "long": [*PYTEST, "-m", "long and not slow"],
+    "kernels": [sys.executable, "-m", "tests.kernels"],
+    "browser": [*PYTEST, "-m", "browser"],
+    "slow": [*PYTEST, "-m", "slow", "--timeout", "3000"],
+    "coverage": [*PYTEST, "-m", "not slow and not browser", "--cov", "--cov-report=term:skip-covered"],
+}
+"""Command of each suite, in the order in which they run."""
+
+COUNT = re.compile(r"(\d+) (passed|failed|skipped|error)")
+
+
+def counts(log: Path) -> Counter[str]:
+    """Sum of the counts in the last lines of all runs of pytest in a log."""
+    found = Counter[str]()
+    for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
+        if re.search(r"\d+ \w+.* in \d[\d.]*s\b", line):
+            found.update({word: int(number) for number, word in COUNT.findall(line)})
+    return found
+
+
+def main(names: list[str]) -> int:
+    if unknown := set(names) - set(SUITES):
+        print(f"suites: expected some of {', '.join(SUITES)}, got {', '.join(sorted(unknown))}")
+        return 2
+    folder = Path(".suites")
+    folder.mkdir(exist_ok=True)
+    rows, worst = [f"{'suite':10}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}"], 0
+    for name in [name for name in SUITES if name in (names or SUITES)]:
+        log, begin = folder / f"{name}.log", time.monotonic()
+        print(f"{name}: the log is {log}", flush=True)
+        with log.open("wb") as out:
+            status = subprocess.run(SUITES[name], stdout=out, stderr=subprocess.STDOUT, check=False).returncode
+        found = counts(log)
+        broken = found["failed"] + found["error"]
+        seconds = time.monotonic() - begin
+        row = f"{name:10}{found['passed']:8}{broken:8}{found['skipped']:9}{seconds:9.0f}"
+        rows.append(row if not status or broken else f"{row}  exit status {status}")
+        worst = max(worst, bool(status))
+        if status:
+            print("".join(line for line in log.open(encoding="utf-8") if re.match("FAILED|ERROR", line)), end="")
+    print("\n".join(rows))
+    return worst
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
