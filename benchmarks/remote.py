@@ -204,6 +204,11 @@ class OscClient(socket.socket):
     def send(self, do: str, *values: object) -> None:
         self.sendto(build_msg(f"/midair/{do}", values).dgram, self.server)
 
+    def ask(self, packet: bytes) -> dict:
+        """The next answer to a packet."""
+        self.sendto(packet, self.server)
+        return json.loads(self.heard("/midair/answer", "")[0])
+
     def heard(self, name: str, word: str) -> list:
         """Values of the next message of a name whose text has a word."""
         while not ((found := OscMessage(self.recv(65536))).address == name and word in found.params[0]):
@@ -221,7 +226,7 @@ def attack(served: Here, count: int) -> int:
                     raw = dice.choice([dice.choice(HOSTILE).encode(), dice.randbytes(dice.randrange(300))])
                     bad.send(raw)
                     osc.sendto(raw[:5000], served.osc)
-                    osc.sendto(remote.osc_packet(f"/midair/{each % 3}", KEY, 1e9, "x" * 50), served.osc)
+                    osc.sendto(build_msg(f"/midair/{each % 3}", [KEY, 1e9, "x" * 50]).dgram, served.osc)
                 while answers < number + 100:
                     found = json.loads(bad.recv(10))
                     answers += "error" in found.get("answer", found.get("data", {}))

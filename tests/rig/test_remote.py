@@ -10,6 +10,7 @@ import sys
 import time
 from contextlib import closing
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +30,8 @@ from benchmarks.remote import (
     state,
     trigger_times,
 )
+from pythonosc.osc_bundle_builder import OscBundleBuilder
+from pythonosc.osc_message_builder import build_msg
 from tests.waiting import wait_until
 from websockets.exceptions import InvalidStatus
 
@@ -112,6 +115,57 @@ def test_osc_does_the_same(served):
         wait_until(lambda: any("the key" in line for line in served.lines))
         osc.send("stop")  # a stop needs no key
         wait_until(lambda: not served.sounds())
+
+
+def osc_bundle(ahead, *messages):
+    builder = OscBundleBuilder(datetime.now(UTC).timestamp() + ahead)
+    for each in messages:
+        builder.add_content(each)
+    return builder.build()
+
+
+def test_every_osc_packet_that_can_be_answered_is_answered_and_values_keep_their_places(served):
+    def load(*values):
+        return osc.ask(build_msg("/midair/load", [KEY, "tap.toml", *values]).dgram)
+
+    play, level = build_msg("/midair/play", [KEY, "tap.toml", 0]), build_msg("/midair/level", [KEY, 0.5])
+    with OscClient(served.osc) as osc:
+        found = [load(*values) for values in ((0.05, True), (None, False))]
+        assert [(each["seconds"], each["follow"]) for each in found] == [(0.05, True), (0.1, False)]
+        assert "duration: expected no boolean, got True" in load(True)["error"]
+        assert (
+            "repeats: expected no boolean"
+            in osc.ask(build_msg("/midair/play", [KEY, "tap.toml", False]).dgram)["error"]
+        )
+        assert "type tags" in osc.ask(build_msg("/midair/level", [KEY, [0.1]]).dgram)["error"]
+        wrong = [b"junk", b"#bundle\0" + bytes(8) + b"\xff\xff\xff\xfc", build_msg("/midair/level", ["no", 1]).dgram]
+        assert [osc.ask(each)["to"] for each in wrong] == 3 * [""]
+        nested = osc_bundle(-5, osc_bundle(-60, level))
+        assert osc.ask(nested.dgram) == {"to": "level"}
+        for ahead, packet in ((60, play), (1.5, nested)):
+            assert "dated at most 1 s ahead" in osc.ask(osc_bundle(ahead, packet).dgram)["error"]
+        assert osc.ask(play.dgram) == {"to": "play"}
+        wait_until(served.sounds)
+        for stop in (build_msg("/midair/stop"), osc_bundle(60, build_msg("/midair/stop", [KEY]))):
+            assert osc.ask(stop.dgram) == {"to": "stop", "silent": True}
+            assert not served.sounds()
+
+
+@pytest.mark.long
+def test_a_bundle_that_is_dated_ahead_waits_in_order_and_a_stop_before_its_time_ends_it(served):
+    stop, play = build_msg("/midair/stop", [KEY]), build_msg("/midair/play", [KEY, "tap.toml", 0])
+    with OscClient(served.osc) as osc:
+        osc.ask(build_msg("/midair/load", [KEY, "tap.toml"]).dgram)
+        began = time.monotonic()
+        assert osc.ask(osc_bundle(0.3, stop, play).dgram) == {"to": "play"}
+        assert time.monotonic() - began > 0.25
+        wait_until(served.sounds)
+        osc.heard("/midair/answer", "stop")
+        assert osc.ask(osc_bundle(0.3, play).dgram) == {"to": "play"}
+        osc.sendto(osc_bundle(0.3, play).dgram, served.osc)
+        assert osc.ask(stop.dgram) == {"to": "stop", "silent": True}
+        assert "expected no stop" in json.loads(osc.heard("/midair/answer", "play")[0])["error"]
+        assert not served.sounds()
 
 
 def test_the_next_pass_takes_a_parameter_without_a_step(served):

@@ -1,43 +1,71 @@
-"""Packets of Open Sound Control, against the package python-osc."""
+"""Packets of Open Sound Control, made by python-osc and by hand."""
 
+import re
 import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pythonosc.osc_bundle_builder import OscBundleBuilder
+from pythonosc.osc_message_builder import build_msg
+from pythonosc.parsing.osc_types import write_string
 
-from midair.devices.trackers.osc import osc_messages
-
-
-def built(values, stamp=None):
-    pytest.importorskip("pythonosc")
-    from pythonosc.osc_bundle_builder import OscBundleBuilder
-    from pythonosc.osc_message_builder import OscMessageBuilder
-
-    message = OscMessageBuilder(address="/palm/7")
-    for value in values:
-        message.add_arg(*value) if isinstance(value, tuple) else message.add_arg(value)
-    if stamp is None:
-        return message.build().dgram
-    bundle = OscBundleBuilder(stamp)
-    bundle.add_content(message.build())
-    bundle.add_content(message.build())
-    return bundle.build().dgram
+from midair.devices import osc_messages
+from midair.errors import InputError
 
 
-def test_messages_and_bundles_of_python_osc_are_read():
-    values = [0.5, 3, True, "a word", (0.1, "d")]
-    assert list(osc_messages(built(values))) == [(None, "/palm/7", [0.5, 3.0, "a word", 0.1])]
-    read = list(osc_messages(built(values, 1.7e9)))
-    assert [one[1:] for one in read] == [("/palm/7", [0.5, 3.0, "a word", 0.1])] * 2
-    assert read[0][0] == pytest.approx(1.7e9, abs=1e-5)
+def bundle(stamp, *contents):
+    builder = OscBundleBuilder(stamp)
+    for each in contents:
+        builder.add_content(each)
+    return builder.build()
 
 
-@given(st.binary(max_size=200), st.sampled_from([b"", b"#bundle\0", b"/palm\0\0\0,fff\0\0\0\0"]))
+def raw(tags, data=b""):
+    return write_string("/palm") + write_string("," + tags) + data
+
+
+def test_every_value_has_its_place():
+    values = [0.5, 3, True, "a word", False, None]
+    assert osc_messages(build_msg("/palm/7", values).dgram) == [(None, "/palm/7", values)]
+    data = struct.pack(">qdi", -(2**40), 0.1, 65) + write_string("symbol") + struct.pack(">f", 2.0)
+    assert osc_messages(raw("hdcISTf", data)) == [(None, "/palm", [-(2**40), 0.1, 65, None, "symbol", True, 2.0])]
+    assert osc_messages(write_string("/midair/stop")) == [(None, "/midair/stop", [])]
+
+
+def test_a_bundle_in_a_bundle_has_the_later_time():
+    one = build_msg("/one", [1])
+    inner = bundle(0, one, bundle(1.7e9 + 1, one))
+    read = osc_messages(bundle(1.7e9, one, inner, one).dgram)
+    assert [(each[1], each[2]) for each in read] == [("/one", [1])] * 4
+    assert [each[0] for each in read] == pytest.approx([1.7e9, 1.7e9, 1.7e9 + 1, 1.7e9], abs=1e-5)
+    assert osc_messages(bundle(0, one).dgram)[0][0] is None
+
+
+def test_what_cannot_be_read_is_refused_with_the_reason():
+    head = b"#bundle\0" + bytes(8)
+    for packet, said in [
+        (b"", "index out of range"),
+        (write_string("palm") + write_string(","), "got an address 'palm'"),
+        (write_string("/palm") + write_string("f"), "got type tags 'f'"),
+        (raw("fff", bytes(8)), "too short"),  # python-osc reads a float that is cut off as 0
+        (raw("fs", b"\0\0"), "too short"),
+        (raw("i[i]", bytes(8)), "got type tags ',i[i]'"),
+        (raw("x"), "got type tags ',x'"),
+        (head + struct.pack(">i", -4) + bytes(4), "got an element of -4 bytes"),
+        (head + struct.pack(">i", 8) + bytes(4), "got an element of 8 bytes"),
+        (b"#bundle\0" + bytes(3), "too short"),
+        (raw("b" * 1000, bytes(4000)), "got 5012 bytes"),
+    ]:
+        with pytest.raises(InputError, match=rf"^expected OSC 1\.0: .*{re.escape(said)}"):
+            osc_messages(packet)
+
+
+@given(st.binary(max_size=200), st.sampled_from([b"", b"#bundle\0", b"/palm\0\0\0,fff\0\0\0\0", raw("sbdh")]))
 def test_no_bytes_do_harm(data, head):
     try:
-        for _, address, numbers in osc_messages(head + data):
+        for _, address, values in osc_messages(head + data):
             assert address.startswith("/")
-            assert len(numbers) <= len(data)
-    except (ValueError, struct.error, IndexError):
-        pass
+            assert len(values) <= len(head + data)
+    except InputError as wrong:
+        assert len(str(wrong)) < 200

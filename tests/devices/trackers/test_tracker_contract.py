@@ -48,7 +48,6 @@ class Leap:
 
 class Osc:
     def __init__(self):
-        pytest.importorskip("pythonosc")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             self.to = free.getsockname()

@@ -1,14 +1,12 @@
-"""Poses in messages of Open Sound Control 1.0 over UDP.
-
-It parses the packets itself: python-osc 1.10 never returns from an element of negative size, reads a number that is cut
-off as 0, replaces the time of a bundle that has passed by now, and logs a line for each bad packet.
-"""
+"""Poses in messages of Open Sound Control 1.0 over UDP."""
 
 import socket
-import struct
 import time
-from collections.abc import Iterator
 from datetime import UTC, datetime
+from typing import Any
+
+from pythonosc import osc_message
+from pythonosc.parsing import osc_types
 
 from midair.devices.trackers.tracker import RawPose, TrackerOptions
 from midair.errors import DeviceError, InputError
@@ -51,8 +49,8 @@ class OscPoses:
                 packet = self._socket.recv(65536)
                 try:
                     found += self._poses(packet, time.monotonic())
-                except (ValueError, struct.error, IndexError):
-                    found.append("a packet that is no OSC 1.0")
+                except InputError as wrong:
+                    found.append(f"a packet: {wrong}")
         except (TimeoutError, BlockingIOError):
             pass
         except OSError as wrong:
@@ -68,7 +66,7 @@ class OscPoses:
     def _poses(self, packet: bytes, arrived: float) -> list[RawPose | str]:
         found: list[RawPose | str] = []
         for stamp, address, values in osc_messages(packet):
-            numbers = [each for each in values if isinstance(each, float)]
+            numbers = [float(each) for each in values if type(each) in (int, float)]
             if address == self._address and len(numbers) in (9, 10):
                 at = arrived if stamp is None else stamp + self._offset
                 found.append(RawPose(stamp=at, values=numbers[:9], confidence=(*numbers, 1.0)[9]))
@@ -77,48 +75,49 @@ class OscPoses:
         return found
 
 
-EPOCH = 2208988800
-"""Seconds from 1900 to 1970."""
+LONGEST = 4096
+"""Length of a message in bytes, above which it is refused: the time to read one grows with the square of its length."""
+_READ = set(",ihfdsbrmtTFNScI")
+_ALIKE = str.maketrans("ScI", "siN")
+"""Type tags that python-osc leaves out with their values, and those of the same form that it reads."""
 
 
-def osc_messages(packet: bytes) -> Iterator[tuple[float | None, str, list[float | str]]]:
-    """Time since 1970 (None for now), address and values of each message; ValueError, struct.error or IndexError."""
-    if not packet.startswith(b"#bundle\0"):
-        yield (None, *_message(packet))
-        return
-    seconds, fraction = struct.unpack_from(">II", packet, 8)
-    stamp, at = (seconds - EPOCH + fraction / 2**32 if seconds else None), 16
-    while at < len(packet):
-        (size,) = struct.unpack_from(">I", packet, at)
-        content, at = packet[at + 4 : at + 4 + size], at + 4 + size
-        if not size or at > len(packet):
-            raise ValueError("size of an element")
-        if content.startswith(b"/"):
-            yield (stamp, *_message(content))
+def osc_messages(packet: bytes) -> list[tuple[float | None, str, list[Any]]]:
+    """Time since 1970 (None for now), address and values of each message of a packet; InputError if it is not OSC."""
+    found: list[tuple[float | None, str, list[Any]]] = []
+    left = [(0.0, packet)]
+    try:
+        while left:
+            stamp, data = left.pop()
+            if not data.startswith(b"#bundle\0"):
+                found.append((stamp or None, *_message(data)))
+                continue
+            own, at = osc_types.get_date(data, 8)
+            inner: list[tuple[float, bytes]] = []
+            while at < len(data):
+                size, at = osc_types.get_int(data, at)
+                if not 0 < size <= len(data) - at:
+                    raise ValueError(f"got an element of {size} bytes where {len(data) - at} are left")
+                inner.append((max(stamp, own), data[at : at + size]))
+                at += size
+            left += reversed(inner)
+    except (osc_types.ParseError, osc_message.ParseError, ValueError) as wrong:
+        raise InputError(f"expected OSC 1.0: {' '.join(map(str, wrong.args))[:100]}") from None
+    return found
 
 
-def _message(data: bytes) -> tuple[str, list[float | str]]:
-    address, at = _text(data, 0)
-    tags, at = _text(data, at)
-    if not address.startswith("/") or not tags.startswith(","):
-        raise ValueError("address or type tags")
-    values: list[float | str] = []
-    for tag in tags[1:]:
-        if tag in "ifd":
-            values.append(float(struct.unpack_from(f">{tag}", data, at)[0]))
-            at += 8 if tag == "d" else 4
-        elif tag == "s":
-            text, at = _text(data, at)
-            values.append(text)
-        elif tag not in "TFNI":
-            raise ValueError("type tag")
-    return address, values
-
-
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Text up to its NUL, and the place after its padding to 4 bytes."""
-    end = data.index(b"\0", at)
-    return data[at:end].decode("ascii"), end + 4 - (end - at) % 4
+def _message(data: bytes) -> tuple[str, list[Any]]:
+    if len(data) > LONGEST:
+        raise ValueError(f"expected a message of at most {LONGEST} bytes, got {len(data)} bytes")
+    address, at = osc_types.get_string(data, 0)
+    tags, at = osc_types.get_string(data, at) if data[at:] else (",", at)
+    if not address.startswith("/"):
+        raise ValueError(f"got an address {address[:40]!r} that does not begin with /")
+    if not tags.startswith(",") or not _READ.issuperset(tags):
+        raise ValueError(f"got type tags {tags[:40]!r} other than ,ihfdsbrmtTFNScI")
+    # A number is added behind the last value, since python-osc reads a float that is cut off as 0.
+    head = osc_types.write_string(address) + osc_types.write_string(tags.translate(_ALIKE) + "i")
+    return address, osc_message.OscMessage(head + data[at:] + bytes(4)).params[:-1]
 
 
 class OscTracker(TrackerOptions):

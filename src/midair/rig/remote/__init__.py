@@ -2,6 +2,5 @@
 
 from .adaptics import serve_adaptics as serve_adaptics
 from .messages import MESSAGES as MESSAGES
-from .messages import osc_packet as osc_packet
 from .player import FramePlayer as FramePlayer
 from .server import serve as serve

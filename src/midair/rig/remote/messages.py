@@ -1,6 +1,5 @@
 """Messages of clients as JSON and as OSC (docs/remote.md): reading and checking them."""
 
-import struct
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal
@@ -50,24 +49,19 @@ def object_of(text: str | bytes) -> dict[str, Any]:
     raise InputError("expected an object in JSON, got other text")
 
 
-def read_osc(packet: bytes) -> Iterator[tuple[str, str, BaseModel]]:
-    """Key, name and fields of each message /midair/NAME of an OSC packet; InputError if one is none."""
-    try:
-        found = [(address.removeprefix("/midair/"), values or [""]) for _, address, values in osc_messages(packet)]
-    except (ValueError, struct.error, IndexError):
-        raise InputError("expected OSC 1.0, got other bytes") from None
-    for name, (key, *given) in found:
+def read_osc(packet: bytes) -> Iterator[tuple[float | None, str, str, BaseModel]]:
+    """Time since 1970, key, name and fields of each message /midair/NAME in an OSC packet; InputError if one is bad."""
+    for stamp, address, values in osc_messages(packet):
+        name, (key, *given) = address.removeprefix("/midair/"), values or [""]
         rest = [given[:9], *given[9:]] if name == "palm" else given
+        kinds = MESSAGES.get(name, BaseModel).model_fields
         # A value too many gets the name of no field.
-        names = [*MESSAGES.get(name, BaseModel).model_fields, *map(str, range(len(rest)))]
-        yield str(key), *checked(name, dict(zip(names, rest, strict=False)), strict=False)
-
-
-def osc_packet(address: str, *values: float | str) -> bytes:
-    """An OSC message with numbers and texts."""
-    tags = "," + "".join("s" if isinstance(each, str) else "f" for each in values)
-    raw = [each.encode("ascii", "replace") if isinstance(each, str) else each for each in (address, tags, *values)]
-    return b"".join(e + bytes(4 - len(e) % 4) if isinstance(e, bytes) else struct.pack(">f", e) for e in raw)
+        fields = dict(zip([*kinds, *map(str, range(len(rest)))], rest, strict=False))
+        for (field, kind), value in zip(kinds.items(), rest, strict=False):
+            # A number that is read laxly would take a boolean for 0 or 1.
+            if kind.annotation is not bool and bool in map(type, value if isinstance(value, list) else [value]):
+                raise InputError(f"{name}: {field}: expected no boolean, got {value!r}")
+        yield stamp, str(key), *checked(name, fields, strict=False)
 
 
 def checked(

@@ -8,12 +8,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import partial
 from hmac import compare_digest
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
+from pythonosc.osc_message_builder import build_msg
 from websockets.asyncio.server import Request, Response, ServerConnection, broadcast
 from websockets.asyncio.server import serve as serve_websockets
 from websockets.exceptions import ConnectionClosed
@@ -23,15 +25,17 @@ from midair.errors import DeviceError, DeviceStateError, FileError, InputError, 
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
 from midair.rig.playing import PlaySettings, immediate_array
-from midair.rig.remote.messages import osc_packet, read_json, read_osc
+from midair.rig.remote.messages import read_json, read_osc
 from midair.rig.remote.player import LEASE, FramePlayer
 from midair.rig.signals import signals_end_the_program
 
-LEAVES = 5.0
-"""Time in s without a sign of life until any client has left."""
+LEAVES, AHEAD = 5.0, 1.0
+"""Times in s: without a sign of life until any client has left; longest time that a dated message waits."""
 STATES, MOST, LINES = 60, 1000, 20
 """States that each client gets a second; messages of one client a second; refusals that are printed."""
 ENDINGS = (".drive.h5", *PATTERN_ENDINGS)
+Read = Callable[[], tuple[str, BaseModel]]
+"""Returns name and fields of a message; InputError if it is none."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -46,6 +50,10 @@ class Client:
     count: int = 0
     """Number of messages in that second."""
     gone: bool = False
+
+
+def _message(name: str, fields: BaseModel) -> tuple[str, BaseModel]:
+    return name, fields
 
 
 class Server(asyncio.DatagramProtocol):
@@ -63,6 +71,10 @@ class Server(asyncio.DatagramProtocol):
         self._control: Client | None = None
         self._osc: asyncio.DatagramTransport | None = None
         self._entered = self._refused = 0
+        self._strangers = Client(number=0, send=lambda _name, _found: None)
+        """Counts the answers to OSC packets without the key, which any program could ask for in another's name."""
+        self._stopped = 0.0
+        """Time of the last stop on the clock of the event loop."""
         self._values: dict[str, dict[str, float]] = {}
         """Values of parameters by file, until they are set."""
         self._tasks, self._loading = set[asyncio.Task[None]](), asyncio.Lock()
@@ -139,24 +151,36 @@ class Server(asyncio.DatagramProtocol):
                 await asyncio.sleep(LEASE / 5)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Answer an OSC packet."""
+        """Answer an OSC packet; a message of a bundle that is dated ahead waits for its time."""
+        now, clock = time.monotonic(), datetime.now(UTC).timestamp()
         try:
-            for key, name, fields in read_osc(data):
-                if compare_digest(key.encode(), self._key):
-                    client = self._clients.get(addr) or self._enter(addr, partial(self._send_osc, addr))
-                    self._answer(client, lambda name=name, fields=fields: (name, fields))
-                elif name == "stop":
-                    self._player.permit.stop()
-                else:
-                    raise InputError("expected the key as the first value, got another")
+            for number, (stamp, key, name, fields) in enumerate(read_osc(data)):
+                ahead, read = 0.0 if stamp is None else stamp - clock, partial(_message, name, fields)
+                if not compare_digest(key.encode(), self._key):
+                    if name != "stop":
+                        raise InputError("expected the key as the first value, got another")
+                    self._stop()
+                    if not self._one_too_many(self._strangers):
+                        self._begin(Client(number=0, send=partial(self._send_osc, addr)), read)
+                    continue
+                if ahead > AHEAD and name != "stop":
+                    raise InputError(
+                        f"{name}: expected a bundle that is dated at most {AHEAD:g} s ahead, got {ahead:.3g} s; "
+                        "send it without a time, or set the clocks of both computers"
+                    )
+                client = self._clients.get(addr) or self._enter(addr, partial(self._send_osc, addr))
+                # Messages of one bundle keep their order.
+                self._answer(client, read, now + ahead + 1e-6 * number if 0 < ahead <= AHEAD else 0.0)
         except InputError as wrong:
             self._refuse(f"OSC: {wrong}")
+            if not self._one_too_many(self._strangers):
+                self._send_osc(addr, "answer", {"to": "", "error": str(wrong)})
 
     def _send_osc(self, addr: tuple[str, int], name: str, found: dict[str, Any]) -> None:
         numbers = [float(found.get(each) or 0) for each in ("seconds", "level", "drive", "control", "late")]
         values = [found["playing"] or "", *numbers] if name == "state" else [json.dumps(found)]
         if self._osc is not None:
-            self._osc.sendto(osc_packet(f"/midair/{name}", *values), addr)
+            self._osc.sendto(build_msg(f"/midair/{name}", values).dgram, addr)
 
     def _enter(self, place: Any, send: Callable[[str, dict[str, Any]], None]) -> Client:
         self._entered += 1
@@ -183,19 +207,40 @@ class Server(asyncio.DatagramProtocol):
         if self._refused <= LINES:
             self._report(f"refused: {why}" + "; no more of these lines" * (self._refused == LINES))
 
-    def _answer(self, client: Client, read: Callable[[], tuple[str, BaseModel]]) -> None:
-        """Begin to do what a message asks, in the order of their arrival; InputError if there are too many."""
+    def _one_too_many(self, client: Client) -> bool:
+        """Count a message or an answer; whether it is one more than a client has in a second."""
         client.count = client.count + 1 if (now := int(time.monotonic())) == client.second else 1
         client.second = now
-        if client.count > MOST:
+        return client.count > MOST
+
+    def _answer(self, client: Client, read: Read, due: float = 0.0) -> None:
+        """Do what a message asks, in the order of arrival, or when it is due; InputError if there are too many."""
+        if self._one_too_many(client):
             self._lose_control(client)
             self._refuse(wrong := f"client {client.number}: expected at most {MOST} messages a second, got more")
             raise InputError(wrong)
+        if due:
+            asyncio.get_running_loop().call_at(due, self._begin_due, client, read, time.monotonic(), due)
+        else:
+            self._begin(client, read)
+
+    def _begin_due(self, client: Client, read: Read, arrived: float, due: float) -> None:
+        if arrived < self._stopped < due:
+            client.send("answer", {"to": read()[0], "error": "expected no stop before the time of its bundle, got one"})
+        else:
+            self._begin(client, read)
+
+    def _begin(self, client: Client, read: Read) -> None:
         task = asyncio.create_task(self._do(client, read))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _do(self, client: Client, read: Callable[[], tuple[str, BaseModel]]) -> None:
+    def _stop(self) -> None:
+        """Silence the array, whatever is due later."""
+        self._player.permit.stop()
+        self._stopped = time.monotonic()
+
+    async def _do(self, client: Client, read: Read) -> None:
         name, held = "", self._control
         if client.gone or client.count > MOST:
             return
@@ -222,7 +267,7 @@ class Server(asyncio.DatagramProtocol):
         player = self._player
         match name:
             case "stop":
-                player.permit.stop()
+                self._stop()
                 return {"silent": await asyncio.to_thread(player.silent.wait, 1.0)}
             case "list":
                 files = sorted(each.name for each in self._folder.iterdir() if each.name.endswith(ENDINGS))
