@@ -20,6 +20,7 @@ from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern, load_adaptics
 from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
+from midair.studio.studio_state import LARGEST_ORDER, MESSAGES_A_SECOND, Page, StudioState
 from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
@@ -264,10 +265,23 @@ def test_invalid_request_gets_an_error_message(talk, case):
     assert "ok" not in answer
 
 
-@pytest.mark.parametrize("text", ["", "x", "[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}'])
+@pytest.mark.parametrize("text", ["[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}'])
 def test_malformed_message_is_ignored(talk, text):
     talk.socket.send_text(text)
     assert talk.order("play", "stop")["ok"] is True
+
+
+@pytest.mark.parametrize("text", ["", "x", "[" * 100_000, '{"a":' * 50_000])
+def test_unreadable_message_is_refused_in_one_line(talk, text, capsys):
+    talk.socket.send_text(text)
+    answer = json.loads(talk.socket.receive_text())
+    while "set" in answer:
+        answer = json.loads(talk.socket.receive_text())
+    assert answer["id"] == 0
+    assert answer["error"].startswith("request: expected JSON, got ")
+    assert "\n" not in answer["error"]
+    assert talk.order("play", "stop")["ok"] is True
+    assert capsys.readouterr().err == ""
 
 
 def test_page_without_control_may_only_stop(client, talk):
@@ -288,9 +302,42 @@ def test_page_without_control_may_only_stop(client, talk):
         assert "may only watch" in talk.order("record", "take")["error"]
 
 
-def test_more_than_100_requests_per_second_are_refused(talk):
-    answers = [talk.order("play", "stop") for _ in range(130)]
-    assert sum("requests per second" in answer.get("error", "") for answer in answers) > 0
+def test_every_message_of_a_page_counts_for_its_limit(talk, monkeypatch):
+    sizes = []
+    monkeypatch.setattr(Page, "pause", lambda _, now, size: sizes.append(size) or 0.0)
+    said = ['{"alive": true}', '{"drew": 1}', '{"whole": 1}', "x", "y" * 5000]
+    for text in said:
+        talk.socket.send_text(text)
+    assert talk.order("play", "stop")["ok"]
+    assert sizes[: len(said)] == [len(text) for text in said]
+
+
+def test_a_page_that_sends_more_is_read_more_slowly():
+    page = Page(1, None)
+    assert [page.pause(5.0, 20) for _ in range(MESSAGES_A_SECOND)] == [0.0] * MESSAGES_A_SECOND, "those of one second"
+    assert sum(page.pause(5.0, 20) for _ in range(3)) == pytest.approx(6 / MESSAGES_A_SECOND)
+    assert page.pause(5.0, LARGEST_ORDER) == pytest.approx((3 + 257) / MESSAGES_A_SECOND), "4 KiB count as one"
+    assert page.pause(60.0, 20) == 0.0
+    calm = Page(2, None)
+    assert all(calm.pause(number / 200, 20) == 0.0 for number in range(2000))
+
+
+def test_one_whole_state_waits_for_a_page_and_has_every_change():
+    store = StudioState(lambda: False)
+    page = store.enter(None)
+    for _ in range(1000):
+        asyncio.run(store.on_message(page, '{"whole": 1}'))
+    store.put(air=1)
+    assert page.waiting.qsize() == 1
+    whole = json.loads(asyncio.run(store.next_text(page)))
+    assert (whole["page"], whole["whole"]["air"]) == (1, 1)
+    store.put(air=2)
+    assert json.loads(asyncio.run(store.next_text(page))) == {"number": whole["number"] + 1, "set": {"air": 2}}
+    for number in range(1000):
+        store.put(air=number)
+    last = [json.loads(asyncio.run(store.next_text(page))) for _ in range(page.waiting.qsize())][-1]
+    assert (last["whole"]["air"], last["number"]) == (999, whole["number"] + 1001), "a page that read nothing"
+    assert not page.whole_waits
 
 
 def test_upload_from_the_controlling_page_gets_a_new_name(client, studio, talk):

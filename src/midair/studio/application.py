@@ -288,7 +288,7 @@ class Studio:
         await socket.accept()
         page = self.store.enter(socket)
         self._begin()
-        sending = asyncio.create_task(_send(page))
+        sending = asyncio.create_task(self._send(page))
         orders: set[asyncio.Task[None]] = set()
         try:
             while True:
@@ -299,6 +299,8 @@ class Studio:
                 task = asyncio.create_task(self.store.on_message(page, text))
                 orders.add(task)
                 task.add_done_callback(orders.discard)
+                # Without a pause, the other pages have their turn before the next message.
+                await asyncio.sleep(page.pause(time.monotonic(), len(text)))
         except (WebSocketDisconnect, KeyError, RuntimeError):
             pass
         finally:
@@ -307,11 +309,10 @@ class Studio:
             with contextlib.suppress(Exception):
                 await socket.close()
 
-
-async def _send(page: Page) -> None:
-    with contextlib.suppress(Exception):
-        while True:
-            await page.wire.send_text(await page.waiting.get())
+    async def _send(self, page: Page) -> None:
+        with contextlib.suppress(Exception):
+            while True:
+                await page.wire.send_text(await self.store.next_text(page))
 
 
 def _tabs_and_scripts(panels: dict[str, Panel]) -> dict[str, str]:

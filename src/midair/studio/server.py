@@ -4,9 +4,11 @@ import os
 import socket
 import sys
 import webbrowser
+from asyncio import BaseTransport
 from collections.abc import Callable
 
 import uvicorn
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from midair.errors import DeviceError, InputError
 from midair.rig import signals_end_the_program
@@ -49,7 +51,8 @@ def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> Non
             access_log=False,
             server_header=False,
             date_header=False,
-            ws="websockets-sansio",
+            loop="asyncio",
+            ws=_PageProtocol,
             ws_max_size=LARGEST_ORDER,
             ws_per_message_deflate=False,
             timeout_graceful_shutdown=2,
@@ -65,6 +68,15 @@ def _announce(link: str, browser: bool) -> None:
     sys.stdout.flush()
     if browser:
         webbrowser.open(link)
+
+
+class _PageProtocol(WebSocketsSansIOProtocol):
+    """Receives 4 KiB at a time; the 15,000 short messages in 256 KiB of asyncio take a tenth of a second to read."""
+
+    def connection_made(self, transport: BaseTransport) -> None:
+        """Set the size before the first message is received."""
+        setattr(transport, "max_size", 4096)  # noqa: B010  # an attribute of asyncio's own transports, without a type
+        super().connection_made(transport)
 
 
 class _Server(uvicorn.Server):

@@ -5,15 +5,14 @@ import json
 import math
 import time
 import traceback
-from collections import deque
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from midair.errors import DeviceStateError, InputError, MidairError
+from midair.files import json_of
 
 
 @dataclass(slots=True, kw_only=True)
@@ -67,8 +66,8 @@ class Control:
 LARGEST_ORDER = 2**20
 """Largest request in bytes."""
 
-ORDERS_A_SECOND = 100
-"""Limit for one page; "alive" and credit messages are not counted."""
+MESSAGES_A_SECOND = 300
+"""Messages of a page, of any kind, that are read in a second; 4 KiB more of a message count as one more."""
 
 
 class Arguments(BaseModel):
@@ -124,8 +123,17 @@ class Page:
     """Time of its last "alive" message, in s of the monotonic clock."""
     credit: int = 24
     """Number of frame messages that may still be sent before the page confirms some."""
-    recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=ORDERS_A_SECOND))
-    waiting: "asyncio.Queue[str]" = field(default_factory=lambda: asyncio.Queue[str](256))
+    read_until: float = -math.inf
+    """Time up to which the limit allows the messages that were read; it may be a second behind the present."""
+    waiting: "asyncio.Queue[str | None]" = field(default_factory=lambda: asyncio.Queue[str | None](256))
+    """Messages to send; None for the whole state, which then has all changes so far."""
+    whole_waits: bool = False
+    """True while the whole state is among them."""
+
+    def pause(self, now: float, size: int) -> float:
+        """Count a message that was read; returns the time in s to wait before the next one is read."""
+        self.read_until = max(self.read_until, now - 1) + (1 + size // 4096) / MESSAGES_A_SECOND
+        return max(0.0, self.read_until - now)
 
 
 Handler = Callable[[Page, Any], Awaitable[Any] | Any]
@@ -139,6 +147,7 @@ class StudioState:
         self.control = Control(sounding=sounding)
         self.pages: dict[int, Page] = {}
         self.state: dict[str, Any] = {}
+        self._whole = ""
         self._number = 0
         self._pages = 0
         self._orders: dict[tuple[str, str], tuple[Handler, type[Arguments], bool]] = {}
@@ -157,9 +166,12 @@ class StudioState:
         if not changed:
             return
         self.state |= changed
+        self._whole = ""
         self._number += 1
+        text = json.dumps({"number": self._number, "set": changed})
         for page in list(self.pages.values()):
-            self._queue(page, json.dumps({"number": self._number, "set": changed}))
+            if not page.whole_waits:
+                self._queue(page, text)
 
     def enter(self, wire: Wire) -> Page:
         """Add a page and send it the whole state."""
@@ -180,8 +192,18 @@ class StudioState:
         self.show_control()
 
     def whole(self, page: Page) -> None:
-        """Send the whole state to a page that is new or missed a change."""
-        self._queue(page, json.dumps({"number": self._number, "page": page.number, "whole": self.state}))
+        """Send the whole state to a page that is new or missed a change, unless it waits to be sent already."""
+        if not page.whole_waits:
+            page.whole_waits = True
+            self._queue(page, None)
+
+    async def next_text(self, page: Page) -> str:
+        """Wait for the next message to a page, and return it."""
+        if (text := await page.waiting.get()) is not None:
+            return text
+        page.whole_waits = False
+        self._whole = self._whole or json.dumps(self.state)
+        return f'{{"number": {self._number}, "page": {page.number}, "whole": {self._whole}}}'
 
     def show_control(self) -> None:
         """Send which page has control."""
@@ -191,8 +213,9 @@ class StudioState:
     async def on_message(self, page: Page, text: str) -> None:
         """Handle a message of a page."""
         try:
-            said = json.loads(text)
-        except ValueError:
+            said = json_of(text)
+        except ValueError as wrong:
+            self._queue(page, json.dumps({"id": 0, "error": f"request: expected JSON, got {wrong}"}))
             return
         if not isinstance(said, dict):
             return
@@ -213,12 +236,7 @@ class StudioState:
         number = said.get("id") if isinstance(said.get("id"), int) else 0
         answer: dict[str, Any] = {"id": number}
         try:
-            now = time.monotonic()
-            if len(page.recent) == ORDERS_A_SECOND and now - page.recent[0] < 1:
-                answer["error"] = f"expected at most {ORDERS_A_SECOND} requests per second, got more; send fewer"
-            else:
-                page.recent.append(now)
-                answer["ok"] = await self._act(page, said)
+            answer["ok"] = await self._act(page, said)
         except ValidationError as wrong:
             first = wrong.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
@@ -243,12 +261,10 @@ class StudioState:
         done = act(page, arguments)
         return await done if isinstance(done, Awaitable) else done
 
-    def _queue(self, page: Page, text: str) -> None:
-        try:
-            page.waiting.put_nowait(text)
-        except asyncio.QueueFull:
+    def _queue(self, page: Page, text: str | None) -> None:
+        if page.waiting.full():
             # A page that reads nothing gets the whole state again once it reads.
-            with suppress(asyncio.QueueEmpty):
-                while True:
-                    page.waiting.get_nowait()
-            self.whole(page)
+            while not page.waiting.empty():
+                page.waiting.get_nowait()
+            page.whole_waits, text = True, None
+        page.waiting.put_nowait(text)
