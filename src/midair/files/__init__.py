@@ -42,6 +42,7 @@ from .opened_take import Format as Format
 from .opened_take import FormatLoss as FormatLoss
 from .opened_take import ImportOptions as ImportOptions
 from .opened_take import OpenedTake as OpenedTake
+from .size_limits import check_expansion as check_expansion
 from .size_limits import check_memory_for as check_memory_for
 from .text_files import csv_text as csv_text
 from .text_files import for_json as for_json

@@ -277,8 +277,10 @@ class Studio:
             folder = self.folder if own else StudioFolder.at(self.takes.samples / "incoming")
             path = await folder.receive(name[:200], request.stream())
             if suffix == ".zip":
-                await self.reading.result("unpacking a project", unpack_folder, (str(path), str(self.folder.path)))
-                path.unlink()
+                try:
+                    await self.reading.result("unpacking a project", unpack_folder, (str(path), str(self.folder.path)))
+                finally:
+                    path.unlink()
         except (MidairError, ValueError) as wrong:
             return JSONResponse({"error": str(wrong)}, 400)
         self.store.put(takes=self.takes.rows())

@@ -6,13 +6,14 @@ import shutil
 import tempfile
 import time
 import zipfile
+from collections import Counter
 from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 
 from midair.errors import DeviceStateError, InputError, MissingFileError
-from midair.files import FORMATS, atomic_file, lock_or_raise, parse_errors
+from midair.files import FORMATS, atomic_file, check_expansion, lock_or_raise, parse_errors
 from midair.rig import Subject
 from midair.studio.jobs import Progressed
 
@@ -20,10 +21,16 @@ BIN, EXPORTS = "bin", "exports"
 """Folders, in the studio's, of takes that were deleted and of files that were exported."""
 
 LARGEST, PROJECT = 256 * 2**20, 4 * 2**30
-"""Largest upload of a recording and of a project in bytes."""
+"""Largest recording that is uploaded and largest project, packed or not, in bytes."""
+
+PROJECT_FILES = 10_000
+"""Largest number of files of a project."""
 
 READABLE = (*FORMATS, ".json", ".zip", ".html")
 """Endings of files that may be uploaded or downloaded."""
+
+_OF_PROJECTS = (*FORMATS, ".json", ".html", ".toml", ".jsonl", ".tsv", ".md", ".gif", ".mp4", ".adaptics")
+"""Endings of a project's files, besides the pictures and sounds of studies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +125,11 @@ class StudioFolder:
 
 
 def pack_folder(target: str, progress: Progressed) -> str:
-    """Write the files of a studio's folder, except hidden ones, the bin and exports, into a ZIP file in `exports`."""
+    """Write the files of a studio's folder that a project can have into a ZIP file in `exports`, without the bin."""
     folder = Path(target).parents[1]
     named = {path: path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file()}
-    kept = [path for path, name in named.items() if name.parts[0] not in (BIN, EXPORTS) and "/." not in f"/{name}"]
+    kept = [path for path, name in named.items() if name.parts[0] not in (BIN, EXPORTS) and _in_projects(name)]
+    _check_size(len(kept), sum(path.stat().st_size for path in kept))
     with atomic_file(target) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, path in enumerate(kept):
             progress("packing", number, len(kept))
@@ -130,21 +138,58 @@ def pack_folder(target: str, progress: Progressed) -> str:
 
 
 def unpack_folder(order: tuple[str, str], progress: Progressed) -> None:
-    """Write the files of such a ZIP file into a studio's folder.
+    """Write the files of such a ZIP file into a studio's folder, all or none.
 
-    Raises InputError before the first one if a name leads out or exists, or the disk is too small for them, and
-    BrokenFileError if it is damaged.
+    Raises InputError if a name leads out, exists or is not one of a project's files, or if the project or the disk has
+    the wrong size, and BrokenFileError if it is damaged.
     """
     source, folder = Path(order[0]), StudioFolder(Path(order[1]))
     with parse_errors(source, "a project"), zipfile.ZipFile(source) as archive:
-        files = {one: folder.place(one.filename) for one in archive.infolist() if not one.is_dir()}
-        taken = [path.name for path in files.values() if path.exists()]
+        files = [one for one in archive.infolist() if not one.is_dir()]
         size, free = sum(one.file_size for one in files), shutil.disk_usage(folder.path).free
+        _check_size(len(files), size)
+        check_expansion(source, size)
+        paths = [folder.place(one.filename) for one in files]
+        foreign = next((one.filename for one in files if not _in_projects(PurePosixPath(one.filename))), None)
+        if foreign is not None:
+            raise InputError(
+                "project: expected recordings, drives, and studies with their tables, pictures and sounds, got "
+                f"{foreign!r}; make a project without it"
+            )
+        taken = [
+            path.name
+            for path, count in Counter(paths).items()
+            if count > 1 or path.exists() or any(parent.is_file() for parent in path.parents)
+        ]
         if taken or size > free:
-            what = f"{taken[0]} exists already" if taken else f"{size / 1e6:.3g} MB for {free / 1e6:.3g} MB of disk"
+            what = (
+                f"{taken[0]}, which exists already" if taken else f"{size / 1e6:.3g} MB for {free / 1e6:.3g} MB of disk"
+            )
             raise InputError(f"project: expected free names and room for its files, got {what}; open another folder")
-        progress("unpacking", 0, len(files))
-        archive.extractall(folder.path)
+        with tempfile.TemporaryDirectory(prefix=".unpacking-", dir=folder.path) as place:
+            for number, one in enumerate(files):
+                progress("unpacking", number, len(files))
+                archive.extract(one, place)
+            for one, path in zip(files, paths, strict=True):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                Path(place, one.filename).rename(path)
+
+
+def _in_projects(name: PurePath) -> bool:
+    """True if a project can have a file of this name: of a known kind, and not hidden."""
+    # A worker process that reads takes does not need studies.
+    from midair.study import media_type
+
+    known = name.suffix.lower() in _OF_PROJECTS or media_type(name) or name.name == "README"
+    return bool(known) and not any(part.startswith(".") for part in name.parts)
+
+
+def _check_size(files: int, size: int) -> None:
+    if files > PROJECT_FILES or size > PROJECT:
+        raise InputError(
+            f"project: expected at most {PROJECT >> 30} GiB in {PROJECT_FILES} files, got {size / 2**30:.1f} GiB in "
+            f"{files}; copy the folder itself"
+        )
 
 
 PREFIX = "midair-studio-"

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from hashlib import file_digest
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 from midair.errors import BrokenFileError, FileError, MismatchError, MissingFileError
@@ -206,7 +206,7 @@ def sound_duration(path: Path) -> float:
         raise BrokenFileError(f"{path.name}: expected a sound such as WAV, FLAC or MP3, got: {wrong}") from wrong
 
 
-def media_type(path: Path) -> str:
+def media_type(path: PurePath) -> str:
     """Type of a picture or sound by its ending, such as ``image/png``; empty for other files."""
     return _TYPES.get(path.suffix.lower(), "")
 
