@@ -5,11 +5,13 @@ import signal
 import sys
 
 from midair.blas import select_wide_kernel
+from midair.processes import protect_command
 from midair.ram import return_large_arrays
 
 
 def main() -> None:
     """Run the command line and exit with its status."""
+    protect_command()
     select_wide_kernel()
     return_large_arrays()
     # Imported modules stay in memory: collecting garbage while they load takes a twelfth of the start-up time.

@@ -1,9 +1,11 @@
+import http.client
 import json
 import os
 import subprocess
 import sys
 import time
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -77,7 +79,7 @@ class LoopStarted:
 
     def __init__(self, folder, state, *words):
         self.folder = folder
-        command = [sys.executable, "-m", "midair", "studio", str(folder), "--no-browser", *words]
+        command = [Path(sys.executable).with_name("midair"), "studio", str(folder), "--no-browser", *words]
         began = time.monotonic()
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, text=True, env={**os.environ, "MIDAIR_STATE": str(state)}
@@ -85,6 +87,27 @@ class LoopStarted:
         self.link = self.process.stdout.readline().strip()
         self.took = time.monotonic() - began
         self.root = self.link.partition("/enter")[0]
+        self.address = f"ws://{self.root.removeprefix('http://')}/socket"
+
+    def ask(self, method, path, body=None, headers=()):
+        """Send a request as the studio's own page; returns the answer and its text."""
+        line = http.client.HTTPConnection(self.root.removeprefix("http://"))
+        line.request(method, path, body, {"Origin": self.root, **dict(headers)})
+        answer = line.getresponse()
+        text = answer.read()
+        line.close()
+        return answer, text
+
+    def enter(self):
+        """Open the link; returns the cookie."""
+        answer, _ = self.ask("GET", self.link.removeprefix(self.root))
+        return answer.getheader("set-cookie").partition(";")[0]
+
+    def connect(self, cookie):
+        """Open a page."""
+        from websockets.sync.client import connect
+
+        return connect(self.address, additional_headers={"Cookie": cookie}, origin=self.root, max_size=None)
 
     def close(self):
         if self.process.poll() is None:

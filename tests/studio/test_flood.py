@@ -1,4 +1,3 @@
-import http.client
 import json
 import subprocess
 import sys
@@ -21,21 +20,14 @@ with connect(address, additional_headers={"Cookie": cookie}, origin=origin, max_
 @pytest.mark.long
 @pytest.mark.parametrize("text", ['{"whole": 1}', '{"alive": true}'])
 def test_stop_answers_at_once_while_another_page_floods_the_studio(studio_at, text):
-    from websockets.sync.client import connect
-
-    studio = studio_at()
+    studio, took = studio_at(), []
     for number in range(500):
         (studio.folder / f"take-{number}.h5").touch()
-    host = studio.root.removeprefix("http://")
-    entry = http.client.HTTPConnection(host)
-    entry.request("GET", studio.link.removeprefix(studio.root))
-    cookie = entry.getresponse().getheader("set-cookie").partition(";")[0]
-    entry.close()
-    address, took = f"ws://{host}/socket", []
-    with connect(address, additional_headers={"Cookie": cookie}, origin=studio.root, max_size=None) as socket:
+    cookie = studio.enter()
+    with studio.connect(cookie) as socket:
         socket.recv()
         time.sleep(5)  # the samples of a new studio are listed meanwhile
-        words = [sys.executable, "-c", FLOOD, address, cookie, studio.root, text]
+        words = [sys.executable, "-c", FLOOD, studio.address, cookie, studio.root, text]
         with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as flood:
             try:
                 assert flood.stdout.readline() == "floods\n"

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing.sharedctypes import RawArray
 from typing import Any, Literal
 
 from midair.devices import ArrayDevice, uptime
@@ -31,9 +31,9 @@ class LeaseToken:
 class PlayLease:
     """Deadline, arming, stop counts and level, in memory that a process shares with its child processes.
 
-    Pass it to a process as an argument of `multiprocessing.Process` (or of the spawn context): the memory has no name
-    and no file, so nothing remains when its processes have ended. Each field has one writer, the holder (the process
-    that makes, arms and renews the lease) or the player, and is written atomically.
+    Pass it to a process as an argument of `start_process`: the memory has no name and no file, so nothing remains when
+    its processes have ended. Each field has one writer, the holder (the process that makes, arms and renews the lease)
+    or the player, and is written atomically.
 
     `clock` returns the time in s, is shared by all processes of this computer, and keeps running during sleep mode.
 
@@ -50,7 +50,7 @@ class PlayLease:
 
     def __init__(self, clock: Callable[[], float] = uptime) -> None:
         # Without a lock: a holder that is suspended while it has the lock would block the player.
-        self._fields: Any = get_context("spawn").RawArray("d", len(_INDEX))
+        self._fields: Any = RawArray("d", len(_INDEX))
         self._clock = clock
         self._here: Literal["holder", "player"] = "holder"
 

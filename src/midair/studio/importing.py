@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +10,7 @@ from pydantic import Field
 
 from midair.errors import InputError
 from midair.files import open_take
+from midair.processes import python_command
 from midair.recordings import Path as Direction
 from midair.recordings import Shape, Turn
 from midair.streaming import blocks
@@ -66,7 +66,7 @@ def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) ->
 
 def run_command(*words: str) -> str:
     """Run a command of midair and return what it prints; InputError with its message, files without their folder."""
-    done = subprocess.run([sys.executable, "-m", "midair", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run(python_command("-m", "midair", *words), capture_output=True, text=True, check=False)
     if done.returncode:
         said = [line.removeprefix("midair: ") for line in done.stderr.splitlines() if line.startswith("midair: ")]
         wrong = said[-1] if said else f"{words[0]}: failed without a message"

@@ -10,12 +10,13 @@ import time
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
-from multiprocessing import connection, get_context, parent_process
+from multiprocessing import Pipe, connection, parent_process
 from multiprocessing.connection import Connection
 from typing import Any
 
 from midair import errors
 from midair.errors import DeviceStateError, InputError, MidairError
+from midair.processes import start_process
 
 NO_ANSWER = object()
 """Result of a request that is answered later, by `StudioPipe.answer`."""
@@ -58,12 +59,8 @@ class WorkerProcess:
 
     def start(self, *arguments: Any) -> None:
         """Start the process."""
-        context = get_context("spawn")
-        pipe, there = context.Pipe()
-        process = context.Process(
-            target=_run, args=(self._target, there, arguments), name=f"midair {self._name}", daemon=self._daemon
-        )
-        process.start()
+        pipe, there = Pipe()
+        process = start_process(_run, self._target, there, arguments, name=f"midair {self._name}", daemon=self._daemon)
         there.close()
         with self._lock:
             self._process, self._pipe, self._waiting = process, pipe, {}

@@ -17,6 +17,7 @@ import numpy as np
 
 from midair.errors import ClusterError
 from midair.model import Progress
+from midair.processes import safe_path
 from midair.sweep.storage import Job, Result, Task, sweep_package
 from midair.sweep.store import Sweep, SweepAddress, open_sweep
 from midair.version import __version__
@@ -130,6 +131,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
             yield client
         return
     with (
+        safe_path(),
         distributed.LocalCluster(
             n_workers=workers,
             # A solve limits BLAS to one thread temporarily, which affects the whole process.

@@ -42,10 +42,13 @@ class PortGuard:
             f"{name}: this program was delayed by more than {LIMIT:g} s during {words[0]}, and its guard {words[1]}, "
             f"or the guard was terminated; close other programs, then {words[2]}"
         )
-        command = [sys.executable, "-I", "-S", __file__, *(part.hex() for part in (stop, *settled)), *map(str, ports)]
+        # Imported here, since the guard itself runs without midair.
+        from midair.processes import python_command
+
+        stops = (part.hex() for part in (stop, *settled))
         # In its own session, so that no key at the terminal stops or ends it with the program.
         self._process = subprocess.Popen(
-            command,
+            python_command("-I", "-S", __file__, *stops, *map(str, ports)),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -68,7 +71,6 @@ class PortGuard:
             self._send(ACTIVE)
         except OSError:
             self.close()
-            # Imported here, since the guard itself runs without midair.
             from midair.errors import DeviceError
 
             raise DeviceError(self._error) from None

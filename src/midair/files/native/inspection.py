@@ -4,7 +4,6 @@ import atexit
 import json
 import os
 import subprocess
-import sys
 import time
 from collections import OrderedDict
 from contextlib import suppress
@@ -13,6 +12,7 @@ from threading import Lock, Timer
 
 from midair.errors import BrokenFileError, FileError
 from midair.files.native.hdf5_recovery import openable
+from midair.processes import python_command
 from midair.ram import address_limit
 
 PATIENCE = 120.0
@@ -130,8 +130,8 @@ class _Inspector:
 
 
 def _started() -> "subprocess.Popen[str] | None":
-    # -P: files beside the inspector are not importable. One thread, because it computes nothing.
-    words = [sys.executable, "-P", str(Path(__file__).with_name("inspector.py"))]
+    # One thread, because it computes nothing.
+    words = python_command(str(Path(__file__).with_name("inspector.py")))
     quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"}
     try:
         return subprocess.Popen(

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Placement, Provenance
+from midair.processes import start_process
 from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
@@ -206,7 +207,6 @@ class LiveSession:
         self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
         self._own = permit is None
         self.permit, self._leave = permit or PlayLease(), leave
-        self._context = get_context("spawn")
         self._process: Any = None
         self._told: Any = None
         self._ended: LoopEnded | None = None
@@ -275,12 +275,11 @@ class LiveSession:
 
     def __enter__(self) -> Self:
         leave = self._leave or self.permit.arm()
-        self._told, tells = self._context.Pipe(duplex=False)
-        arguments = (self.order, self.ring, self.permit, leave, tells)
-        self._process = self._context.Process(target=play_live, args=arguments, name="midair live", daemon=True)
+        self._told, tells = Pipe(duplex=False)
         self._start("permit", lambda: self._renew(leave))
         try:
-            self._process.start()
+            arguments = (self.order, self.ring, self.permit, leave, tells)
+            self._process = start_process(play_live, *arguments, name="midair live")
             # The end of the process is then the end of the pipe.
             tells.close()
             while self._opened is None and self._ended is None:

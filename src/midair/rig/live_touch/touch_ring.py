@@ -6,7 +6,7 @@ the start are stored as well, so that statistics need not read every frame.
 
 import math
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing.sharedctypes import RawArray
 from typing import Any
 
 import numpy as np
@@ -71,7 +71,7 @@ class TouchRing:
 
     def __init__(self, shape: RingShape) -> None:
         self.shape = shape
-        self._memory: Any = get_context("spawn").RawArray("B", shape.size)
+        self._memory: Any = RawArray("B", shape.size)
         self._view()
 
     def __getstate__(self) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import socket
 import time
 from collections.abc import Callable
 from math import inf
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,6 +23,7 @@ from midair.errors import (
 from midair.files import DEFAULT_PROFILE
 from midair.model import HEIGHTS, Medium
 from midair.physics import MOST_PROTECTION
+from midair.processes import shared_event
 from midair.rig import DRIFT, LeaseToken, PlayLease, PlaySettings
 from midair.settings import EARS, Mode
 from midair.studio.player import run_player
@@ -111,7 +111,7 @@ class PlayPanel:
         self.token = secrets.token_urlsafe(24)
         self.permit = PlayLease()
         self._listening = socket.create_server(("127.0.0.1", 0))
-        self._waits = get_context("spawn").Event()
+        self._waits = shared_event()
         self._arguments = self.permit, self._waits, self._listening, origins, self.token, device, seed
         self._player = WorkerProcess(
             run_player,

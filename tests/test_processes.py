@@ -1,0 +1,100 @@
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tests.hostile import hostile_folder
+
+from midair import processes
+from midair.errors import InputError
+from midair.processes import protect_command, python_command, safe_path, start_process
+
+SRC = Path(__file__).parents[1] / "src" / "midair"
+
+
+@pytest.fixture
+def hostile(tmp_path, monkeypatch):
+    """The current folder is one of a stranger; returns the file of the marks."""
+    (folder := tmp_path / "data").mkdir()
+    hostile_folder(folder, tmp_path / "marks")
+    monkeypatch.chdir(folder)
+    return tmp_path / "marks"
+
+
+def test_a_started_process_imports_nothing_from_the_current_folder(hostile):
+    process = start_process(os.getpid, name="x")
+    process.join()
+    assert (process.exitcode, hostile.exists()) == (0, False)
+    assert processes.SAFE_PATH not in os.environ
+
+
+def test_the_path_is_safe_until_the_last_block_ends(monkeypatch):
+    monkeypatch.setenv(processes.SAFE_PATH, "")
+    with safe_path():
+        with safe_path():
+            assert os.environ[processes.SAFE_PATH] == "1"
+        assert os.environ[processes.SAFE_PATH] == "1"
+    assert os.environ[processes.SAFE_PATH] == ""
+
+
+def test_python_that_reads_no_variables_must_have_a_safe_path(monkeypatch):
+    class Flags:
+        ignore_environment, safe_path = 1, False
+
+    monkeypatch.setattr(sys, "flags", Flags)
+    with pytest.raises(InputError, match="python -E: expected"), safe_path():
+        pass
+
+
+@pytest.mark.parametrize(("path", "left"), [([os.getcwd(), "/x"], ["/x"]), (["/x", os.getcwd()], ["/x", os.getcwd()])])
+def test_the_command_imports_nothing_from_the_current_folder(monkeypatch, path, left):
+    """`python -m` puts it first."""
+    monkeypatch.setattr(sys, "path", path)
+    monkeypatch.delenv(processes.SAFE_PATH, raising=False)
+    protect_command()
+    assert (sys.path, os.environ[processes.SAFE_PATH]) == (left, "1")
+    monkeypatch.undo()
+
+
+def test_one_module_starts_every_python_process():
+    starts = re.compile(
+        r"sys\.executable|get_context|\b(Process|Pool|ProcessPoolExecutor)\(|os\.(fork|exec|spawn|posix)"
+    )
+    sources = {path.relative_to(SRC).as_posix(): path.read_text(encoding="utf-8") for path in SRC.rglob("*.py")}
+    assert {name for name, text in sources.items() if starts.search(text)} == {"processes.py"}
+    runs = {name for name, text in sources.items() if re.search(r"subprocess\.(run|Popen)", text)}
+    others = {name for name in runs if "python_command(" not in sources[name]}
+    assert others == {"view/film.py"}, "ffmpeg"
+
+
+COMMANDS = {
+    "live": "live --duration 0.3s",
+    "a file": "info {folder}/take.h5",
+    "sweep": "sweep patterns {folder}/all.zarr --count 2 --curves 0 --method naive --workers 1",
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("how", ["midair", "python -m midair", "called by midair"])
+def test_no_process_of_a_command_runs_a_data_folder(hostile, tmp_path, command, how):
+    from midair.datasets import stroke
+    from midair.files import save
+    from midair.model import Provenance, Recording
+
+    frames, of = stroke("towel", duration=0.1), Provenance(source="x")
+    take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=of)
+    save(take, tmp_path / "take.h5")
+    begin = [str(Path(sys.executable).with_name("midair"))] if how == "midair" else python_command("-m", "midair")
+    if how == "python -m midair":
+        # Python looks there for these two before midair can change that.
+        shutil.rmtree("midair")
+        Path("runpy.py").unlink()
+        begin.remove("-P")
+    words = [*begin, *COMMANDS[command].format(folder=tmp_path).split()]
+    state = {"MIDAIR_STATE": str(tmp_path / "state")}
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, **state})
+    assert (done.returncode, hostile.exists()) == (0, False), done.stderr
