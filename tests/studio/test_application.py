@@ -355,6 +355,17 @@ def test_upload_from_the_controlling_page_gets_a_new_name(client, studio, talk):
     assert client.post("/upload", content=b"x", headers={"x-name": "a.csv", "x-page": page}).status_code == 403
 
 
+def test_a_refused_project_is_named_and_removed(client, studio, talk, monkeypatch):
+    async def refuse(_, __, order):
+        raise InputError(f"{order[0]}: expected a project")
+
+    monkeypatch.setattr(studio.reading, "result", refuse)
+    headers = {"origin": ROOT, "x-name": "a.zip", "x-page": str(talk.page)}
+    answer = client.post("/upload", content=b"x", headers=headers)
+    assert answer.json() == {"error": "a-01.zip: expected a project"}
+    assert list((studio.takes.samples / "incoming").iterdir()) == []
+
+
 def test_lease_is_renewed_only_by_the_visible_page_that_armed_it(studio, client, talk):
     playing = studio.playing
     playing._controls = talk.page

@@ -81,7 +81,7 @@ def test_edits_are_previewed_and_notes_marks_and_folders_are_kept(takes_at, look
     there = look(other)
     there.until("studio.room?.add && !studio.room.add.disabled")
     there.page.locator("input[type=file]").set_input_files(project)
-    there.until("document.querySelector('#toasts').textContent.includes('denim.h5 exists already')")
+    there.until("document.querySelector('#toasts').textContent.includes('denim.h5, which exists already')")
     assert not (other.folder / "wool").exists(), "nothing is written of a project that does not fit"
     (other.folder / "denim.h5").unlink()
     there.page.locator("input[type=file]").set_input_files(project)

@@ -282,7 +282,7 @@ class Studio:
                 finally:
                     path.unlink()
         except (MidairError, ValueError) as wrong:
-            return JSONResponse({"error": str(wrong)}, 400)
+            return JSONResponse({"error": str(wrong).replace(f"{self.takes.samples / 'incoming'}/", "")}, 400)
         self.store.put(takes=self.takes.rows())
         return JSONResponse({"ok": "" if suffix == ".zip" else path.name, "imports": not own and suffix != ".zip"})
 
