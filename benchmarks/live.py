@@ -1,4 +1,4 @@
-"""Print figures of live touch: late frames, latency measured from outside, error by band, deaths, bad networks.
+"""Print figures of live touch: late frames, latency measured from outside, error by band, deaths.
 
 All units are emulated on this computer; no real array is used.
 """
@@ -39,7 +39,7 @@ from midair.physics import (
 )
 from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
 
-PARTS = ("run", "runs", "latency", "bands", "spectra", "hurried", "deaths", "network")
+PARTS = ("run", "runs", "latency", "bands", "spectra", "hurried", "deaths")
 THINGS = ("towel", "sponge", "brush")
 DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
 BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -58,9 +58,7 @@ def main() -> None:
     parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
     parser.add_argument("--latency", type=float, help="total latency of a run in ms (default: 13 ms, without it)")
     parser.add_argument("--sensor", default="virtual:towel", help="sensor of a run (default virtual:towel)")
-    parser.add_argument(
-        "--seconds", type=float, default=12.0, help="duration of the parts latency and network in s (default 12)"
-    )
+    parser.add_argument("--seconds", type=float, default=12.0, help="duration of the part latency in s (default 12)")
     options = parser.parse_args()
     print(load())
     if "bands" in options.part:
@@ -69,14 +67,12 @@ def main() -> None:
         spectra()
     if "hurried" in options.part:
         hurried()
-    if {"latency", "deaths", "network"} & set(options.part):
-        print(f"\nreal-time priority for the wire, the sensor's line and the network: {watch_in_time()}")
+    if {"latency", "deaths"} & set(options.part):
+        print(f"\nreal-time priority for the wire and the sensor's line: {watch_in_time()}")
     if "latency" in options.part:
         latency(options.seconds)
     if "deaths" in options.part:
         deaths()
-    if "network" in options.part:
-        network(options.seconds)
     # The busy parts run without real-time priority, which would block other processes.
     plain()
     chosen = {"busy": options.busy, "sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
@@ -470,28 +466,6 @@ def _kill(pid: int) -> None:
         os.kill(pid, signal.SIGKILL)
     except ProcessLookupError:
         return
-
-
-def network(seconds: float) -> None:
-    """Print concealed, late and rejected packets for two sides with a bad network in between."""
-    from tests.rig.live_touch.test_receiving import spoken
-
-    ways = {
-        "no disturbance": {},
-        "5 % lost": {"loss": 0.05},
-        "10 ms of jitter": {"delay": 0.005, "jitter": 0.01},
-        "1 % reordered": {"reordering": 0.01},
-        "all of these": {"loss": 0.05, "delay": 0.005, "jitter": 0.01, "reordering": 0.01},
-        "every datagram twice": {"repeating": 1.0},
-    }
-    print(f"\nnetwork over loopback, jitter buffer 15 ms; {load()}")
-    print("| network | sent | lost | concealed | of these, too late | dropped as repeated |")
-    print("|---|---|---|---|---|---|")
-    for name, way in ways.items():
-        listener, proxy, speaker = spoken(seconds, buffer=0.015, **way)
-        told = listener.source.counted
-        cells = (name, speaker.spoken.frames, proxy.lost, told.concealed, told.tardy, told.repeated)
-        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -37,8 +37,6 @@ HARDWARE = [
     "midair play take.drive.h5 --device autd3",
     "midair calibrate tracker leap: leap.toml --device autd3",
     "midair stop --watch serial:/dev/ttyUSB0",
-    "midair live --listen 0.0.0.0:5005 --key touch.key --device autd3",
-    'midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5',
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
 ]
 """These need a sensor, an array or a switch."""

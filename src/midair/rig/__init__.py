@@ -67,10 +67,7 @@ from .live_touch import LoopStarted as LoopStarted
 from .live_touch import SensorRate as SensorRate
 from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
-from .live_touch import make_key as make_key
-from .live_touch import read_key as read_key
 from .live_touch import request_realtime as request_realtime
-from .live_touch import send_touch as send_touch
 from .live_touch import streamed as streamed
 from .names import TRACKERS as TRACKERS
 from .names import ArrayKind as ArrayKind

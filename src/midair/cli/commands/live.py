@@ -1,9 +1,7 @@
 """The command `live`: play the signal of a sensor in real time."""
 
 import sys
-import time
 from contextlib import nullcontext
-from dataclasses import asdict
 from pathlib import Path
 
 from rich.live import Live as Screen
@@ -17,7 +15,7 @@ from midair.cli.output import may_write
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
-from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate, make_key, send_touch
+from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate
 from midair.rig import live as begin
 
 WRONG_RATE = 0.05
@@ -39,8 +37,6 @@ def live_command(
     options: LiveOptions | None = None,
     heat: HeatOptions | None = None,
     air: AirOptions | None = None,
-    to: str | None = None,
-    new_key: Path | None = None,
     keep: Path | None = None,
     stop_input: StopInput = None,
     json: Json = False,
@@ -56,10 +52,6 @@ def live_command(
     ----------
     air
         Air of the room. [default: 22C, 50%]
-    to
-        Send the sensor's frames to HOST:PORT; nothing plays on this computer. Needs --key.
-    new_key
-        Create a key file and exit.
     keep
         Record the session to this NAME.h5: calibrated pressure and drive. Existing files are not overwritten.
     json
@@ -71,24 +63,11 @@ def live_command(
     $ midair live --sensor virtual:sponge --duration 2s --keep felt.h5 --json
     $ midair live --latency 200ms --duration 2s
     $ midair live --device autd3 --follow leap: --tracker-latency 12ms
-    $ midair live --new-key touch.key
-    $ midair live --listen 0.0.0.0:5005 --key touch.key --device autd3
-    $ midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5
     $ midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3
     """
-    if new_key is not None:
-        make_key(new_key)
-        print_rows([("key", f"{new_key}; copy it to the other computer, and keep it secret")])
-        return 0
     air = air or AirOptions()
     room = air.medium()
     settings = (options or LiveOptions()).settings(room)
-    if to is not None:
-        if keep is not None or stop_input is not None or settings.device != "virtual":
-            raise InputError(
-                "--to: expected no --keep, --stop-input or --device, got one; give it on the computer that plays"
-            )
-        return _send(settings, to, json=json)
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
@@ -134,33 +113,9 @@ def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
             "rehearsal": opened.rehearsal.words(),
         }
         kept = {} if keep is None else {"take": str(keep)}
-        return print_json(counts.plain() | {"error_by_band": _by_band(ended), "network": ended.network} | beside | kept)
-    print_rows([*_statistics_rows(counts), *_network_rows(ended), *([] if keep is None else [("take", str(keep))])])
+        return print_json(counts.plain() | {"error_by_band": _by_band(ended)} | beside | kept)
+    print_rows([*_statistics_rows(counts), *([] if keep is None else [("take", str(keep))])])
     return None
-
-
-def _send(settings: LiveSettings, to: str, *, json: bool) -> int:
-    """Send a sensor's frames to the other computer; nothing plays here."""
-    if settings.key is None or settings.listen is not None:
-        raise InputError("--to: expected --key with the shared key file, and no --listen")
-    duration = settings.duration
-    with signals_noted() as signals, send_touch(settings.sensor, to, settings.key, settings=settings) as speaker:
-        if not json:
-            banner(speaker.greeting.simulated)
-        until, warned = None if duration is None else time.monotonic() + duration, False
-
-        def going() -> bool:
-            nonlocal warned
-            warned = _rate_warning(speaker.rate, warned)
-            return not signals.came and (until is None or time.monotonic() < until)
-
-        speaker.run(going)
-    spoken, rate = asdict(speaker.spoken), speaker.rate
-    if json:
-        print_json(spoken | {"simulated": speaker.greeting.simulated} | rate.plain_rate())
-    else:
-        print_rows([*((name, str(count)) for name, count in spoken.items()), *_rate_rows(rate)])
-    return 1 if abs(rate.rate_error) > WRONG_RATE else 0
 
 
 def _rate_warning(rate: SensorRate, warned: bool) -> bool:
@@ -213,15 +168,6 @@ def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
         ("computer", opened.granted.words()),
         ("rehearsal", opened.rehearsal.words()),
     ]
-
-
-def _network_rows(session: LiveSession) -> list[tuple[str, str]]:
-    """Counts of the network receiver; no rows without one."""
-    counts = session.network
-    if not counts:
-        return []
-    said = f"{counts['frames']} frames, {counts['concealed']} concealed, {counts['tardy']} of them arrived too late"
-    return [("network", f"{said}; {counts['repeated']} duplicates and {counts['refused']} other packets dropped")]
 
 
 def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:

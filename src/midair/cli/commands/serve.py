@@ -1,8 +1,11 @@
 """The command `serve`: other programs play drives and patterns through messages."""
 
 import gc
+import os
+import re
 import secrets
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +16,9 @@ from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.help_text import add_command, epilogue, examples_of
 from midair.cli.options import StopInput, options_from, quantity, settings_from
 from midair.devices import stop_on_input
-from midair.rig import PlaySettings, read_key, request_realtime, serve, serve_adaptics
+from midair.errors import InputError
+from midair.files import read_text
+from midair.rig import PlaySettings, request_realtime, serve, serve_adaptics
 
 
 @options_from(PlaySettings, "device", "placement", "silencer", "participant", device="virtual, autd3, autd3:INTERFACE.")
@@ -56,14 +61,14 @@ def serve_command(
     ports
         TCP port for WebSocket and UDP port for OSC; 0 selects a free one.
     key
-        File of a key, as midair live --new-key makes one. [default: a new key at each start]
+        File with the key; a new file gets a new key. [default: a new key at each start]
 
     Examples
     --------
     $ midair serve
     $ midair serve effects --device autd3 --attenuate
     """
-    secret = secrets.token_urlsafe(16) if key is None else read_key(key).hex()
+    secret = secrets.token_urlsafe(16) if key is None else _kept_key(key)
 
     def ready(tcp: int, udp: int) -> None:
         # A table would fold the address.
@@ -73,6 +78,16 @@ def serve_command(
     settings = _ready_settings(options or ServeOptions(), exposure, air)
     with stop_on_input(stop_input):
         serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
+
+
+def _kept_key(path: Path) -> str:
+    """Return the key of a file; a file that does not exist is made, readable by this user only."""
+    with suppress(FileExistsError), os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+        file.write(secrets.token_urlsafe(16) + "\n")
+    text = read_text(path, "a file with a key").strip()
+    if not re.fullmatch(r"[\w-]{16,128}", text):
+        raise InputError(f"{path}: expected a key of 16 to 128 letters and digits; name a new file")
+    return text
 
 
 def adaptics_command(

@@ -1,14 +1,11 @@
 """Live touch: the signal of a sensor is played on an array while it is measured."""
 
-from .encryption import make_key as make_key
-from .encryption import read_key as read_key
 from .live_loop import LiveLoop as LiveLoop
 from .live_loop import Pace as Pace
 from .live_settings import LiveMapping as LiveMapping
 from .live_settings import LiveSettings as LiveSettings
 from .playing_live import live as live
 from .playing_live import live_clearance as live_clearance
-from .playing_live import send_touch as send_touch
 from .process import LoopStarted as LoopStarted
 from .process import streamed as streamed
 from .session import LiveSession as LiveSession

@@ -180,7 +180,7 @@ class LiveLoop:
             self._asked = began
             self._ahead = self._array.units.now() - time.monotonic_ns()
         if self._rising is None:
-            # Silence hides the step to a new grid, which the delay of a network may require.
+            # Silence hides the step to a new grid, which a pause of the sensor may require.
             self._times.restart()
         instant = self._times.instant(self._formed * self._next + at, round(taken * _NS) + self._ahead)
         flags = 0

@@ -1,7 +1,6 @@
 """Settings of live touch: the source of the keywords of `live`, the options of the command and the studio's form."""
 
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -130,13 +129,6 @@ class LiveSettings(Declared):
     )
     participant: str = setting("", "Code of the person at the array, for midair log export.")
     seed: int = setting(0, "Random seed of a virtual sensor.")
-    listen: str | None = setting(
-        None, "Receive frames on HOST:PORT instead of reading a sensor, such as 0.0.0.0:5005. Needs --key."
-    )
-    key: Path | None = setting(
-        None, "Key file that both computers share; packets that fail authentication are dropped.", load=Path
-    )
-    buffer: float = setting(0.01, "Jitter buffer of the receiver; it adds to the delay.", unit="s", limits=(0, 0.2))
     duration: float | None = setting(
         None, "Time to play. [default: until Ctrl-C]", unit="s", limits=(0, np.inf), above=True
     )
@@ -150,21 +142,14 @@ class LiveSettings(Declared):
                 f"{'none' if self.offset is None else 'one'} for {self.mapping}; measure it on an earlier recording"
             )
         if self.latency is not None:
-            if self.listen is not None or self.offset is not None:
-                raise InputError("latency: expected neither --listen nor --offset, got one; leave it out")
+            if self.offset is not None:
+                raise InputError("latency: expected no --offset, got one; leave it out")
             self.schedule(RATE)
         if self.sensor.startswith("audio:"):
             raise InputError(
                 "live: expected a sensor without long buffers, got a sound card, whose buffers delay by 64 ms; "
                 "use a converter over lsl:, serial: or ni:"
             )
-        if self.listen is not None:
-            if self.key is None:
-                raise InputError(
-                    "--listen: expected --key with the key file that both sides share, got none; make one with "
-                    "--new-key FILE"
-                )
-            host_and_port(self.listen, "--listen")
 
     def schedule(self, rate: float) -> "LiveSchedule":
         """Share out the latency for a sensor of a rate in Hz; InputError if it is too short for the band."""
@@ -179,11 +164,6 @@ class LiveSettings(Declared):
         # A unit queues 7 frames.
         ahead = min(hold, 6 / (formed * rate))
         return LiveSchedule(delay=rest, hold=hold, ahead=ahead, mapping="slow-bias", formed=formed)
-
-    @property
-    def source(self) -> str:
-        """Name of the sensor, or of the network address at which frames are received."""
-        return self.sensor if self.listen is None else f"listen:{self.listen}"
 
     @property
     def grid(self) -> ControlGrid:
@@ -218,11 +198,3 @@ class LiveSchedule:
     mapping: LiveMapping
     formed: int
     """Frames of the array for each frame of the sensor."""
-
-
-def host_and_port(text: str, option: str) -> tuple[str, int]:
-    """Split an address such as ``lab.example:5005`` or ``[::1]:5005``; InputError if it is invalid."""
-    host, colon, port = text.rpartition(":")
-    if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
-        raise InputError(f"{option}: expected HOST:PORT, such as 192.168.1.20:5005, got {text!r}")
-    return host.removeprefix("[").removesuffix("]"), int(port)

@@ -5,7 +5,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType
@@ -28,10 +28,8 @@ from midair.devices import (
 )
 from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, StoppedError
 from midair.model import Calibration, SensorGrid, SensorWiring, Unit
-from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
-from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings, host_and_port
-from midair.rig.live_touch.receiving import NetworkSource
+from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
@@ -119,8 +117,8 @@ class LoopStarted:
     """Frame rate of the sensor in Hz."""
     schedule: LiveSchedule
     """Times, mapping, and frames of the array for each of the sensor."""
-    calibration: Calibration | None
-    """Calibration of the sensor; None if frames arrive in Pa over a network."""
+    calibration: Calibration
+    """Calibration of the sensor."""
     simulated: bool
     """Whether sensor or array is simulated."""
     transducers: int
@@ -154,8 +152,6 @@ class LoopEnded:
     """Error that ended it; None for a normal end."""
     told: dict[str, int]
     """Counts of the frames sent to the units."""
-    network: dict[str, int] = field(default_factory=dict[str, int])
-    """Counts of the frames received over a network; empty without one."""
 
 
 def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -179,11 +175,10 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     counted: dict[str, int] = {}
-    network: dict[str, int] = {}
     error: MidairError | None = None
     try:
         with ordered_at(process_start_time()), one_blas_thread():
-            _play(order, ring, permit, leave, told, counted, network)
+            _play(order, ring, permit, leave, told, counted)
     except MidairError as wrong:
         error = wrong
     except KeyboardInterrupt:
@@ -191,7 +186,7 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     except Exception as wrong:  # noqa: BLE001  # reported to the parent process
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
     with suppress(OSError):  # the parent process may be gone
-        told.send(LoopEnded(error=error, told=counted, network=network))
+        told.send(LoopEnded(error=error, told=counted))
 
 
 def _play(
@@ -201,9 +196,8 @@ def _play(
     leave: LeaseToken,
     told: Connection,
     counted: dict[str, int],
-    network: dict[str, int],
 ) -> None:
-    sensor, source = sensor_for(order)
+    sensor = sensor_for(order)
     notes = 0
 
     def note(text: str) -> None:
@@ -227,8 +221,6 @@ def _play(
             kept = array_calibration_for(order.device, order.array_calibration)
             solved = array.array if kept is None else kept.known.applied(array.array)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, admission.level)
-            if source is not None:
-                touch.delay += source.delay
             rehearsal = touch.rehearse(rate, schedule.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
             for _ in range(2):
@@ -279,8 +271,6 @@ def _play(
                     loop.run(put, order.duration)
             finally:
                 counted |= array.units.told()
-                if source is not None:
-                    network |= asdict(source.counted)
 
 
 def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:
@@ -303,22 +293,17 @@ def check_rate(sensor: StreamedSensor) -> None:
         )
 
 
-def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | None]:
-    """Make the sensor, not yet open, and its network source, if it has one."""
-    if order.listen is None or order.key is None:
-        named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
-        return streamed(named, longest=ROUND), None
-    source = NetworkSource(host_and_port(order.listen, "--listen"), read_key(order.key), buffer=order.buffer)
-    return StreamedSensor(source, name=order.source, wire=lambda _: source.wiring), source
+def sensor_for(order: LiveSettings) -> StreamedSensor:
+    """Make the sensor, not yet open."""
+    named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
+    return streamed(named, longest=ROUND)
 
 
-def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration | None:
-    """Calibration of a sensor; None where frames arrive in Pa over a network.
+def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration:
+    """Calibration of a sensor.
 
     InputError if a sensor gives volts or counts without a calibration, or its cells do not fit.
     """
-    if order.listen is not None:
-        return None
     known = order.calibration or sensor.calibration
     if known is None and sensor.unit != "Pa":
         raise InputError(

@@ -50,7 +50,7 @@ class LiveTake:
             rate=opened.rate,
             sensor=opened.sensor,
             unit=opened.unit,
-            provenance=Provenance(source=order.source, simulated=opened.simulated, notes=dict(notes)).then(
+            provenance=Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
                 "live",
                 order.stored()
                 | {
@@ -232,10 +232,8 @@ class LiveSession:
         """Statistics of the run so far."""
         ring, opened = self.ring, self.opened
         order = self.order
-        among = {} if order.listen is None else {"jitter buffer": order.buffer}
         parts = {
-            "filter": opened.delay - sum(among.values()),
-            **among,
+            "filter": opened.delay,
             "hold": opened.schedule.hold,
             "rise and air": RISE + order.height / order.acoustics.medium.speed,
         }
@@ -247,15 +245,9 @@ class LiveSession:
             work=_quantiles(ring.histogram("work")),
             worst=ring.worst(),
             stated_rate=opened.rate,
-            # The times of received frames are those of the jitter buffer; the sender measures the sensor's rate.
-            rate=None if order.listen else measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
+            rate=measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
             over_time=ring.over_time(ring.count("frames") / (opened.schedule.formed * opened.rate)),
         )
-
-    @property
-    def network(self) -> dict[str, int]:
-        """Counts of received frames after the end, see `PacketCounts`; empty without a network."""
-        return {} if self._ended is None else self._ended.network
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
         """Frames from a number on, as `TouchRing.since`; the sensor's channels are the first of 64."""
