@@ -11,7 +11,9 @@ def _xdf_chunk(tag: int, content: bytes) -> bytes:
     return b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content
 
 
-def xdf(samples, *, rate=1000.0, stamps=None, labels=(), unit="", name="skin", number=1, start=100.0) -> bytes:
+def xdf(
+    samples, *, rate=1000.0, stamps=None, labels=(), unit="", name="skin", number=1, start=100.0, clocks=True
+) -> bytes:
     """A stream of an XDF file by its specification (sccn/xdf, 1.0): header, samples, clock offsets, footer."""
     samples = np.asarray(samples, "<f4")
     stamps = start + np.arange(len(samples)) / rate if stamps is None else stamps
@@ -28,7 +30,7 @@ def xdf(samples, *, rate=1000.0, stamps=None, labels=(), unit="", name="skin", n
     rows = b"".join(
         b"\x08" + struct.pack("<d", stamp) + row.tobytes() for stamp, row in zip(stamps, samples, strict=True)
     )
-    clock = b"".join(_xdf_chunk(4, stream + struct.pack("<dd", start + i, 0.0)) for i in range(3))
+    clock = b"".join(_xdf_chunk(4, stream + struct.pack("<dd", start + i, 0.0)) for i in range(3 * clocks))
     return (
         _xdf_chunk(2, stream + head.encode())
         + _xdf_chunk(3, stream + b"\x04" + struct.pack("<I", len(samples)) + rows)
@@ -55,8 +57,11 @@ def _tdms_properties(values: dict, order: str) -> bytes:
     return b"".join(parts)
 
 
-def tdms(columns, *, order="<", interleaved=False, chunks=1, group="skin", said=None, meta=True) -> bytes:
-    """A TDMS segment as described by National Instruments, of arrays by channel, cut into `chunks` chunks."""
+def tdms(columns, *, order="<", interleaved=False, chunks=1, group="skin", said=None, each=None, meta=True) -> bytes:
+    """A TDMS segment as described by National Instruments, of arrays by channel, cut into `chunks` chunks.
+
+    `said` are the properties of all channels, `each` those of some by name.
+    """
     said = {"wf_increment": 1e-3, "unit_string": "V"} if said is None else said
     codes = {"i2": 2, "i4": 3, "u1": 5, "f4": 9, "f8": 10}
     head = struct.pack(order + "I", len(columns) + 1)
@@ -70,7 +75,8 @@ def tdms(columns, *, order="<", interleaved=False, chunks=1, group="skin", said=
         quoted = name.replace("'", "''")
         code = codes[column.dtype.str[1:]]
         head += _tdms_text(f"/'{group}'/'{quoted}'", order)
-        head += struct.pack(order + "IIIQ", 20, code, 1, len(column) // chunks) + _tdms_properties(said, order)
+        head += struct.pack(order + "IIIQ", 20, code, 1, len(column) // chunks)
+        head += _tdms_properties((each or {}).get(name, said), order)
     count = len(next(iter(arrays.values()))) // chunks
     for i in range(chunks):
         part = [column[i * count : (i + 1) * count] for column in arrays.values()]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,9 +56,7 @@ def test_refuses_missing_or_contradicting_facts(shape, given, error, path):
 
 def test_channels_are_chosen_by_name_or_number_in_any_order(path):
     samples = np.arange(12.0).reshape(3, 4)
-    file = ImportedData(
-        samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None)
-    )
+    file = ImportedData(samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", ""))
     pair = SensorGrid(rows=1, columns=2)
     seen = file.resolve(ImportOptions(channels=("c", "0"), sensor=pair), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], samples[:, [2, 0]])
@@ -122,6 +122,14 @@ def test_packed_channels_can_be_chosen_too(path):
     file = ImportedData(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
     seen = file.resolve(ImportOptions(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
+
+
+def test_packed_samples_have_one_unit(path):
+    said = ImportOptions(packed=4, sensor=SensorGrid(rows=2, columns=2))
+    file = ImportedData(samples=PACKED.reshape(6, 2), form="bin", rate=10.0, units=("mV", "mV"))
+    np.testing.assert_allclose(file.resolve(said, path).recording.samples, PACKED.reshape(3, 2, 2) / 1e3)
+    with pytest.raises(UnitError, match="got V, mV"):
+        replace(file, units=("mV", "V")).resolve(said, path)
 
 
 def test_incomplete_packed_frames_are_refused(path):

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, NonFiniteError, ShapeError, UnitError
-from midair.model import AmplitudeFrames, ControlGrid, PressureFrames, Recording, SensorGrid, SensorWiring
+from midair.model import AmplitudeFrames, ControlGrid, PressureFrames, Recording, SensorGrid, SensorWiring, known_unit
 
 
 def test_times_are_exact_multiples_of_the_period():
@@ -146,3 +146,27 @@ def test_bad_pressure_is_refused(pressure, rate, error, says):
 def test_bad_amplitude_is_refused(amplitude, rate, error, says):
     with pytest.raises(error, match=says):
         AmplitudeFrames(amplitude=amplitude, rate=rate)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "factor"),
+    [
+        ("V", "V", 1),
+        (" Volts ", "V", 1),
+        ("mV", "V", 1e-3),
+        ("microvolts", "V", 1e-6),
+        ("µV", "V", 1e-6),
+        ("Pa", "Pa", 1),
+        ("kPa", "Pa", 1e3),
+        ("counts", "count", 1),
+        ("m/s^2", None, 1),
+        ("", None, 1),
+        ("hPa", "Pa", 1e2),
+        ("mPa", "Pa", 1e-3),
+        ("MPa", "Pa", 1e6),
+        ("MicroVolts", "V", 1e-6),
+        ("mcounts", None, 1),
+    ],
+)
+def test_spellings(text, unit, factor):
+    assert known_unit(text) == (unit, factor)

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
-from midair.files.timestamps import repeated_rows
-from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
-from midair.recordings import Mended, Mending, mend
+from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit, known_unit
+from midair.recordings import Mended, Mending, is_clock, mend, repeated_rows, seconds, to_fixed_rate
 from midair.streaming import blocks, each_frame
 from midair.validation import Declared, documented, setting
 
@@ -97,12 +97,20 @@ class ImportedData:
     form: str
     """Name of the format for messages and the provenance."""
     rate: float | None = None
+    stamps: NDArray[np.float64] | None = None
+    """Time of each row; without a rate and stamps, the first column whose name is that of a clock."""
+    clock: str = "time [s]"
+    """Name of the stamps, with their unit if it is known."""
+    nominal: float | None = None
+    """Fixed rate of a stream whose stamps have jitter, in Hz."""
+    missing: int = 0
+    """Number of frames that are NaN, because their rows are missing."""
     unit: Unit | None = None
     sensor: SensorGrid | None = None
     names: tuple[str, ...] = ()
     """Channel names."""
-    units: tuple[Unit | None, ...] = ()
-    """Unit of each channel, where the file has these instead of `unit`."""
+    units: tuple[str, ...] = ()
+    """Unit of each channel as the file states it, where it has these instead of `unit`; "" for none."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
     """Notes on the experiment, from the file or its name."""
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
@@ -112,6 +120,8 @@ class ImportedData:
 
     def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
+        if self.rate is None and (self.stamps is not None or any(map(is_clock, self.names))):
+            return self._at_fixed_rate(given).resolve(given, path)
         if given.packed is not None:
             return self._deinterleaved(given.packed, path).resolve(replace(given, packed=None), path)
         if given.channels is not None:
@@ -119,28 +129,64 @@ class ImportedData:
         rate = self._rate(given, path)
         unit = self._unit(given, path)
         sensor, assumed = self._sensor(given, path)
-        mended = Mended(samples=self.samples, journal=())
-        if given.mending is not None:
+        mended, mending = Mended(samples=self.samples, journal=()), given.mending
+        if mending is None and self.missing:
+            mending = Mending(fill="line")
+        if mending is not None:
             whole = np.asarray(self.samples, np.float64)
-            mended = mend(whole.reshape(len(whole), -1), rate, given.mending)
+            mended = mend(whole.reshape(len(whole), -1), rate, mending)
         report = (*self.report, *([assumed] if assumed else []), *_gap_report(mended, rate))
         with path.open("rb") as file:
             settings = {"format": self.form, "sha256": hashlib.file_digest(file, "sha256").hexdigest(), **self.settings}
         if given.scale is not None:
             settings["scale_pa"] = given.scale
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
-        if given.mending is not None:
+        if mending is not None:
             # The positions of the first thousand gaps.
             gaps = tuple((event.channel, event.frame, event.frames) for event in mended.journal)
-            said = {"longest_s": given.mending.longest, "fill": given.mending.fill, "gaps": len(gaps)}
+            said = {"longest_s": mending.longest, "fill": mending.fill, "gaps": len(gaps)}
             said |= {"numbers": sum(frames for *_, frames in gaps), "channel_frame_frames": gaps[:1000]}
             provenance = provenance.then("mend", said)
-        scale = given.scale or 1.0
+        scale: float | Array = given.scale or 1.0
+        if self.units and given.scale is None:
+            scale = np.reshape([known_unit(text)[1] for text in self.units], sensor.shape)
         samples = each_frame(
             mended.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
         )
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
+
+    def _at_fixed_rate(self, given: ImportOptions) -> "ImportedData":
+        """Place rows on frames by their stamps, or by the first column of stamps; other such columns are left out."""
+        stamps, clock, found, report = self.stamps, self.clock, self, self.report
+        if stamps is None:
+            at, *others = [i for i, name in enumerate(self.names) if is_clock(name)]
+            stamps, clock = self.samples[:, at], self.names[at]
+            if at < len(self.units) and self.units[at]:
+                clock = clock if self.units[at] in clock else f"{clock} [{self.units[at]}]"
+            kept = [i for i in range(len(self.names)) if i not in (at, *others)]
+            if others:
+                named = ", ".join(self.names[i] for i in others)
+                report = (*report, f"Other columns of time were left out: {named}.")
+            names = tuple(self.names[i] for i in kept)
+            found = replace(
+                self,
+                samples=self.samples[:, kept],
+                names=names,
+                units=tuple(self.units[i] for i in kept) if self.units else (),
+                settings={**self.settings, "columns": names},
+            )
+        time, guess = seconds(stamps, clock, rate=given.rate)
+        rows = found.samples.reshape(len(time), -1)
+        even = to_fixed_rate(time, rows, rate=given.rate, nominal=self.nominal)
+        return replace(
+            found,
+            samples=even.samples.reshape(-1, *found.samples.shape[1:]),
+            rate=even.rate,
+            missing=even.missing,
+            settings={**found.settings, "rate_hz": even.rate, "interpolation": "linear"},
+            report=(*report, *guess, *even.report),
+        )
 
     def _deinterleaved(self, channels: int, path: Path) -> "ImportedData":
         """Deinterleave numbers into frames of `channels` channels: c0 c1 c2 ... c0 c1 c2 ..."""
@@ -164,7 +210,7 @@ class ImportedData:
             rate=None if self.rate is None else self.rate * wide / channels,
             sensor=None,
             names=(),
-            units=self.units if len(set(self.units)) == 1 else (),
+            units=self.units[:1] * channels if len(set(self.units)) == 1 else self.units,
             settings={**self.settings, "packed": channels},
             report=(*self.report, sentence),
         )
@@ -178,19 +224,30 @@ class ImportedData:
         return rate
 
     def _unit(self, given: ImportOptions, path: Path) -> Unit:
-        stated = self.units[0] if len(set(self.units)) == 1 else self.unit
+        texts = sorted(set(self.units))
+        known: set[Unit | None] = {known_unit(text)[0] for text in texts} or {self.unit}
+        alike = len(self.units) == np.prod(self.samples.shape[1:]) and given.scale is None and None not in known
+        if len(known) > 1 or (len(texts) > 1 and not alike):
+            got = ", ".join(text or "none" for text in texts)
+            raise UnitError(f"{path}: expected one unit in all channels, got {got}; choose channels of one")
+        stated, said = known.pop(), texts[0] if texts else ""
         if given.scale is not None:
             if stated == "Pa":
                 raise MismatchError(f"{path}: the file states Pa, got a scale; leave it out")
             return "Pa"
+        # Numbers of an unknown unit can be counts, but no volts.
+        if given.unit not in (None, stated) and (stated or (said and given.unit != "count")):
+            advice = "leave the unit out" if stated else "give a scale, the pressure in Pa of the value 1"
+            raise MismatchError(f"{path}: the file states {stated or said}, got {given.unit}; {advice}")
         unit = stated or given.unit
         if unit is None:
+            scale = {"scale": "scale=2, the pressure in Pa of the value 1"}
+            if said:
+                raise UnitError(f"{path}: expected V, Pa or count, the file states {said}", parameters=scale)
             raise UnitError(
                 f"{path}: the file does not state the unit of its samples",
-                parameters={"unit": 'unit="V", "count" or "Pa"', "scale": "scale=2, the pressure in Pa of the value 1"},
+                parameters={"unit": 'unit="V", "count" or "Pa"', **scale},
             )
-        if given.unit not in (None, unit):
-            raise MismatchError(f"{path}: the file states {unit}, got {given.unit}; leave the unit out")
         return unit
 
     def _sensor(self, given: ImportOptions, path: Path) -> tuple[SensorGrid, str]:
@@ -262,9 +319,9 @@ def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:
     )
 
 
-def of_two(scale: float) -> bool:
-    """True if a factor is a power of two, which keeps every digit of a number."""
-    return abs(np.frexp(scale)[0]) == 0.5
+def of_two(scale: float | Array) -> bool:
+    """True if factors are powers of two, which keep every digit of a number."""
+    return bool((np.abs(np.frexp(scale)[0]) == 0.5).all())
 
 
 Lost = Literal[

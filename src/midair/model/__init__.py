@@ -39,6 +39,7 @@ from .recording import PressureFrames as PressureFrames
 from .recording import Recording as Recording
 from .recording import SensorWiring as SensorWiring
 from .recording import Unit as Unit
+from .recording import known_unit as known_unit
 from .stage import Heading as Heading
 from .stage import Place as Place
 from .stage import StageSetup as StageSetup

@@ -1,7 +1,9 @@
 """Samples of a sensor, its wiring and events, and frames of the pressure and of the sound that is to produce it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isqrt
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -16,6 +18,35 @@ from midair.validation import frozen_array, one_of, positive
 
 Unit = Literal["V", "count", "Pa"]
 """Unit of a recording's samples."""
+
+_PREFIXES = (
+    *[("", "", 1.0), ("n", "nano", 1e-9), ("u", "micro", 1e-6), ("µ", "micro", 1e-6), ("μ", "micro", 1e-6)],
+    *[("m", "milli", 1e-3), ("h", "hecto", 1e2), ("k", "kilo", 1e3), ("K", "kilo", 1e3), ("M", "mega", 1e6)],
+)
+_NAMES: Mapping[Unit, str] = MappingProxyType({"V": "volt", "Pa": "pascal"})
+_SYMBOLS: dict[str, tuple[Unit, float]] = {
+    short + symbol: (unit, factor)
+    for short, _, factor in _PREFIXES
+    for unit in _NAMES
+    for symbol in (unit, unit.lower(), unit.upper())
+}
+_WORDS: dict[str, tuple[Unit, float]] = {
+    f"{long}{name}{plural}": (unit, factor)
+    for _, long, factor in _PREFIXES
+    for unit, name in _NAMES.items()
+    for plural in ("", "s")
+}
+
+
+def known_unit(text: str) -> tuple[Unit | None, float]:
+    """Unit of a recording for a spelling, and the factor into it; None and 1 for unknown spellings.
+
+    SI prefixes of symbols differ by case: mPa, MPa.
+    """
+    text = text.strip()
+    if text.lower() in ("count", "counts", "raw", "adc", "lsb"):
+        return "count", 1.0
+    return _SYMBOLS.get(text) or _WORDS.get(text.lower()) or (None, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

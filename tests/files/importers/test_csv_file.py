@@ -1,6 +1,7 @@
 import numpy as np
 import pandas
 import pytest
+from scipy.interpolate import CubicSpline
 from tests.palms import palm_path
 
 from midair.datasets.strokes import sample_path
@@ -8,6 +9,7 @@ from midair.errors import BrokenFileError, MismatchError, NonFiniteError, RateEr
 from midair.files import load, load_palm_path, open_take, save, save_palm_path
 from midair.files.importers.csv_file import read_table
 from midair.model import SensorGrid
+from midair.recordings import Mending
 
 PAIR = SensorGrid(rows=1, columns=2)
 
@@ -44,23 +46,12 @@ def test_refuses_a_row_left_out(recording, tmp_path):
         load(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize(
-    ("name", "stamps", "rate", "guessed"),
-    [
-        ("time [s]", "0 0.5 1", 2, False),
-        ("time_ms", "100 600 1100", 2, False),
-        ("Timestamp (us)", "0 500 1000", 2000, False),
-        ("t/ns", "0 500 1000", 2e6, False),
-        ("timestamp", "100 600 1100", 2, True),
-        ("time", "0.0 0.01 0.02", 100, True),
-    ],
-)
-def test_reads_the_rate_from_stamps(name, stamps, rate, guessed, write):
-    rows = "".join(f"{stamp}, 1, {i}\n" for i, stamp in enumerate(stamps.split()))
-    seen = open_take(write(f"{name}, a, b\n{rows}"), unit="V", sensor=PAIR)
-    assert seen.recording.rate == pytest.approx(rate)
-    np.testing.assert_allclose(seen.recording.samples[:, 0, 1], [0, 1, 2])
-    assert any("does not state its unit" in sentence for sentence in seen.report) == guessed
+def test_the_first_clock_gives_the_rate_and_others_are_left_out(write):
+    rows = "".join(f"{1.7e18 + 1e6 * i:.0f},{0.1 + i / 1000:.3f},1,{i}\n" for i in range(9))
+    seen = open_take(write(f"time,seconds_elapsed,a,b\n{rows}"), unit="V", sensor=PAIR)
+    assert seen.recording.rate == pytest.approx(1000, rel=1e-4)
+    np.testing.assert_allclose(seen.recording.samples[:, 0, 1], np.arange(9), atol=1e-3)
+    assert seen.report[0] == "Other columns of time were left out: seconds_elapsed."
 
 
 def test_a_comma_at_the_end_shifts_nothing(write):
@@ -70,8 +61,24 @@ def test_a_comma_at_the_end_shifts_nothing(write):
 
 def test_takes_the_common_unit_of_all_names(write):
     assert load(write("time [s],a [Pa],b [Pa]\n0,1,2\n1,2,3\n"), sensor=PAIR).unit == "Pa"
-    with pytest.raises(UnitError, match="does not state the unit"):
-        load(write("time [s],a [Pa],b [V]\n0,1,2\n1,2,3\n"), sensor=PAIR)
+    mixed = load(write("time [s],a [mV],b (V)\n0,1,2\n1,2,3\n"), sensor=PAIR)
+    np.testing.assert_array_equal(mixed.samples[0], [[1e-3, 2]])
+    for other in ("b [V]", "b", "b [N]"):
+        with pytest.raises(UnitError, match="expected one unit in all channels, got"):
+            load(write(f"time [s],a [Pa],{other}\n0,1,2\n1,2,3\n"), sensor=PAIR, unit="Pa")
+    with pytest.raises(UnitError, match="one unit in all channels, got V, mV"):
+        load(write("time [s],a [mV],b (V)\n0,1,2\n1,2,3\n"), sensor=PAIR, scale=2)
+
+
+def test_a_unit_that_is_not_known_is_no_other(write):
+    path = write("time [s],a [N]\n0,1\n1,2\n")
+    with pytest.raises(UnitError, match="expected V, Pa or count, the file states N; give scale"):
+        load(path)
+    with pytest.raises(MismatchError, match="states N, got V; give a scale"):
+        load(path, unit="V")
+    assert load(path, scale=2).samples[1, 0, 0] == 4
+    assert load(path, unit="count").unit == "count"
+    assert load(write("time [s],a (x)\n0,1\n1,2\n"), unit="V").unit == "V"
 
 
 def test_assumes_the_papers_sensor_for_16_channels_and_reports_it(write):
@@ -97,7 +104,7 @@ def test_keeps_the_source(write):
         ("1,2\n3,4\n", {"rate": 10, "sensor": PAIR}, UnitError, "does not state the unit"),
         ("1,2\n3,4\n", {"rate": 10, "unit": "V"}, ShapeError, "2 channels and does not state their layout"),
         ("1,2\n3,4\n", {"rate": 10, "unit": "V", "sensor": SensorGrid()}, MismatchError, "got a sensor of 4 x 4"),
-        ("t,a\n0,1\n1,2\n", {"rate": 10, "unit": "V"}, RateError, "expected about 1 Hz"),
+        ("t [s],a\n0,1\n1,2\n", {"rate": 10, "unit": "V"}, RateError, "expected about 1 Hz"),
         ("a [V]\n1\n2\n", {"rate": 10, "unit": "Pa"}, MismatchError, "the file states V"),
         ("a\xff\x00", {}, BrokenFileError, "got none"),
     ],
@@ -125,14 +132,14 @@ def test_recognises_its_files(table):
     assert recording.sensor == SensorGrid(rows=4, columns=4, pitch=11e-3, name="CPM-finger of FabricSlide")
     assert recording.rate == pytest.approx(1e3 * 423 / (2144987 - 2133112))
     assert recording.frames == 424
-    # Between the first and the last stamp, linear interpolation keeps within the neighbours: hand-picked frames.
+    # Between the first and the last stamp, interpolation keeps close to the neighbours: a frame picked by hand.
     np.testing.assert_array_equal(recording.samples[0].ravel(), table[0, 3:])
     np.testing.assert_allclose(recording.samples[-1].ravel(), table[-1, 3:], atol=1e-6)
     place = 200 / recording.rate * 1e3 + table[0, 0]
     later = int(np.argmax(table[:, 0] > place))
-    part = (place - table[later - 1, 0]) / (table[later, 0] - table[later - 1, 0])
-    expected = (1 - part) * table[later - 1, 3:] + part * table[later, 3:]
-    np.testing.assert_allclose(recording.samples[200].ravel(), expected, atol=1e-6)
+    near = slice(later - 10, later + 10)
+    expected = CubicSpline(table[near, 0], table[near, 3:])(place)
+    np.testing.assert_allclose(recording.samples[200].ravel(), expected, atol=1e-3)
 
 
 def test_reports_changes_and_assumptions():
@@ -190,11 +197,17 @@ def test_rows_that_end_in_a_comma_change_nothing(tmp_path):
 
 def test_repeated_rows_and_gaps_are_reported(tmp_path):
     lines = sample_path("denim").read_text().splitlines()
-    (tmp_path / "a.csv").write_text("\n".join([*lines[:50], lines[49], *lines[50:100], *lines[110:]]))
+    (tmp_path / "a.csv").write_text("\n".join([*lines[:50], lines[49], *lines[50:100], *lines[101:]]))
     seen = open_take(tmp_path / "a.csv")
-    assert any("1 of 415 rows have the time stamp of the row before" in sentence for sentence in seen.report)
-    assert any("1 gaps in the time stamps" in sentence for sentence in seen.report)
+    text = " ".join(seen.report)
+    for part in ("1 of 424 rows repeat stamp and numbers", "99.8 % of 424 rows used", "1 gaps in the time stamps"):
+        assert part in text
+    assert {(event.kind, event.frames) for event in seen.journal} == {("mended", 1)}
     assert seen.recording.frames == pytest.approx(424, abs=1)
+    (tmp_path / "a.csv").write_text("\n".join([*lines[:100], *lines[110:]]))
+    with pytest.raises(NonFiniteError, match="expected gaps of 20 ms at most"):
+        open_take(tmp_path / "a.csv")
+    assert open_take(tmp_path / "a.csv", mending=Mending(longest=0.5)).recording.frames == 424
 
 
 HEAD = "time,x,y,z,nx,ny,nz,dx,dy,dz,confidence\n"

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.importers.header import header_of, known_unit, parse_header, recording_from
+from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.native.schema import HEADER
 
 
@@ -49,22 +49,3 @@ def test_refuses_a_sensor_whose_name_is_a_number(recording, tmp_path):
     header["sensor"]["name"] = -(10**30)
     with pytest.raises(BrokenFileError, match="expected text as the sensor's name"):
         recording_from(header, recording.samples, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "factor"),
-    [
-        ("V", "V", 1),
-        (" Volts ", "V", 1),
-        ("mV", "V", 1e-3),
-        ("microvolts", "V", 1e-6),
-        ("µV", "V", 1e-6),
-        ("Pa", "Pa", 1),
-        ("kPa", "Pa", 1e3),
-        ("counts", "count", 1),
-        ("m/s^2", None, 1),
-        ("", None, 1),
-    ],
-)
-def test_spellings(text, unit, factor):
-    assert known_unit(text) == (unit, factor)

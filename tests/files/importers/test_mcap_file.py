@@ -76,9 +76,7 @@ def test_several_topics_need_a_name(mcap, samples, file):
 
 def test_a_killed_recorder_leaves_complete_records(mcap, samples, file):
     data = mcap({"/skin": [frame.tolist() for frame in samples]}, chunk_size=2000)
-    assert open_take(file(data), unit="V").report == (
-        "The file does not state the pitch of the sensor: 11 mm was assumed.",
-    )
+    assert "not closed" not in " ".join(open_take(file(data), unit="V").report)
     for kept in (len(data) // 2, len(data) - 20):
         seen = open_take(file(data[:kept]), unit="V")
         assert seen.report[0] == "The file was not closed: complete records were read."

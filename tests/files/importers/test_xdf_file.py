@@ -5,7 +5,7 @@ import builtins
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, MismatchError, MissingExtraError
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError, NonFiniteError
 from midair.files import load, open_take
 
 LABELS = tuple(f"mic{i}" for i in range(16))
@@ -50,6 +50,21 @@ def test_removes_network_jitter(xdf, samples, file):
     recording = load(file(xdf.whole(xdf(samples, stamps=stamps))), unit="V")
     np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
     assert recording.rate == pytest.approx(1000, rel=2e-3)
+
+
+@pytest.mark.parametrize("clocks", [True, False])
+def test_lost_samples_leave_every_frequency(clocks, xdf, samples, file):
+    """Before, 400 of 10,400 lost samples made 943 Hz of 1000 Hz."""
+    keep = np.r_[0:100, 108:200]
+    data = xdf.whole(xdf(samples[keep], stamps=100 + keep / 1000, labels=LABELS, unit="V", clocks=clocks))
+    seen = open_take(file(data))
+    assert seen.recording.rate == pytest.approx(1000, rel=1e-9)
+    np.testing.assert_array_equal(seen.recording.samples.reshape(-1, 16)[keep], samples[keep])
+    assert "100 % of 192 rows used, 4 % of 200 frames filled" in " ".join(seen.report)
+    keep = np.r_[0:100, 130:3000]
+    numbers = np.random.default_rng(1).normal(size=(len(keep), 1))
+    with pytest.raises(NonFiniteError, match="gaps of 20 ms at most, got 30 frames"):
+        load(file(xdf.whole(xdf(numbers, stamps=100 + keep / 1000, clocks=clocks))), unit="V")
 
 
 def test_several_streams_need_a_name(xdf, samples, file):

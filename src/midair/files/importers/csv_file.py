@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,7 @@ from midair.files.atomic import atomic_file, write_file
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.text_files import read_text, without_formulas
-from midair.files.timestamps import to_fixed_rate
-from midair.model import Calibration, PalmPath, Recording, SensorGrid, Unit
+from midair.model import Calibration, PalmPath, Recording, SensorGrid
 from midair.progress import report_progress
 from midair.streaming import blocks
 from midair.validation import is_number
@@ -174,7 +173,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
 def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a CSV of midair, of FabricSlide, or of any program that writes one channel per column.
 
-    A column named time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
+    A column named time, timestamp or t gives the rate; brackets in the other names give the unit.
     """
     # utf-8-sig, because a byte-order mark would become a part of the first name.
     text = path.read_bytes().decode("utf-8-sig")
@@ -182,24 +181,26 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
     if table.names == FABRICSLIDE:
-        even = to_fixed_rate(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
         layout = {} if given.sensor else {"layout": _LAYOUT}
         return ImportedData(
-            samples=even.samples,
+            samples=table.values[:, 3:],
             form="CSV of FabricSlide",
-            rate=even.rate,
+            stamps=table.values[:, 0],
+            clock="time [ms]",
             unit="count",
             names=FABRICSLIDE[3:],
             sensor=SensorGrid(name="CPM-finger of FabricSlide"),
             notes={**_named(path)[0], **layout},
-            settings={"left_out": FABRICSLIDE[1:3], "rate_hz": even.rate, "interpolation": "linear"},
-            report=(*even.report, "Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
+            settings={"left_out": FABRICSLIDE[1:3]},
+            report=("Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
         ).resolve(given, path)
     notes, report = _named(path)
     if table.names in _CLUSTER and notes:
         given = replace(given, rate=given.rate or 6000.0)
-    found = _foreign(table, given)
-    return replace(found, notes=notes, report=(*report, *found.report)).resolve(given, path)
+    units = tuple(found[1] if (found := _UNIT.search(name)) else "" for name in table.names)
+    return ImportedData(
+        samples=table.values, form="CSV", names=table.names, units=units, notes=notes, report=report
+    ).resolve(given, path)
 
 
 def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
@@ -212,44 +213,8 @@ def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
     return OpenedTake(recording=recording)
 
 
-def _foreign(table: TextTable, given: ImportOptions) -> ImportedData:
-    clock = next((i for i, name in enumerate(table.names) if _TIME.fullmatch(name)), None)
-    if clock is None:
-        return ImportedData(samples=table.values, form="CSV", names=table.names, units=_units(table.names))
-    seconds, report = _seconds(table, clock)
-    names = tuple(name for i, name in enumerate(table.names) if i != clock)
-    even = to_fixed_rate(seconds, np.delete(table.values, clock, axis=1), rate=given.rate)
-    return ImportedData(
-        samples=even.samples,
-        form="CSV",
-        rate=even.rate,
-        names=names,
-        units=_units(names),
-        settings={"columns": names, "rate_hz": even.rate, "interpolation": "linear"},
-        report=(*report, *even.report),
-    )
-
-
-_TIME = re.compile(r"(?:time|timestamp|t)[\s_]*(?:[\[(/]?\s*(s|sec|seconds|ms|us|µs|μs|ns)\s*[\])]?)?", re.IGNORECASE)
-_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-
-
-def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Time stamps in s, and a report if their unit was assumed: ms for integers at least 2 apart, otherwise s."""
-    stamps = table.values[:, clock]
-    name = table.names[clock]
-    found = _TIME.fullmatch(name)
-    unit = found.group(1) if found else None
-    if unit is not None:
-        return stamps * _SECONDS[unit.lower()], ()
-    whole = len(stamps) > 1 and (stamps == np.round(stamps)).all() and np.median(np.diff(stamps)) >= 2
-    guessed = "ms" if whole else "s"
-    return stamps * _SECONDS[guessed], (f"Column {name!r} does not state its unit: {guessed} was assumed.",)
-
-
-def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
-    units: tuple[Unit, ...] = get_args(Unit)
-    return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)
+_UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")
+"""A unit in brackets at the end of a name; a digit or an axis is none."""
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)

@@ -1,9 +1,8 @@
-"""JSON header in one line, for formats that cannot store rate, unit, sensor and provenance; spellings of units."""
+"""JSON header in one line, for formats that cannot store rate, unit, sensor and provenance."""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.native import check_format, from_plain, signature, to_plain
 from midair.files.text_files import json_of
-from midair.model import Recording, SensorGrid, Unit
+from midair.model import Recording, SensorGrid
 from midair.streaming import each_frame
 
 
@@ -60,20 +59,3 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
         unit=header["unit"],
         provenance=from_plain(header["provenance"]),
     )
-
-
-_SPELLED: Mapping[str, tuple[Unit, float]] = MappingProxyType(
-    {
-        **dict.fromkeys(("v", "volt", "volts"), ("V", 1.0)),
-        **dict.fromkeys(("mv", "millivolt", "millivolts"), ("V", 1e-3)),
-        **dict.fromkeys(("uv", "µv", "μv", "microvolt", "microvolts"), ("V", 1e-6)),
-        **dict.fromkeys(("pa", "pascal", "pascals"), ("Pa", 1.0)),
-        **dict.fromkeys(("kpa", "kilopascal", "kilopascals"), ("Pa", 1e3)),
-        **dict.fromkeys(("count", "counts", "raw", "adc", "lsb"), ("count", 1.0)),
-    }
-)
-
-
-def known_unit(text: str) -> tuple[Unit | None, float]:
-    """Unit of a recording for a spelling, and the factor into it; None and 1 for unknown spellings."""
-    return _SPELLED.get(text.strip().lower(), (None, 1.0))

@@ -19,7 +19,6 @@ from midair.files.atomic import reason
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.size_limits import check_expansion
 from midair.files.text_files import json_of
-from midair.files.timestamps import to_fixed_rate
 
 _NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64")
 _ROS = {f"std_msgs/msg/{name}MultiArray": np.dtype(name.lower()).str[1:] for name in _NUMBERS}
@@ -64,15 +63,14 @@ def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
     rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
     # Subtract as integers first, because float64 rounds absolute times to 256 ns.
     stamps = np.array([time - topic.messages[0][0] for time, _ in topic.messages], np.float64) * 1e-9
-    even = to_fixed_rate(stamps, rows.reshape(len(rows), -1), rate=given.rate)
     return ImportedData(
-        samples=even.samples.reshape(len(even.samples), *rows.shape[1:]),
+        samples=rows,
         form="MCAP",
-        rate=even.rate,
+        stamps=stamps,
         names=names,
         notes={"topic": name},
-        settings={"topic": name, "rate_hz": even.rate},
-        report=(*(("The file was not closed: complete records were read.",) if cut else ()), *even.report),
+        settings={"topic": name},
+        report=("The file was not closed: complete records were read.",) if cut else (),
     ).resolve(given, path)
 
 

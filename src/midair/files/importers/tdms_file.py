@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.importers.header import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
@@ -47,13 +46,12 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
     if len({len(column) for column in columns}) != 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(channels, columns, strict=True))
         raise BrokenFileError(f"{path}: expected channels of one length in group {group!r}, got {lengths}")
-    units = [known_unit(str(channel.properties.get("unit_string", ""))) for channel in channels.values()]
     return ImportedData(
-        samples=np.stack(columns, axis=1) * np.array([1.0 if given.scale else factor for _, factor in units]),
+        samples=np.stack(columns, axis=1),
         form="TDMS",
         rate=_rate(channels, path),
         names=tuple(channels),
-        units=tuple(unit for unit, _ in units),
+        units=tuple(str(channel.properties.get("unit_string", "")) for channel in channels.values()),
         notes={"group": group},
         settings={"group": group},
         report=("The file was not closed: complete records were read.",) if cut else (),

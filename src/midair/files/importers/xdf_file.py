@@ -1,6 +1,7 @@
 """XDF, the format of LabRecorder for Lab Streaming Layer: one stream of numbers becomes a recording.
 
-pyxdf synchronises clocks and removes jitter; its warnings become a part of the report.
+pyxdf synchronises clocks; its warnings become a part of the report. It does not remove jitter, because it would take
+lost samples for jitter.
 """
 
 import logging
@@ -12,10 +13,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
-from midair.files.importers.header import known_unit
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
-from midair.files.timestamps import to_fixed_rate
-from midair.model import Unit
 
 
 def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
@@ -25,7 +23,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     except ImportError as wrong:
         raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
     with _captured_log("pyxdf") as messages, path.open("rb") as file:
-        streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=True)
+        streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=False)
     usable = [stream for stream in streams if isinstance(stream["time_series"], np.ndarray)]
     usable = [stream for stream in usable if len(stream["time_series"]) > 1]
     names = ", ".join(f"{_first(stream['info'], 'name')} ({len(stream['time_series'])})" for stream in streams)
@@ -39,30 +37,27 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     stream = usable[0]
     info = stream["info"]
     channels = _channels(info)
-    scale = np.array([1.0 if given.scale else factor for _, _, factor in channels] or [1.0])
-    samples = np.asarray(stream["time_series"], np.float64)
-    stamps = np.asarray(stream["time_stamps"], np.float64)
-    even = to_fixed_rate(stamps, samples * scale, rate=given.rate)
     return ImportedData(
-        samples=even.samples,
+        samples=np.asarray(stream["time_series"], np.float64),
         form="XDF",
-        rate=even.rate,
-        names=tuple(name for name, _, _ in channels),
-        units=tuple(unit for _, unit, _ in channels),
+        stamps=np.asarray(stream["time_stamps"], np.float64),
+        nominal=float(_first(info, "nominal_srate") or 0) or None,
+        names=tuple(name for name, _ in channels),
+        units=tuple(unit for _, unit in channels),
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
-        settings={"stream": _first(info, "name"), "rate_hz": even.rate, "nominal_hz": _first(info, "nominal_srate")},
-        report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)), *even.report),
+        settings={"stream": _first(info, "name"), "nominal_hz": _first(info, "nominal_srate")},
+        report=tuple(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)),
     ).resolve(given, path)
 
 
-def _channels(info: Mapping[str, Any]) -> list[tuple[str, Unit | None, float]]:
-    """Name, unit and factor of each channel; empty if the description does not list all."""
-    listed: list[tuple[str, Unit | None, float]] = []
-    for described in info.get("desc") or []:
-        for part in (described or {}).get("channels") or []:
-            for channel in (part or {}).get("channel") or []:
-                unit, factor = known_unit(_first(channel, "unit"))
-                listed.append((_first(channel, "label"), unit, factor))
+def _channels(info: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Name and unit of each channel; empty if the description does not list all."""
+    listed = [
+        (_first(channel, "label"), _first(channel, "unit"))
+        for described in info.get("desc") or []
+        for part in (described or {}).get("channels") or []
+        for channel in (part or {}).get("channel") or []
+    ]
     return listed if len(listed) == int(_first(info, "channel_count") or 0) else []
 
 
