@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.devices.sensors.frame_numbers import CountedFrames, StampedFrames, SteadyStamps
+from midair.devices.sensors.frame_numbers import CountedFrames, StampedFrames, StatedRate, SteadyStamps
+from midair.errors import RateError
 
 
 def blocks(values, size):
@@ -178,3 +179,21 @@ def test_a_small_step_of_the_stamps_loses_no_frames():
     number, true, jumps = arriving(lambda sent: np.where(sent >= 3000, -0.1, 0))
     np.testing.assert_array_equal(number, true)
     assert jumps == []
+
+
+@pytest.mark.parametrize("push", [1e-3, 20e-3, 50e-3])
+@pytest.mark.parametrize("lost", [(), [(50, 60)]])
+def test_stamps_that_fit_the_stated_rate_are_taken(push, lost):
+    stated = StatedRate(1000)
+    for _, stamps in stream(seconds=3, rate=1000, push=push, jitter=2e-3, lost=lost):
+        stated.check(stamps)
+
+
+@pytest.mark.parametrize(("rate", "chunk", "after"), [(500, 1, 0.3), (500, 50, 1), (2000, 1, 2.1), (2000, 50, 2.1)])
+def test_a_sender_of_another_rate_is_refused(rate, chunk, after):
+    """Before, 1126 of 3000 frames were invented."""
+    stated = StatedRate(1000)
+    stamps = np.repeat(np.arange(0, 4000, chunk) / rate, chunk)
+    with pytest.raises(RateError, match=rf"expected stamps 1 ms apart at the stated 1000 Hz, got {1e3 / rate:g}"):
+        for block in blocks(stamps[: round(after * 1000)], 10):
+            stated.check(block)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.devices.sensors.sources import Samples
+from midair.errors import RateError
+from midair.recordings import typical_period
 
 Numbers = NDArray[np.int64]
 
@@ -101,6 +103,32 @@ class SteadyStamps:
             self._shift += step
             self.jumps, self.last = self.jumps + 1, step
         return replace(run, stamp=run.stamp - self._shift, jump=step)
+
+
+class StatedRate:
+    """Refuses a sender whose stamps contradict its `rate` (Hz).
+
+    Stamps too far apart are seen after 0.2 s of frames. Too close ones are after 2 s, because a burst looks like them.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._stamps: Array | None = np.zeros(0)
+
+    def check(self, stamps: Array) -> None:
+        """Add stamps (s) of further frames; RateError if their typical distance contradicts the rate."""
+        if self._stamps is None:
+            return
+        self._stamps = np.concatenate([self._stamps, stamps])
+        if len(self._stamps) < 0.2 * self._rate or np.count_nonzero(np.diff(self._stamps)) < 8:
+            return
+        measured, enough = 1 / typical_period(self._stamps), len(self._stamps) > 2 * self._rate
+        if measured < 0.75 * self._rate or (enough and measured > 1.5 * self._rate):
+            raise RateError(
+                f"lsl: expected stamps {1e3 / self._rate:.4g} ms apart at the stated {self._rate:g} Hz, "
+                f"got {1e3 / measured:.4g} ms; correct the rate of the sender"
+            )
+        self._stamps = None if enough else self._stamps
 
 
 class StampedFrames:

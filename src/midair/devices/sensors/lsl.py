@@ -17,21 +17,11 @@ from pydantic import PositiveFloat
 from pylsl.util import LostError, TimeoutError
 
 from midair.devices.liblsl import inlet_of_numbers, quiet_liblsl
-from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, SteadyStamps, runs
+from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, StatedRate, SteadyStamps, runs
 from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, opened
 from midair.devices.sensors.thermometer import Thermometer
-from midair.errors import DeviceError, InputError, RateError
-from midair.model import Unit
-
-_WORDS: dict[tuple[Unit, float], str] = {
-    ("V", 1.0): "v volt volts",
-    ("V", 1e-3): "mv millivolts",
-    ("V", 1e-6): "uv microvolts",
-    ("Pa", 1.0): "pa pascal pascals",
-    ("count", 1.0): "count counts",
-}
-UNITS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
-"""Texts that senders write into the field "unit" of a channel, in lower case."""
+from midair.errors import DeviceError, InputError, RateError, UnitError
+from midair.model import known_unit
 
 
 class LslSource:
@@ -51,6 +41,7 @@ class LslSource:
         self._full = False  # the counter has reached its limit
         self._stamped, self._steady = StampedFrames(1.0), SteadyStamps(1.0)
         self._waiting: deque[Chunk] = deque()
+        self._stated = StatedRate(1.0)
         self._host_name = ""
 
     def open(self) -> Stream:
@@ -82,8 +73,13 @@ class LslSource:
             channels -= 1
         self._host_name = str(info.hostname())
         stated = info.get_channel_units() or []
-        names = {(name or "").lower() for at, name in enumerate(stated) if at != self._counter}
-        unit, scale = UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
+        units = {known_unit(name or "") for at, name in enumerate(stated) if at != self._counter}
+        if len(units) > 1 and any(factor != 1 for _, factor in units):
+            named = ", ".join(sorted({name or "none" for name in stated}))
+            raise UnitError(
+                f"lsl: expected one unit in all channels of {self._name!r}, got {named}; correct the sender"
+            )
+        unit, scale = units.pop() if len(units) == 1 else (None, 1.0)
         stored = "f4" if info.channel_format() in (pylsl.cf_float32, pylsl.cf_int16, pylsl.cf_int8) else "f8"
         return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
@@ -99,6 +95,7 @@ class LslSource:
         self._counted, self._full = None, False
         self._stamped, self._steady = StampedFrames(self._rate), SteadyStamps(self._rate)
         self._waiting.clear()
+        self._stated = StatedRate(self._rate)
 
     def pull(self, wait: float) -> Chunk | None:
         """Return received frames; host times are the sender's stamps converted to this computer's clock."""
@@ -165,6 +162,7 @@ class LslSource:
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
         """Frames with known numbers, in runs without a gap; the first one since start is 0."""
+        self._stated.check(stamps)
         arrived = pylsl.local_clock() - self._correction
         if self._counter is None:
             yield from self._stamped.add(samples, stamps, arrived=arrived)
