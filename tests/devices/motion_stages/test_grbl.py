@@ -12,6 +12,7 @@ import serial
 from tests.simulators.grbl import GrblSimulator
 from tests.waiting import wait_until
 
+from midair.devices.motion_stages import grbl
 from midair.devices.motion_stages.grbl import GrblStage
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
 from midair.model import speed_of
@@ -120,6 +121,44 @@ def test_a_machine_that_falls_silent_is_held_and_given_up(machine):
             go(stage, FAR, 0.02)
     # The hold did reach this one.
     assert machine.state == "Hold:0"
+
+
+class Hal(GrblSimulator):
+    """Greets as grblHAL, and can restart in a move without an alarm, as after a loss of power."""
+
+    def _greet(self):
+        self._say("GrblHAL 1.1f ['$' or '$HELP' for help]")
+
+    def lose_power(self):
+        self._plan.clear()
+        self._now, self._dwell, self._place = None, None, np.zeros(3)
+        self._greet()
+
+
+@pytest.mark.parametrize("machine", [GrblSimulator, Hal], indirect=True)
+def test_an_answer_that_is_lost_ends_the_move_after_its_time(machine, monkeypatch):
+    """Before, the stage waited for it without end."""
+    monkeypatch.setattr(grbl, "MARGIN", 0.2)
+    say = machine._say
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        machine._say = lambda line: None if line == "ok" and machine.lines[-1].startswith("G4") else say(line)
+        said = (
+            r"answer to G4P0\.01 within 0\.[0-9]+ s, got none; it reports Idle at x -2\.000.*was stopped at x -2\.000"
+        )
+        with pytest.raises(LinkLostError, match=said):
+            go(stage, (-0.002, -0.001, -0.001), 0.1)
+        machine._say = say
+        assert go(stage, (-0.003, -0.001, -0.001))[0] is not None
+
+
+@on(Hal)
+def test_a_machine_that_restarts_in_a_move_is_noticed(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        threading.Timer(0.2, machine.lose_power).start()
+        with pytest.raises(DeviceError, match="was reset or restarted; home it again"):
+            go(stage, FAR, 0.05)
 
 
 def test_the_error_of_a_lost_port_names_the_remaining_motion(machine):

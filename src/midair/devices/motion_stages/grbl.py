@@ -5,6 +5,7 @@ program is killed or hangs during a move, its guard (`port_guard`) stops the mac
 interface.md and commands.md.
 """
 
+import math
 import os
 import sys
 import time
@@ -15,7 +16,14 @@ from typing import Any
 import serial
 
 from midair.devices.interface import StageDevice
-from midair.devices.motion_stages.grbl_messages import STATES, Outbox, StatusReport, parse_status, with_meaning
+from midair.devices.motion_stages.grbl_messages import (
+    GREETINGS,
+    STATES,
+    Outbox,
+    StatusReport,
+    parse_status,
+    with_meaning,
+)
 from midair.devices.safety import PortGuard, device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached
@@ -29,8 +37,8 @@ ANSWER_LIMIT = 2.0
 DAMAGED_LIMIT = 4
 """Number of damaged status reports in a row at which the connection counts as lost."""
 
-HOMING = 120.0
-"""Time limit for homing in s, during which Grbl does not answer."""
+HOMING, MARGIN = 120.0, 2.0
+"""Time limits in s: for homing, during which Grbl does not answer; for a move, beyond the time that it takes."""
 
 HOLD, RESET, QUERY = b"!", b"\x18", b"?"
 
@@ -104,7 +112,7 @@ class GrblStage(StageDevice):
             raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
         for line in ("$$", "$I"):
             self._send(line)
-        self._until_answered(ANSWER_LIMIT)
+        self._until_answered(lambda: ANSWER_LIMIT)
         if not self._version.startswith("1.1"):
             raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
         if pressed := sorted(set(report.pins) & set("XYZ")):
@@ -123,7 +131,7 @@ class GrblStage(StageDevice):
         try:
             with self._guarded_motion():
                 self._send("$H")
-                self._until_answered(HOMING, stopped)
+                self._until_answered(lambda: HOMING, stopped)
         except BaseException:
             # During homing Grbl ignores a hold, but not a reset.
             with suppress(DeviceError):
@@ -148,10 +156,10 @@ class GrblStage(StageDevice):
         with self._guarded_motion():
             try:
                 self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
-                self._until_answered(ANSWER_LIMIT, stopped, stamp)
+                self._until_answered(lambda: ANSWER_LIMIT, stopped, stamp)
                 begin = time.monotonic()
                 self._send("G4P0.01")
-                arrived = self._until_answered(None, stopped, stamp)
+                arrived = self._until_answered(lambda: self._time_left(target, speed), stopped, stamp)
                 end = time.monotonic()
                 if arrived:
                     stamp(self._stamp(self._query_status()))
@@ -163,6 +171,17 @@ class GrblStage(StageDevice):
                 raise
             self._hold()
             return None
+
+    def _time_left(self, target: Place, speed: float) -> float:
+        """Time limit in s for the rest of a move, at the rates and accelerations of its axes."""
+        start = self._stamp(self._report or self._query_status()).position
+        ways = [abs(end - begin) for begin, end in zip(start, target, strict=True)]
+        way, growth = math.hypot(*ways), math.inf
+        for axis, part in enumerate(ways):
+            if part > 0:
+                speed = min(speed, way / part * self._setting(110 + axis) / 60e3)
+                growth = min(growth, way / part * self._setting(120 + axis) / 1e3)
+        return way / speed + speed / growth + MARGIN
 
     @contextmanager
     def _guarded_motion(self) -> Generator[None]:
@@ -203,26 +222,34 @@ class GrblStage(StageDevice):
 
     def _until_answered(
         self,
-        limit: float | None,
+        limit: Callable[[], float],
         stopped: Callable[[], bool] = lambda: False,
         stamp: Callable[[StageStamp], object] | None = None,
     ) -> bool:
         """Send and read until every line was answered; False if `stopped` first.
 
-        With `stamp`, the position is queried continuously; without, Grbl may be silent for up to `limit` s.
+        With `stamp`, the position is queried continuously. Raises LinkLostError after `limit` in s, which is renewed
+        when a report makes it shorter: a machine that moves slowly has time, one that has ended or restarted has none.
         """
-        end = None if limit is None else time.monotonic() + limit
+        least = limit()
+        end = time.monotonic() + least
         while not self._outbox.empty:
             if stopped():
                 return False
-            if end is not None and time.monotonic() > end:
-                raise LinkLostError(f"{self.name}: expected an answer within {limit:g} s, got none")
+            if time.monotonic() > end:
+                state = "" if self._report is None else f"; it reports {self._report.state} at {self._position_text()}"
+                raise LinkLostError(
+                    f"{self.name}: expected the answer to {self._outbox.first} within {least:.3g} s, got none{state}; "
+                    "check the cable, and home the machine if it was reset"
+                )
             self._write(self._outbox.due())
             if stamp is not None:
                 self._query_when_due()
             if (report := self._listen()) is not None and stamp is not None:
                 self._check_moving(report)
                 stamp(self._stamp(report))
+                if (left := limit()) < least:
+                    least, end = left, time.monotonic() + left
         return True
 
     def _check_moving(self, report: StatusReport) -> None:
@@ -280,7 +307,7 @@ class GrblStage(StageDevice):
         elif line.startswith("ALARM:"):
             self._locked = True
             raise DeviceError(f"{self.name}: {with_meaning(line)}; reset the machine, inspect it, and home it again")
-        elif line.startswith("Grbl "):
+        elif line.startswith(GREETINGS):
             self._greeted = True
             self._outbox.clear()
             # In a hold the guard may have reset it; a reset in motion would show as an alarm.

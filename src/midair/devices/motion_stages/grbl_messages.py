@@ -15,6 +15,9 @@ from midair.model import Place
 RECEIVES = 128
 """Bytes of Grbl's receive buffer; it drops the excess without an error."""
 
+GREETINGS = ("Grbl ", "GrblHAL ")
+"""Begin of the line that Grbl and grblHAL send after a reset."""
+
 _STORED = tomllib.loads(Path(__file__).with_name("grbl_messages.toml").read_text(encoding="utf-8"))
 MEANINGS: Mapping[str, str] = _STORED["alarms_and_errors"]
 STATES: Mapping[str, str] = _STORED["states"]
@@ -77,6 +80,11 @@ class Outbox:
     def empty(self) -> bool:
         """True if every line was answered."""
         return not (self._waiting or self._sent)
+
+    @property
+    def first(self) -> str:
+        """The line whose answer comes next; empty if every line was answered."""
+        return next(iter((*self._sent, *self._waiting)), "")
 
     def add(self, line: str) -> None:
         """Queue a line, without its end."""
