@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pandas import DataFrame, Series, concat
+from pandas import DataFrame, concat
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_file, atomic_folder, no_formula, read_toml
 from midair.study.design import Design
 from midair.study.findings import Finding
+from midair.study.statistics import typed
 from midair.version import __version__
 
 _COLUMNS = read_toml(Path(__file__).with_name("columns.toml"), "explanations of columns")
@@ -175,16 +176,7 @@ def _read_fields(path: Path) -> DataFrame:
 
 def _typed(words: DataFrame, *, but: Sequence[str] = ()) -> DataFrame:
     names = [name for name in words.columns.tolist() if name not in but]
-    return words.assign(**{name: _typed_column(words.loc[:, name]) for name in names})
-
-
-def _typed_column(column: Series) -> Series:
-    if column.isin(["true", "false", "True", "False"]).all():
-        return column.str.lower() == "true"
-    try:
-        return column.astype(float)
-    except ValueError:
-        return column
+    return words.assign(**{name: typed(words.loc[:, name]) for name in names})
 
 
 def write_separated(table: DataFrame, path: Path, delimiter: str) -> None:

@@ -8,7 +8,7 @@ from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative
 from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
-from midair.study.tables import legend_of
+from midair.study.tables import legend_of, read_csv
 
 PEOPLE = ["1"] * 4
 
@@ -16,8 +16,8 @@ PEOPLE = ["1"] * 4
 @pytest.mark.parametrize(
     ("presented", "answered", "why"),
     [
-        ([1.0, 2, 3, 1], ["1", "2", "n/a", "1"], r"column 'b': .* got 'n/a' where the other column has numbers"),
-        (["1", "n/a", "2", "1"], [1.0, 2, 3, 1], r"column 'a': .* got 'n/a'"),
+        ([1.0, 2, 3, 1], ["1", "2", "none", "1"], r"column 'b': .* got 'none' where the other column has numbers"),
+        (["1", "none", "2", "1"], [1.0, 2, 3, 1], r"column 'a': .* got 'none'"),
         ([1.0, 2, 3, 1], ["brush", "towel", "brush", "brush"], "got 'brush' where"),
     ],
 )
@@ -26,7 +26,7 @@ def test_labels_of_mixed_kinds_are_refused(presented, answered, why):
         data_of_columns({"p": PEOPLE, "a": presented, "b": answered}, participant="p", presented="a", answered="b")
 
 
-@pytest.mark.parametrize("labels", [["brush", "n/a", "towel", "brush"], [1.0, 2.0, 3.0, 1.0]])
+@pytest.mark.parametrize("labels", [["brush", "none", "towel", "brush"], [1.0, 2.0, 3.0, 1.0]])
 def test_labels_of_one_kind_are_accepted(labels):
     data = data_of_columns({"p": PEOPLE, "a": labels, "b": labels[::-1]}, participant="p", presented="a", answered="b")
     assert data.choices["presented"].tolist() == labels
@@ -311,3 +311,52 @@ def test_few_wrong_answers_are_reported():
 def test_the_mixed_model_states_when_there_are_too_few_people(people, too_few):
     report = analyse(data_of_columns(choices(people=people), **NAMES), draws=20)
     assert ("too few people for this test" in found(report, "Mixed model").words) == too_few
+
+
+PSYCHOPY = """\
+practice.thisN,trials.thisN,object,surface,keys,slider,participant,
+,,,,,,01,
+0,,1,low,1,,01,
+,0,1,low,1,4,01,
+,0,1,low,1,4,01,
+,1,2,high,None,,01,
+,2,2,high,,3,01,
+,,,,,,01,
+,0,2,low,2,5,1,
+,1,1,high,1,6,S 2,
+,1,1,high,1,6,s02,
+"""
+
+
+def test_rows_of_other_programs_that_are_no_trials_are_left_out_and_counted(tmp_path):
+    (tmp_path / "a.csv").write_text(PSYCHOPY)
+    table = read_csv(tmp_path / "a.csv")
+    names = {"participant": "participant", "presented": "object", "answered": "keys", "condition": "surface"}
+    data = data_of_columns(table, **names, rating="slider", within=["surface"], where=[("practice.thisN", "")])
+    assert data.choices["answered"].tolist() == ["1", "1", "None", "2", "1", "1"]
+    assert data.ratings["rating"].tolist() == [4, 4, 3, 5, 6, 6]
+    assert data.notes == (
+        "1 of 10 rows are left out, since practice.thisN is not empty there.",
+        "2 of 9 rows are left out, since object is empty there.",
+        "1 of 7 rows are left out, since keys is empty there.",
+        "1 of 6 rows equal an earlier row in every column; remove them if they are copies.",
+        "'01' and '1' are counted as 2 people; spell each person in one way.",
+        "'S 2' and 's02' are counted as 2 people; spell each person in one way.",
+        "3 of 9 rows are left out, since slider is empty there.",
+    )
+    words = found(analyse(data, draws=10), "Participants").words
+    assert words.startswith("4 participant(s), 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
+
+
+@pytest.mark.parametrize(
+    ("where", "left"),
+    [(("x", "2"), 2), (("x", "2.0"), 2), (("x", "n/a"), 1), (("s", "true"), 3), (("w", "01"), 1), (("w", ""), 1)],
+)
+def test_rows_are_selected_by_the_value_of_a_column(where, left):
+    table = {"p": ["a", "b", "c", "d"], "o": [1.0, 2, 1, 2], "x": [2.0, 1, np.nan, 2], "s": [True, False, True, True]}
+    names = {"participant": "p", "presented": "o", "answered": "o"}
+    assert len(data_of_columns(table | {"w": ["01", "1", "", "x"]}, **names, where=[where]).choices) == left
+    with pytest.raises(InputError, match="expected rows to analyse, got none: in all 4 rows x is not '7'"):
+        data_of_columns(table, **names, where=[("x", "7")])
+    with pytest.raises(InputError, match="expected a column 'y'"):
+        data_of_columns(table, **names, where=[("y", "7")])

@@ -208,6 +208,7 @@ def _participants_finding(data: StudyData) -> Finding:
         if data.left_out
         else "."
     )
+    words = " ".join([words, *data.notes])
     if data.excluded is not None:
         out = sorted(set(data.excluded["participant"].tolist()))
         words += f" The plan excludes {', '.join(out)}." if out else " The plan excludes no participant."

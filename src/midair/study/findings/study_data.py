@@ -1,16 +1,18 @@
 """Input of an analysis: choices, ratings and other answers, independent of their origin."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pandas import DataFrame
+from numpy.typing import NDArray
+from pandas import DataFrame, Series
 
 from midair.errors import InputError
 from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
-from midair.study.statistics import column, frame_of
+from midair.study.statistics import BLANK, any_column, column, frame_of, is_blank, typed
 from midair.validation import is_number
 
 _SINGLE = ("yes-no", "same-different", "magnitude")
@@ -57,6 +59,8 @@ class StudyData:
     """Number of answers that are not analysed: familiarisation, and exclusions by the plan."""
     files: str = ""
     """Result of the check of plan, drives and logs (`verify_study`); empty for imported tables."""
+    notes: tuple[str, ...] = ()
+    """Sentences on an imported table: rows that are left out, rows and people that may be counted twice."""
 
 
 def data_of_answers(
@@ -133,20 +137,36 @@ def data_of_columns(
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
     simulated: bool = False,
+    where: Sequence[tuple[str, str]] = (),
 ) -> StudyData:
-    """Answers from the named columns of any table, such as earlier data of a laboratory.
+    """Answers from the named columns of any table, such as the data of another program or of earlier studies.
 
-    The other options are those of `Analysis`. Raises InputError if a column is missing, or neither choices nor ratings
-    are named.
+    `where` names columns and the value that a row must have in each to be used. Rows without a value in a named column
+    are no trials and are left out; `StudyData.notes` states how many. The other options are those of `Analysis`. Raises
+    InputError if a column is missing, no row is left, or neither choices nor ratings are named.
     """
     data = frame_of(table)
+    notes: list[str] = []
+    for name, value in where:
+        unlike = f"{name} is not {value!r}" if value else f"{name} is not empty"
+        data = _kept_rows(data, _equals(any_column(data, name), value), unlike, notes)
     choices = ratings = None
     if presented and answered:
-        choices = _choices(data, condition, participant=participant, presented=presented, answered=answered)
+        named = (participant, presented, answered, *([condition] if condition else []))
+        rows = _filled_rows(data, named, notes)
+        texts = [name for name in (presented, answered) if all(isinstance(label, str) for label in rows[name])]
+        numbers = {name: typed(rows.loc[:, name]) for name in texts}
+        # Without the empty fields all labels may be numbers.
+        if all(labels.dtype == float for labels in numbers.values()):
+            rows = rows.assign(**numbers)
+        choices = _choices(rows, condition, participant=participant, presented=presented, answered=answered)
+        _note_doubles(rows, participant, notes)
     if rating:
         if not within:
             raise InputError("ratings: expected the factors of the analysis of variance (`within`), got none")
-        ratings = _ratings(data, participant=participant, value=rating, factors=(*within, *between))
+        rows = _filled_rows(data, (participant, rating, *within, *between), notes)
+        ratings = _ratings(rows, participant=participant, value=rating, factors=(*within, *between))
+        _note_doubles(rows, participant, notes)
     if choices is None and ratings is None:
         raise InputError("columns: expected `presented` and `answered`, or `rating` and `within`, got neither")
     return StudyData(
@@ -158,7 +178,49 @@ def data_of_columns(
         foils=foils,
         margin=margin,
         simulated=simulated,
+        notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _equals(values: Series, text: str) -> NDArray[np.bool_]:
+    """Whether each value is that of this field of a table."""
+    if text in BLANK:
+        return is_blank(values)
+    if values.dtype == bool:
+        return (values.astype(str) == text.capitalize()).to_numpy(bool)
+    number = values.dtype.kind in "if" and is_number(text)
+    return (values == float(text) if number else values.astype(str) == text).to_numpy(bool)
+
+
+def _filled_rows(data: DataFrame, names: Sequence[str], notes: list[str]) -> DataFrame:
+    """Rows with a value in each of these columns: other programs write rows for instructions, breaks and loops."""
+    for name in names:
+        blank = is_blank(any_column(data, name))
+        data = _kept_rows(data, ~blank, f"{name} is empty", notes)
+    return data
+
+
+def _kept_rows(data: DataFrame, kept: NDArray[np.bool_], unlike: str, notes: list[str]) -> DataFrame:
+    if not kept.any():
+        raise InputError(f"table: expected rows to analyse, got none: in all {len(data)} rows {unlike}")
+    if not kept.all():
+        notes.append(f"{np.count_nonzero(~kept)} of {len(data)} rows are left out, since {unlike} there.")
+    return data.loc[kept]
+
+
+def _note_doubles(rows: DataFrame, participant: str, notes: list[str]) -> None:
+    """Note rows that are equal in every column, and names of people that differ in zeros, capitals or spaces."""
+    if double := int(rows.duplicated().sum()):
+        notes.append(
+            f"{double} of {len(rows)} rows equal an earlier row in every column; remove them if they are copies."
+        )
+    people: dict[str, list[str]] = {}
+    for name in map(str, rows[participant].unique().tolist()):
+        people.setdefault(re.sub(r"(?<!\d)0+(?=\d)", "", "".join(name.casefold().split())), []).append(name)
+    for names in people.values():
+        if len(names) > 1:
+            listed = " and ".join(map(repr, names))
+            notes.append(f"{listed} are counted as {len(names)} people; spell each person in one way.")
 
 
 def _choices(

@@ -2,10 +2,14 @@
 
 from .anova import ordinal_check as ordinal_check
 from .anova import rm_anova as rm_anova
+from .columns import BLANK as BLANK
+from .columns import any_column as any_column
 from .columns import cell_means as cell_means
 from .columns import column as column
 from .columns import frame_of as frame_of
+from .columns import is_blank as is_blank
 from .columns import levels as levels
+from .columns import typed as typed
 from .confusion import Chance as Chance
 from .confusion import Confusion as Confusion
 from .confusion import Interval as Interval

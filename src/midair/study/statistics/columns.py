@@ -23,9 +23,30 @@ def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
     return DataFrame({str(name): Series(table[name]).to_numpy() for name in table})
 
 
+BLANK = ("", "n/a", "NA")
+"""Fields of a table without a value: empty, as in BIDS, as in R."""
+
+
+def is_blank(values: Series) -> NDArray[np.bool_]:
+    """Whether each value is missing or a field of `BLANK`."""
+    return (values.isna() | values.isin(BLANK)).to_numpy(bool)
+
+
+def typed(column: Series) -> Series:
+    """Column of text as booleans or numbers if all fields are; a number with a leading zero, such as 01, is a name."""
+    if column.isin(["true", "false", "True", "False"]).all():
+        return column.str.lower() == "true"
+    if column.str.match(r"0\d").any():
+        return column
+    try:
+        return column.astype(float)
+    except ValueError:
+        return column
+
+
 def column(frame: DataFrame, name: str) -> Series:
     """Column with a value in every row; raises InputError if it is missing, NonFiniteError if a value is."""
-    values = _found(frame, name)
+    values = any_column(frame, name)
     if values.isna().any():
         first = int(values.isna().argmax())
         raise NonFiniteError(f"column {name!r}: expected a value in every row, got none in row {first}; remove the row")
@@ -34,7 +55,7 @@ def column(frame: DataFrame, name: str) -> Series:
 
 def numbers(frame: DataFrame, name: str) -> Array:
     """Column as finite float64; raises InputError if missing, empty or not numeric, NonFiniteError if not finite."""
-    column = _found(frame, name)
+    column = any_column(frame, name)
     try:
         values = np.array(column.to_numpy(float, na_value=np.nan))
     except (TypeError, ValueError) as wrong:
@@ -63,7 +84,8 @@ def factors(frame: DataFrame, names: Sequence[str], *, option: str = "within") -
     return found
 
 
-def _found(frame: DataFrame, name: str) -> Series:
+def any_column(frame: DataFrame, name: str) -> Series:
+    """Column, with or without missing values; raises InputError if it does not exist."""
     if name not in frame:
         raise InputError(f"table: expected a column {name!r}, got {', '.join(frame) or 'no columns'}")
     return frame.loc[:, name]

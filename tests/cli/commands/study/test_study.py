@@ -91,37 +91,27 @@ def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_tabl
 def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):
     study("export", done, tmp_path / "bids")
     study("export", done, tmp_path / "answers.csv", "--format", "csv")
-    names = ["--presented", "right", "--answered", "answer", "--draws", "200", "--json"]
+    names = ["--presented", "right", "--answered", "answer", "--condition", "surface", "--draws", "200", "--json"]
+    rows = ["--where", "question=closest", "scored=true", "presentation=reproduced"]
     found = []
     capsys.readouterr()
     for source in (tmp_path / "bids", tmp_path / "answers.csv"):
         with pytest.raises(InputError):
             study("analyse", source)
-        rows = source if source.is_dir() else only_choices(source)
-        if not source.is_dir():
-            study("analyse", rows, *names, "--condition", "surface")
-            found.append(json.loads(capsys.readouterr().out))
+        study("analyse", source, *names, *rows)
+        found.append(json.loads(capsys.readouterr().out))
     study("analyse", done, "--draws", 200, "--json")
-    whole = json.loads(capsys.readouterr().out)
+    found.append(json.loads(capsys.readouterr().out))
     for title in ("Identification: plain", "Identification: grooved"):
-        tables = [next(one["table"] for one in each["findings"] if one["title"] == title) for each in (*found, whole)]
+        tables = [next(one["table"] for one in each["findings"] if one["title"] == title) for each in found]
         key = [[(row["object"], row["presented"], row["answered"], row["F"]) for row in table] for table in tables]
-        assert key[0] == key[1]
+        assert key[0] == key[1] == key[2]
 
 
-def only_choices(source):
-    """Scored choices with reproduced stimuli, as a lab would have them in a table of its own."""
-    lines = source.read_text().splitlines()
-    names = lines[0].split(",")
-    keep = [
-        line
-        for line in lines[1:]
-        for row in [dict(zip(names, line.split(","), strict=True))]
-        if row["question"] == "closest" and row["scored"] == "true" and row["presentation"] == "reproduced"
-    ]
-    target = source.with_name("choices.csv")
-    target.write_text("\n".join([lines[0], *keep]) + "\n")
-    return target
+@pytest.mark.parametrize(("rows", "why"), [("question", "COLUMN=VALUE, got question"), ("a=b", "a table, got a study")])
+def test_rows_are_selected_by_column_and_value_in_tables_only(done, rows, why):
+    with pytest.raises(InputError, match=f"--where: expected {why}"):
+        study("analyse", done, "--where", rows)
 
 
 def test_uneven_counterbalancing_is_reported_before_the_first_session(tmp_path, capsys):

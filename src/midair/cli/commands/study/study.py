@@ -54,6 +54,7 @@ def analyse_command(
     incomplete: Incomplete = "leave out",
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
+    where: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
 ) -> None:
     """Analyse a study, a CSV table or a BIDS dataset, and write an HTML report that explains each number.
 
@@ -90,12 +91,21 @@ def analyse_command(
         wrong: count them as wrong. leave out: ignore them. refuse: skip the analysis of choices.
     margin
         Largest difference of macro F between conditions that does not matter.
+    where
+        COLUMN=VALUE: analyse only the rows of a table with this value; COLUMN= for rows without a value.
 
     Examples
     --------
     $ midair study analyse touch
     """
+    selected = [tuple(one.partition("=")[::2]) for one in where if "=" in one]
+    if len(selected) < len(where):
+        raise InputError(f"--where: expected COLUMN=VALUE, got {' '.join(where)}")
     if (source / "plan.json").exists():
+        if where:
+            raise InputError(
+                "--where: expected a table, got a study, whose plan selects answers (analysis, exclusions)"
+            )
         folder = StudyFolder(source)
         plan, data = folder.plan(), data_of_study(folder)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
@@ -113,6 +123,7 @@ def analyse_command(
             "incomplete": incomplete,
             "foils": foils,
             "margin": margin,
+            "where": selected,
             "simulated": "simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
         }
         data = data_of_columns(table, **columns)
