@@ -237,7 +237,7 @@ class ImportedData:
             return "Pa"
         # Numbers of an unknown unit can be counts, but no volts.
         if given.unit not in (None, stated) and (stated or (said and given.unit != "count")):
-            advice = "leave the unit out" if stated else "give a scale, the pressure in Pa of the value 1"
+            advice = "leave the unit out" if stated else "give a scale, the pressure of the value 1, or correct it"
             raise MismatchError(f"{path}: the file states {stated or said}, got {given.unit}; {advice}")
         unit = stated or given.unit
         if unit is None:

@@ -22,7 +22,6 @@ from .quality import at_limit as at_limit
 from .quality import dead_channels as dead_channels
 from .quality import suspicious as suspicious
 from .quality import unreproduced as unreproduced
-from .timestamps import Uniform as Uniform
 from .timestamps import is_clock as is_clock
 from .timestamps import repeated_rows as repeated_rows
 from .timestamps import seconds as seconds

@@ -9,8 +9,8 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from midair.array_types import Array
 from midair.errors import RateError
@@ -74,8 +74,9 @@ def seconds(stamps: Array, name: str, *, rate: float | None) -> tuple[Array, tup
     if rate is None and not (unit and _GUESSED[0] <= measured[unit] <= _GUESSED[1]):
         could = ", ".join(f"{each:.4g} Hz in {unit}" for unit, each in measured.items())
         raise RateError(
-            f"time stamps: expected a unit in the name of column {name!r}, such as 'time [ms]', got none; name it, or "
-            f"state the rate ({could})"
+            f"time stamps: expected a unit in the name of column {name!r}, such as 'time [ms]', or the rate, got "
+            f"neither ({could})",
+            parameters={"rate": "rate=1000 (Hz)"},
         )
     return since * _SECONDS[unit], (f"Column {name!r} does not state its unit: {unit} was assumed.",)
 
@@ -243,7 +244,7 @@ def _spline(frames: NDArray[np.int_], place: Array, channel: Array) -> Array:
     known = np.isfinite(channel)
     if known.sum() < 2:
         return np.full(len(frames), np.nan)
-    even = CubicSpline(place[known], channel[known])(frames)
+    even = scipy.interpolate.CubicSpline(place[known], channel[known])(frames)
     return np.where(np.interp(frames, place, ~known) > 0, np.nan, even)
 
 

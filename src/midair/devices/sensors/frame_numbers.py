@@ -114,21 +114,22 @@ class StatedRate:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._stamps: Array | None = np.zeros(0)
+        self._enough = 0.2  # s
 
     def check(self, stamps: Array) -> None:
         """Add stamps (s) of further frames; RateError if their typical distance contradicts the rate."""
         if self._stamps is None:
             return
         self._stamps = np.concatenate([self._stamps, stamps])
-        if len(self._stamps) < 0.2 * self._rate or np.count_nonzero(np.diff(self._stamps)) < 8:
+        if len(self._stamps) < self._enough * self._rate or np.count_nonzero(np.diff(self._stamps)) < 8:
             return
-        measured, enough = 1 / typical_period(self._stamps), len(self._stamps) > 2 * self._rate
-        if measured < 0.75 * self._rate or (enough and measured > 1.5 * self._rate):
+        measured, settled = 1 / typical_period(self._stamps), self._enough == 2
+        if measured < 0.75 * self._rate or (settled and measured > 1.5 * self._rate):
             raise RateError(
                 f"lsl: expected stamps {1e3 / self._rate:.4g} ms apart at the stated {self._rate:g} Hz, "
                 f"got {1e3 / measured:.4g} ms; correct the rate of the sender"
             )
-        self._stamps = None if enough else self._stamps
+        self._stamps, self._enough = (None if settled else self._stamps), 2.0
 
 
 class StampedFrames:

@@ -36,12 +36,12 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as stream, got {found}")
     stream = usable[0]
     info = stream["info"]
-    channels = _channels(info)
+    channels, nominal = _channels(info), float(_first(info, "nominal_srate") or 0)
     return ImportedData(
         samples=np.asarray(stream["time_series"], np.float64),
         form="XDF",
         stamps=np.asarray(stream["time_stamps"], np.float64),
-        nominal=float(_first(info, "nominal_srate") or 0) or None,
+        nominal=nominal if 0 < nominal < np.inf else None,
         names=tuple(name for name, _ in channels),
         units=tuple(unit for _, unit in channels),
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
