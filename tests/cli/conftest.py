@@ -1,9 +1,44 @@
 import json
 from pathlib import Path
 
+import cyclopts
+import pydantic
 import pytest
 
 from midair.cli import run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _described_once():
+    """Describing the options of a command takes most of a parse: each is described once, and not for each line."""
+    describe, adapter, described, adapters = cyclopts.App.assemble_argument_collection, pydantic.TypeAdapter, {}, {}
+
+    def fresh(app, **how):
+        # Beside each stays what it is of: its `id` is of no other.
+        key = (id(app), *how.items())
+        if key not in described:
+            described[key] = describe(app, **how), app
+        first = described[key][0]
+        made = first.copy(reset_tokens=True)
+        new = {id(old): each for old, each in zip(first, made, strict=True)}
+        for each in made:
+            each.children = type(made)(new[id(child)] for child in each.children)
+        return made
+
+    class Once(adapter):
+        __class_getitem__ = adapter.__class_getitem__
+
+        def __new__(cls, hint, **how):
+            if how:
+                return adapter(hint, **how)
+            if id(hint) not in adapters:
+                adapters[id(hint)] = adapter(hint), hint
+            return adapters[id(hint)][0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cyclopts.App, "assemble_argument_collection", fresh)
+        patch.setattr(pydantic, "TypeAdapter", Once)
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -38,6 +38,9 @@ SLOW = (
 )
 """Beginnings of those whose whole run takes longer than a fast test may."""
 
+FAST = ("import song.wav", "info take.h5", "cut", "calibrate take.h5", "study power")
+"""Beginnings of one of each kind of bar: of a reader, of an inspection, of the waiting bar, of passes, of runs."""
+
 NO_BAR = {
     "studio": "runs until Ctrl-C",
     "record": "has meters, with the seconds of how many; Ctrl-C keeps the take (tests/cli/commands/test_record.py)",
@@ -119,7 +122,8 @@ def files_here():
 
 
 def lines(*slow):
-    return [pytest.param(each, marks=pytest.mark.slow if each.startswith(slow) else ()) for each in LINES]
+    marks = {each: pytest.mark.slow if each.startswith(slow) else pytest.mark.long for each in LINES}
+    return [pytest.param(each, marks=() if each.startswith(FAST) else marks[each]) for each in LINES]
 
 
 @pytest.mark.parametrize("line", lines("sweep"))
@@ -172,7 +176,14 @@ WRITING = (
 )
 
 
-@pytest.mark.parametrize("line", [line for line in LINES if line.startswith(WRITING)])
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(each, marks=() if each.startswith("cut") else pytest.mark.long)
+        for each in LINES
+        if each.startswith(WRITING)
+    ],
+)
 def test_ctrl_c_at_the_last_moment_leaves_nothing(line, folder, capsys, monkeypatch):
     def stop(old, new):
         raise KeyboardInterrupt
