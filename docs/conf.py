@@ -76,6 +76,8 @@ myst_substitutions = {
 myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"
+# Pages alone are in the tree beside each page: with every function it takes half of the time of the documentation.
+toc_object_entries = False
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
