@@ -56,6 +56,7 @@ def test_a_gpu_that_is_not_here_is_one_line_and_no_traceback(name):
     assert "Traceback" not in made.stderr
 
 
+@pytest.mark.long
 def test_a_number_of_patterns_that_there_is_not_is_refused():
     made = bench("--backend", "numpy", "--patterns", "65536")
     assert "Error 2" in made.stderr

@@ -79,6 +79,7 @@ def test_the_python_of_the_tutorial_runs(folder):
     assert names["played"].take.recording.frames == 120
 
 
+@pytest.mark.long
 def test_the_python_of_the_first_five_minutes_runs(folder):
     (script,) = blocks("docs/start.md", "python")
     names = {}

@@ -31,6 +31,7 @@ def test_a_window_of_everything_is_one():
     assert dsp.band_window(np.linspace(0, 500, 50), (0, 500), edges=(0, 0)).tolist() == [1] * 50
 
 
+@pytest.mark.long
 @given(st.floats(0.01, 0.9), st.floats(0.05, 1), st.floats(1, 1e5))
 def test_usual_edges_always_fit(low, high, rate):
     band = (low * high * rate / 2, high * rate / 2)
@@ -209,6 +210,7 @@ def test_frequencies_above_half_the_new_rate_are_removed():
     assert np.abs(dsp.resample(x, 8000.0, 1000.0)[200:-200]).max() < 1e-4
 
 
+@pytest.mark.long
 def test_resampling_keeps_lengths_constants_and_the_same_rate():
     assert dsp.resample(np.full((36, 2), 7.0), 35.6, 1000.0) == pytest.approx(np.full((1012, 2), 7.0), abs=2e-3)
     x = smooth_noise(1)

@@ -27,6 +27,7 @@ def test_a_focus_presses_with_all_transducers_in_step(room):
     assert room.focus == pytest.approx(float(radiation_pressure(np.array(loudest), Medium())))
 
 
+@pytest.mark.long
 def test_pressure_on_all_cells_is_a_small_part_of_a_focus(room):
     """On the paper's points 33 Pa and 39 at most, against 1487 in a focus; on fewer points more."""
     paper = headroom(ARRAY, ControlGrid())
@@ -64,6 +65,7 @@ def level(asked, lead=0):
     return level_of(solve(target, ARRAY, method="fast", iterations=20), target)
 
 
+@pytest.mark.long
 def test_a_wave_of_20_pa_is_reproduced():
     told = level(20.0)
     assert told.asked == pytest.approx(20)
@@ -85,6 +87,7 @@ def top_on_palm(drive, height, pitch):
     return simulate(drive, G, chain=chain, rate=drive.rate).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("focus", [(0.0, 0.0), (7.3e-3, -2.1e-3)], ids=str)
 def test_the_peak_is_that_of_the_loudest_point_of_the_palm(focus):
     """It is not at a control point, and not in one of the 100 frames with the most power."""
@@ -108,12 +111,14 @@ def test_the_peak_of_a_recording_in_the_finest_mode():
     assert level_of(made.solution, made.target, limits=False).peak == pytest.approx(top, rel=0.05)
 
 
+@pytest.mark.long
 def test_the_lead_does_not_count():
     bare, led = level(20.0), level(20.0, lead=60)
     assert led.steady == pytest.approx(bare.steady)
     assert led.vibration == pytest.approx(bare.vibration)
 
 
+@pytest.mark.long
 def test_above_the_linear_range_it_gives_advice():
     told = level(1000.0)
     assert told.too_loud
@@ -127,6 +132,7 @@ def test_above_the_linear_range_it_gives_advice():
     assert not again.too_loud
 
 
+@pytest.mark.long
 def test_plain_values_carry_their_units():
     plain = level(20.0).plain()
     assert {"strength", "asked_pa", "steady_pa", "vibration_pa", "linear_pa", "peak_pa", "comes", "too_loud"} < set(

@@ -56,6 +56,7 @@ def test_files_that_a_page_names_are_there(page):
     assert sorted(name for name in named if not any((root / name).exists() for root in roots)) == []
 
 
+@pytest.mark.long
 def test_every_pinned_package_installs_on_the_oldest_python_that_midair_takes():
     """Debian 12 has Python 3.11.2; a pin that asked for 3.11.5 let `make test` fail there."""
     oldest = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]

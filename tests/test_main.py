@@ -24,6 +24,7 @@ def test_its_exit_status_is_the_command_s(arguments, status):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("module", ["midair.cli", "midair.files", "midair.cli.commands.info"])
 def test_ctrl_c_while_it_is_loaded_is_no_traceback(module):
     interrupted = f"import sys\nclass Stop:\n    def find_spec(self, name, *_):\n        if name == {module!r}:\n"
@@ -33,6 +34,7 @@ def test_ctrl_c_while_it_is_loaded_is_no_traceback(module):
     assert (done.returncode, done.stderr) == (130, "midair: stopped; nothing was written\n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "status"), [(["--version"], 0), (["info", "no-such-file.h5"], 1)])
 def test_ctrl_c_at_exit_is_no_traceback(words, status):
     """The exit waits for the process that checks files, among others."""

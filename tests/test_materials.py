@@ -21,6 +21,7 @@ def test_a_classifier_separates_only_different_materials():
     assert np.mean(left_out_names(alike, alike, truth) == truth) < 0.55
 
 
+@pytest.mark.long
 def test_the_classified_stroke_is_not_in_the_training_set():
     # One stroke differs from all others and has a common label; only a classifier trained on it would know it.
     rng = np.random.default_rng(3)

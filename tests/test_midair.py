@@ -61,6 +61,7 @@ def test_import_loads_nothing_heavy():
     assert heavy.isdisjoint(loaded)
 
 
+@pytest.mark.long
 def test_a_command_starts_without_the_large_parts_of_scipy():
     """They take a quarter of the time in which a command starts."""
     code = "import sys; from midair.cli.commands import solve_play; print(*sys.modules)"
@@ -75,6 +76,7 @@ def types_of(*functions):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 
+@pytest.mark.long
 def test_functions_stay_functions_after_all_imports():
     assert set(types_of(*names("functions"))) == {"function"}
 
@@ -85,6 +87,7 @@ def test_each_function_is_a_function_on_first_access(name):
     assert types_of(name) == ["function"]
 
 
+@pytest.mark.long
 def test_the_command_that_newcomers_type_works():
     code = "import midair; print(dir(midair)); help(midair.record)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

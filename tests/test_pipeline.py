@@ -129,6 +129,7 @@ def test_a_solution_too_large_for_memory_is_refused(monkeypatch, way):
         way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
 def test_a_stated_strength_takes_the_place_of_the_gain(mapping):
     chosen = Settings().but(iterations=1, mapping=mapping, precompensate=True, strength=0.3, gain=7.0)

@@ -56,6 +56,7 @@ print(told, resident() - before)
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="only the GNU library has the choice")
 def test_large_arrays_go_back_to_the_system():
     told = subprocess.run([sys.executable, "-c", HELD, "told"], capture_output=True, text=True, check=True).stdout

@@ -61,12 +61,14 @@ def test_the_first_page_says_what_each_module_is_and_classes_are_links(reference
     assert front.count("```{toctree}\n:hidden:") == front.count("{toctree}"), "the contents stand at the left only"
 
 
+@pytest.mark.long
 def test_the_page_of_commands_has_every_command_and_its_help(reference):
     page = reference.command_page()
     assert all(f"## `midair {name}`" in page for name in (*COMMANDS, *FOLDERS))
     assert page.count("Usage: midair") >= page.count("\n## `")
 
 
+@pytest.mark.long
 def test_the_tables_of_settings_have_every_field_and_every_option(reference, capsys):
     for kind, options, command in (
         (RecordSettings, None, "record"),

@@ -102,6 +102,7 @@ def test_an_offset_makes_no_difference(method):
     assert offset == pytest.approx(plain, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_recording_in_pascals_only_passes_the_band():
     pressure = noise(2)
     assert calibrate(of(pressure)).pressure == pytest.approx(within_band(pressure), abs=1e-5)

@@ -82,6 +82,7 @@ def test_the_traceback_can_be_had(failure, monkeypatch):
         run(["fails"])
 
 
+@pytest.mark.long
 def test_a_file_name_that_is_no_text_is_printed(tmp_path):
     name = os.fsencode(tmp_path) + b"/\xff.h5"
     done = subprocess.run([sys.executable, "-m", "midair", "info", name], capture_output=True, text=True, check=False)

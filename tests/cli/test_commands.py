@@ -160,6 +160,7 @@ def test_out_and_in_again(take, suffix):
     np.testing.assert_allclose(again.samples, first.samples, atol=1e-4)
 
 
+@pytest.mark.long
 def test_info_prints_the_history_of_a_file(take, capsys):
     run(["solve", "take.h5", *QUICK, "--duration", "0.02s"])
     capsys.readouterr()
@@ -188,6 +189,7 @@ def test_repair_of_a_file_that_needs_none(take, capsys):
     np.testing.assert_array_equal(load("take.h5").samples, before)
 
 
+@pytest.mark.long
 def test_doctor(capsys):
     assert run(["doctor", "--json"]) == 0
     assert {"subject", "state", "found", "advice"} <= set(json.loads(capsys.readouterr().out)[0])

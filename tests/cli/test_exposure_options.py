@@ -45,6 +45,7 @@ def test_ear_protection_raises_the_limits_outside_it_and_is_named():
         ExposureOptions(ear_protection=60.0).choices()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", ["play", "loop", "study run", "calibrate beam"])
 def test_every_command_accepts_the_options_that_its_refusal_advises(command, capsys):
     array = VirtualRig().array

@@ -33,6 +33,7 @@ def stroke(tmp_path):
     return tmp_path / "am.h5"
 
 
+@pytest.mark.long
 def test_the_command_line_of_fidelity(stroke, tmp_path):
     """Rate, mapping, decoupling, pre-compensation and motion reach the drive that is written."""
     drive = tmp_path / "am.drive.h5"
@@ -131,6 +132,7 @@ def test_the_paper_s_mode_has_no_comparison():
 SMALL = "--mode paper --points 6 --pitch 11mm --method fast --iterations 2 2 --duration 10ms"
 
 
+@pytest.mark.long
 def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
     from matplotlib.image import imsave
 
@@ -206,6 +208,7 @@ def test_printed_quantities_can_be_parsed(value):
     assert parse_quantity(format_quantity(value, "m"), "m") == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.long
 @given(st.text(max_size=12))
 def test_any_text_is_read_or_refused(text):
     refused = None

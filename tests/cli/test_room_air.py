@@ -36,6 +36,7 @@ def air_of(text):
     return re.search(r"in air of (-?\d+) °C", " ".join(text.split()))[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
 def test_play_and_exposure(words, expected, capsys):
     assert run(["play", loud(), "--device", NOWHERE, *words]) == 1
@@ -64,6 +65,7 @@ def test_live():
     assert LiveSettings().exposure.room is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
 def test_a_loop(words, expected, monkeypatch):
     found = []

@@ -42,6 +42,7 @@ def test_a_straight_line_is_found_with_its_floor():
     assert line.residual == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.long
 def test_the_error_of_the_gain_is_its_spread():
     """Over many noisy repeats, the gains scatter as the mean stated error says."""
     rng, commanded = np.random.default_rng(0), np.linspace(10, 60, 6)

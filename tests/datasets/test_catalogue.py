@@ -110,6 +110,7 @@ def test_refuses_an_unknown_name():
         sample("velvet")
 
 
+@pytest.mark.long
 def test_connect_is_the_original_and_can_be_felt():
     assert hashlib.sha256(sample_path("connect").read_bytes()).hexdigest() == CONNECT
     effect = open_take(sample_path("connect"), scale=200.0).recording

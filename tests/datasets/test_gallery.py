@@ -23,6 +23,7 @@ from midair.patterns import load_pattern
 LICENCE = b"Permission is hereby granted"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ridges", "heartbeat"])
 def test_a_touch_is_seen_heard_and_written(name, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -44,6 +45,7 @@ def test_a_touch_is_seen_heard_and_written(name, tmp_path, capsys, monkeypatch):
         assert load_pattern("heartbeat.toml").foci().pressure.max() == 60
 
 
+@pytest.mark.long
 def test_every_touch_and_set_is_listed_and_the_sound_of_a_heartbeat_is_two_beats(capsys):
     assert run(["gallery"]) == 0
     printed = capsys.readouterr().out

@@ -159,6 +159,7 @@ def test_there_is_no_way_round_play(array):
         assert array.play(clear_any_exposure(drive(array), array)).frames == 5
 
 
+@pytest.mark.long
 def test_an_array_calls_the_permission_check_before_any_sound(array):
     def refused():
         raise StoppedError("not armed")
@@ -181,6 +182,7 @@ def test_a_clearance_for_a_silent_device_is_invalid_on_a_gated_one(array):
     assert not array.emitting
 
 
+@pytest.mark.long
 def test_an_array_plays_again_after_it_has_played(array):
     with array:
         array.play(clear_any_exposure(drive(array), array))

@@ -56,6 +56,7 @@ def test_a_quiet_drive_passes_as_it_is():
     np.testing.assert_array_equal(admission.drive.q, drive.q)
 
 
+@pytest.mark.long
 def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
     admission = check_exposure(focus(), Loud(ARRAY), WEAKER)
     assert admission.outcome == "attenuated"
@@ -67,6 +68,7 @@ def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
     assert exposure(heard, PROFILE).excess <= 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("own", [False, True], ids=["a level a frame", "a level each"])
 def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
     """Half a step of 255 plays as a pulse of one step of 512: 9.9 dB louder than the level."""
@@ -145,6 +147,7 @@ def test_an_excess_on_a_silent_device_is_reported_and_not_refused():
     assert admission.outcome == "exceeded"
 
 
+@pytest.mark.long
 def test_the_source_strength_in_a_file_is_ignored():
     """A drive whose file states a transducer of a thousandth is measured, and refused, with the device's own."""
     claims = focus(array=replace(ARRAY, pressure=ARRAY.pressure / 1000))
@@ -155,6 +158,7 @@ def test_the_source_strength_in_a_file_is_ignored():
     assert admission.drive.array.pressure == ARRAY.pressure
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("medium", [Medium(attenuation=100.0), Medium(speed=301.0)])
 def test_the_air_of_a_file_changes_no_level(medium):
     """A drive whose file states an air that absorbs the sound, or scatters the focus, is refused as well."""
@@ -210,6 +214,7 @@ def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, k
             assert exposure(drive, PROFILE).level[0, 0] < true - 1
 
 
+@pytest.mark.long
 def test_the_loudest_air_is_named():
     ear, warm = np.array(PROFILE.places[0].position), Acoustics(medium=Medium.at(temperature=29.5))
     colder = (Acoustics(), Acoustics(medium=Medium.at(temperature=22.0)))
@@ -222,6 +227,7 @@ def test_the_loudest_air_is_named():
     assert stated.air.shape == stated.level.shape
 
 
+@pytest.mark.long
 def test_an_admission_is_for_the_device_that_was_measured():
     louder = Loud(replace(ARRAY, pressure=2 * ARRAY.pressure))
     other = Loud(TransducerArray.autd3(columns=1, rows=1))
@@ -261,6 +267,7 @@ def streamed(drive, ends, device=None, choices=CHOICES, **how):
     return made
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("own", [False, True], ids=["a level a frame", "a level each"])
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_a_stream_finds_what_the_check_of_the_whole_drive_finds(own, repeats):
@@ -294,6 +301,7 @@ def test_only_the_checked_parts_of_a_stream_are_read():
     assert cleared.later().drive.frames == 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("repeats", [1, 40])
 def test_heat_adds_up_over_the_parts_of_a_stream(repeats):
     """No part alone warms the palm too much, nor do all of them once; the whole check says the same."""
@@ -309,6 +317,7 @@ def test_heat_adds_up_over_the_parts_of_a_stream(repeats):
     assert streamed(drive, [20, 40], choices=choices, repeats=repeats).clearance().outcome == "kept"
 
 
+@pytest.mark.long
 def test_own_levels_keep_the_profile_after_attenuation_and_rounding():
     """Two groups of transducers cancel at an ear, and do not after their levels are rounded down by one step."""
     ear = replace(PROFILE.places[0], reach=0.0)
@@ -337,6 +346,7 @@ def test_parts_that_do_not_do_are_refused(parts, choices, error, says):
         ExposureStream(parts[0], Loud(ARRAY), choices, frames=6).add(parts[-1])
 
 
+@pytest.mark.long
 def test_a_level_is_cleared_by_the_worst_case_of_phases():
     device = Loud(ARRAY)
     with pytest.raises(ExposureError, match="limit 110 dB"):
@@ -410,6 +420,7 @@ def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
     assert most < 80 * frames
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("choices", [CHOICES, WEAKER], ids=["as it is", "weaker"])
 def test_a_drive_on_disk_is_cleared_as_one_in_memory(choices):
     whole = focus(level=0.01 if choices is CHOICES else 1.0, frames=300)

@@ -203,6 +203,7 @@ def quiet(array):
     return check_exposure(noise(300), array, exposure)
 
 
+@pytest.mark.long
 def test_what_plays_from_python_is_logged_and_can_be_stopped():
     array, stops = Loud(ONE.array()), []
 
@@ -242,6 +243,7 @@ def test_the_main_thread_is_interrupted_where_it_waits():
     stopper.join()
 
 
+@pytest.mark.long
 def test_a_second_program_does_not_get_an_array():
     array, other = Loud(ONE.array()), Loud(ONE.array())
     array.exclusive = other.exclusive = "autd3"

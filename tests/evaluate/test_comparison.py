@@ -120,6 +120,7 @@ def reeled(pressure):
     return dataclasses.replace(pressure, pressure=LazyFrames(lambda first, last: x[first:last], x.shape))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
 def test_lazy_frames_give_the_same_figures(highest, apart, monkeypatch):
     """Except near half the rate, because the impulse response of a fractional delay does not end there."""

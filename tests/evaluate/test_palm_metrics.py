@@ -31,6 +31,7 @@ def judged(wanted, delivered, **more):
     return palm_fidelity(wanted, delivered, PALM, rates=(RATE, RATE), square=SQUARE, skins=TWO_SKINS, **more)
 
 
+@pytest.mark.long
 def test_the_same_but_later_and_louder_is_whole(wanted):
     late = np.concatenate([np.zeros((7, wanted.shape[1])), 3.0 * wanted[:-7]])
     found = judged(wanted, late, judged=(0.1, 0.1))
@@ -38,6 +39,7 @@ def test_the_same_but_later_and_louder_is_whole(wanted):
     assert min(found.pressure, found.square, *found.displacement.values()) > 40
 
 
+@pytest.mark.long
 def test_only_a_varying_leak_counts(wanted):
     steady = judged(wanted, wanted + 100.0 * BEYOND, judged=(0.1, 0.1))
     assert steady.outside < 1e-3

@@ -122,6 +122,7 @@ def test_a_verdict_in_one_sentence(factor, said):
     assert "not tried on people" in verdict
 
 
+@pytest.mark.long
 def test_a_weaker_copy_has_the_same_spectrum_and_the_same_texture():
     rng = np.random.default_rng(6)
     original = PressureFrames(pressure=5 * rng.standard_normal((2000, 4, 4)), rate=1000.0)

@@ -20,6 +20,7 @@ from midair.physics import exposure
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_maps_have_millimetres_and_a_quantity(check_figure, simulated):
     rng = np.random.default_rng(0)
@@ -49,6 +50,7 @@ def test_cells_are_marked_where_they_lie():
     assert sorted(set(marks.get_xdata())) == pytest.approx(1e3 * np.sort(sensor.x))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_phases_are_those_of_the_frame_within_a_turn(check_figure, simulated):
     phase = np.random.default_rng(1).uniform(-9, 9, (4, ARRAY.count))
@@ -59,6 +61,7 @@ def test_phases_are_those_of_the_frame_within_a_turn(check_figure, simulated):
     assert circles.get_clim() == (0, 2 * np.pi)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_maps_with_units(tones, check_figure, simulated):
     card = perceptual_metrics(tones(simulated=simulated), tones(0.5, simulated=simulated))
@@ -120,6 +123,7 @@ def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulat
     assert original.get_linewidth() > 2 * reproduced.get_linewidth(), "not covered by the line in front of it"
 
 
+@pytest.mark.long
 def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
     figure = spectra_figure([("a", tones()), ("b", tones(0.1, simulated=False))])
     check_figure(figure, "(Hz)", "dB re 1 Pa²/Hz", "channel 2", "channel 14", simulated=True)
@@ -145,6 +149,7 @@ def test_the_beam_s_line_has_its_gain_and_intercept(check_figure, simulated):
     assert points.get_ydata().tolist() == [1, 3, 5, 7, 9, 11]
 
 
+@pytest.mark.long
 def test_every_place_has_its_line_and_its_limit():
     drive = Drive(
         phase=np.random.default_rng(0).uniform(0, 6, (50, ARRAY.count)),

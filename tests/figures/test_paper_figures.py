@@ -11,6 +11,7 @@ def row(name, height):
     return FieldRow(name=name, fields=fields, grid=ControlGrid(), notes=("a", "b"))
 
 
+@pytest.mark.long
 def test_fields_are_in_rows_on_one_scale(check_figure):
     figure = fields_figure([row("target", 2), row("made", 7)], SensorGrid(), quantity="sound pressure (Pa)")
     check_figure(figure, "x (mm)", "made\ny (mm)", "sound pressure (Pa)", simulated=True)
@@ -19,6 +20,7 @@ def test_fields_are_in_rows_on_one_scale(check_figure):
     assert [float(np.asarray(image.get_array()).max()) for image in images] == [1, 2, 1, 7]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_stimuli_have_maps_and_traces(tones, check_figure, simulated):
     modes = {"original": tones(simulated=simulated), "paper mode": tones(0.5, simulated=simulated)}

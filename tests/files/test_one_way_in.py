@@ -59,6 +59,7 @@ def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, 
     assert sensor_named(f"replay:{name}", VirtualRig()).calibration is not None
 
 
+@pytest.mark.long
 def test_pressure_of_a_netcdf_or_an_upper_case_file_is_not_lost(take, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     recording, calibration = take

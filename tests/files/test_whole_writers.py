@@ -95,6 +95,7 @@ def written_by_hand(module):
             yield f"{module.relative_to(SRC).as_posix()}:{node.lineno}"
 
 
+@pytest.mark.long
 def test_all_files_in_src_are_written_atomically():
     found = [each for module in SRC.rglob("*.py") for each in written_by_hand(module)]
     assert [each for each in found if each.split(":")[0] not in ON_THEIR_OWN] == []

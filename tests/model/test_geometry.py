@@ -198,6 +198,7 @@ angles = st.floats(-3, 3)
 places = st.floats(-0.5, 0.5)
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(places, places, places, angles, angles, angles), min_size=1, max_size=3))
 def test_transducers_are_where_both_sdks_say(units):
     commands = pytest.importorskip("midair.devices.arrays.autd3_commands")

@@ -144,6 +144,7 @@ def test_other_files_and_other_parameters_are_refused(tmp_path):
         load_adaptics(HERE / "Rain.adaptics", {"size": 1.0})
 
 
+@pytest.mark.long
 def test_a_pattern_becomes_foci_until_its_stop_key_frame():
     foci = load_adaptics(HERE / "Button.adaptics", {"proximity": 1.0, "activation": 1.0}, pressure=80.0).foci()
     assert (foci.frames, foci.rate, foci.height) == (5000, 4000.0, 0.2)  # it stops at 1.25 s

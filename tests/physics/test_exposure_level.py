@@ -99,6 +99,7 @@ def test_nonlinearity_of_a_plane_wave_in_closed_form():
     assert sigma == pytest.approx(1.2 * 2 * np.pi * 40e3 * 100 / (1.25 * 340**3), rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
     array = TransducerArray.autd3()
     drive = Drive(phase=focus_phase(array, np.array([0, 0, 0.2]))[None], level=np.ones(1), rate=1000.0, array=array)

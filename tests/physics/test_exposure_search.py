@@ -76,6 +76,7 @@ def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
     assert np.median(missed) > -TOO_MUCH
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", PROFILE.places[:3], ids=lambda place: place.name)
 def test_foci_anywhere_in_the_cube(place):
     points = somewhere(place, 200, np.random.default_rng(2))
@@ -99,6 +100,7 @@ def test_sound_that_is_loud_just_outside_the_cube_does_not_count():
     assert over.min() > -MISSED
 
 
+@pytest.mark.long
 def test_a_focus_of_an_array_that_was_measured():
     at = np.array(EAR.position)
     told = drive(focus_phase(MEASURED, at)[None], array=MEASURED)
@@ -163,6 +165,7 @@ def test_levels_of_strokes_are_at_most_one_and_a_half_decibels_too_high(thing):
     assert -MISSED < over < TOO_MUCH
 
 
+@pytest.mark.long
 def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
     """The truncation error of modes, shapes and planes is at most `left_out`."""
     search, rng = searches_of((EAR,), ARRAY, AIR).each[0], np.random.default_rng(8)
@@ -190,6 +193,7 @@ def test_turns_of_a_phase_change_nothing():
     np.testing.assert_allclose(many, one, atol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("change", "above"), [(3e-3, 0.6), (0.3, 0.0)])
 def test_frames_between_measured_ones_are_bounded_or_measured(change, above):
     rng = np.random.default_rng(5)
@@ -242,6 +246,7 @@ def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
         assert searches_of((small(),), other, AIR) is not searches_of((small(),), ARRAY, AIR)
 
 
+@pytest.mark.long
 def test_silence_is_silent():
     assert exposure(drive(np.zeros((3, ARRAY.count)), 0.0), PROFILE).peak == pytest.approx(-40)
 

@@ -158,6 +158,7 @@ def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(arra
     np.testing.assert_array_equal(together, alone)
 
 
+@pytest.mark.long
 def test_temporary_memory_of_a_matrix_is_constant(array):
     sizes = []
     for side in (16, 48):

@@ -289,6 +289,7 @@ def test_waves_are_exact_below_half_the_points(per_metre):
     assert read == pytest.approx(np.sinc(f * a) * np.exp(-2 * (np.pi * f * s) ** 2), abs=2e-3)
 
 
+@pytest.mark.long
 def test_sixteen_points_suffice_for_the_reading_of_a_cell():
     """Means of the squared field of four units, from 16 x 16 points and from points four times as close."""
     array, rng = TransducerArray.autd3(), np.random.default_rng(0)

@@ -109,6 +109,7 @@ def motion():
     return _motion()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SKINS)
 def test_a_gaussian_pressure_moves_the_skin_as_the_integral_over_wavenumbers(name):
     # A Gaussian of pressure has a Gaussian spectrum; by sums on the real axis, far past the grid's finest ripple.
@@ -126,6 +127,7 @@ def test_a_gaussian_pressure_moves_the_skin_as_the_integral_over_wavenumbers(nam
     np.testing.assert_allclose(found[12:20], wanted, rtol=2e-3, atol=2e-3 * abs(wanted[0]))
 
 
+@pytest.mark.long
 def test_parts_of_any_length_move_the_skin_as_the_whole_does(motion):
     pressure = np.random.default_rng(0).standard_normal((1500, SIDE, SIDE))
     whole = motion.displacement(pressure)

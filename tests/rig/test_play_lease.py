@@ -96,6 +96,7 @@ def player(permit, leave, pipe):
     pipe.send(permit.refusal(leave))
 
 
+@pytest.mark.long
 def test_another_process_reads_the_lease_and_can_only_stop_it():
     permit = PlayLease()
     leave = permit.arm(0.75, lasts=10)
@@ -124,6 +125,7 @@ def small_drive():
     return Drive(array=array, phase=np.zeros((3500, array.count), np.float32), level=np.full(3500, 0.01), rate=1000.0)
 
 
+@pytest.mark.long
 def test_an_array_checks_the_lease_before_every_frame(permit, small_drive):
     leave = permit.arm(lasts=10)
     array = VirtualArray(small_drive.array)

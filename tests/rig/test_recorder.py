@@ -130,6 +130,7 @@ def test_an_open_sensor_can_be_recorded_twice():
     assert one.recording.frames == two.recording.frames == 20
 
 
+@pytest.mark.long
 def test_a_solution_is_played_and_rerecorded_on_a_virtual_rig(solution):
     played = play(solution)
     assert played.outcome == "exceeded"
@@ -140,12 +141,14 @@ def test_a_solution_is_played_and_rerecorded_on_a_virtual_rig(solution):
     assert len(repr(played)) < 600
 
 
+@pytest.mark.long
 def test_a_drive_is_played_on_a_rig_that_is_open_as_often_as_asked(solution):
     with open_rig(seed=1) as rig:
         assert play(solution.drive, rig, repeats=3).take.recording.frames == 200
         assert not rig.array.emitting
 
 
+@pytest.mark.long
 def test_the_virtual_rig_can_have_other_air_than_the_drive(solution):
     here = play(solution).take.recording.samples
     with open_rig(acoustics=midair.Acoustics(medium=Medium.at(temperature=24.0))) as warm:
@@ -153,6 +156,7 @@ def test_the_virtual_rig_can_have_other_air_than_the_drive(solution):
     assert not np.allclose(here, there)
 
 
+@pytest.mark.long
 def test_settings_of_a_playback_can_be_given_in_either_place(solution):
     settings = PlaySettings(repeats=2, participant="touch/3")
     with open_rig(settings=settings, seed=1) as rig:
@@ -167,6 +171,7 @@ def test_settings_of_a_playback_can_be_given_in_either_place(solution):
     assert play(solution, settings=settings, seed=1).take.recording.frames == 140
 
 
+@pytest.mark.long
 def test_a_virtual_rig_fits_the_drive():
     """A drive of one unit, and cells that its provenance names: neither is the default of the virtual rig."""
     one, amplitude = TransducerArray.autd3(columns=1, rows=1), np.full((20, 36), 1.0)
@@ -182,6 +187,7 @@ def test_a_rig_that_was_not_entered_does_not_play(solution):
         play(solution, open_rig())
 
 
+@pytest.mark.long
 def test_nothing_is_louder_than_the_rig_allows(solution):
     rig = OpenRig(array=Loud(ARRAY), sensor=None)
     with rig:

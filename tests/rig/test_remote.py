@@ -78,6 +78,7 @@ def served(tmp_path, monkeypatch):
         yield one
 
 
+@pytest.mark.long
 def test_a_script_loads_plays_sets_the_level_and_stops(served):
     with served.playing() as client:
         found = ask(client, "list")
@@ -102,6 +103,7 @@ def test_a_script_loads_plays_sets_the_level_and_stops(served):
     assert (order["duration_is"], order["duration_s"]) == ("at most", log[-1]["duration_s"])
 
 
+@pytest.mark.long
 def test_osc_does_the_same(served):
     with OscClient(served.osc) as osc:
         osc.send("load", KEY, "tap.toml")
@@ -168,6 +170,7 @@ def test_a_bundle_that_is_dated_ahead_waits_in_order_and_a_stop_before_its_time_
         assert not served.sounds()
 
 
+@pytest.mark.long
 def test_the_next_pass_takes_a_parameter_without_a_step(served):
     with served.playing() as client:
         loud, begin = served.units.frames[-1][1], len(served.units.frames)
@@ -193,6 +196,7 @@ def test_the_npm_client_of_osc_does_the_same(served, tmp_path):
     assert not served.sounds()
 
 
+@pytest.mark.long
 def test_a_second_client_cannot_play_but_can_stop(served):
     with served.playing() as first, served.client() as second:
         for message in ({"do": "level", "level": 0.1}, {"do": "play", "file": "tap.toml"}, {"do": "release"}):
@@ -223,6 +227,7 @@ def test_a_client_that_hangs_goes_or_floods_ends_in_silence_and_another_gets_con
             assert not served.sounds()
 
 
+@pytest.mark.long
 def test_midair_stop_ends_the_server(served):
     with served.playing():
         stop_playing()
@@ -283,6 +288,7 @@ def test_the_designer_plays_its_pattern_until_it(designed, way):
         wait_until(lambda: not designed.sounds())
 
 
+@pytest.mark.long
 def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
     time_ = np.arange(0, 120, 0.02)
     still = np.tile([0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 1.0], (len(time_), 1))

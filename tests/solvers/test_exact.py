@@ -19,6 +19,7 @@ def ten(transfer, patterns_to_points, array, lossless):
     return lambda strength: Problem(G=transfer, amplitude=strength * patterns_to_points(TEN), psi=psi)
 
 
+@pytest.mark.long
 def test_tolerance_zero_takes_the_same_way_as_the_plain_form(transfer, patterns_to_points):
     problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(TEN[3:5]))
     plain = LevenbergMarquardt(start="zero", iterations=6).solve(problem).phase
@@ -37,6 +38,7 @@ def test_failed_steps_raise_lambda_as_in_the_plain_form(random_problem):
         np.testing.assert_allclose(exact, plain, atol=1e-6)
 
 
+@pytest.mark.long
 def test_a_frame_on_its_own_starts_from_a_field(ten):
     """One step from there equals many from zero; the next frame continues from it with a warm start."""
     problem = ten(0.1)

@@ -28,6 +28,7 @@ def test_no_worse_than_the_papers_method(transfer, patterns_to_points, array, lo
     assert error.max() <= worst
 
 
+@pytest.mark.long
 def test_single_and_double_precision_reach_the_same_error(transfer, patterns_to_points, array, lossless):
     psi = spreading_phase(ControlGrid(), array, lossless)
     problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(TEN[:4]), psi=psi)

@@ -108,6 +108,7 @@ def test_parts_jobs_and_blocks_do_not_change_a_bit():
     np.testing.assert_array_equal(parts, one.drive.phase)
 
 
+@pytest.mark.long
 def test_compiled_loops_make_the_steps_of_numpy():
     """A convex cost, from a step that is accepted and from one that is rejected at first."""
     kernel = pytest.importorskip("midair.solvers.folded_kernel")
@@ -132,6 +133,7 @@ def test_other_settings_keep_the_array_as_a_whole(changes):
     assert SolvePlan.of(wave(2), ARRAY, SETTINGS, **changes).scene.lattice is None
 
 
+@pytest.mark.long
 def test_arrays_without_symmetry_and_points_off_the_middle_keep_the_array_as_a_whole():
     beside = replace(GRID, centre=(0.01, 0.0))
     assert SolvePlan.of(wave(2, beside), ARRAY, SETTINGS).scene.lattice is None

@@ -43,6 +43,7 @@ def test_quiet_ears_cost_little_error(solved):
     assert solved["ears"].error.max() < 0.05
 
 
+@pytest.mark.long
 def test_quiet_places_tolerate_what_the_power_stands_for():
     """With more power in the effort, random errors of the transducers cause less sound at the ears."""
     rng = np.random.default_rng(3)

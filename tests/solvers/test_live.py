@@ -61,6 +61,7 @@ def test_a_target_that_only_fades_needs_no_new_field(blob):
     assert error.max() < 1.3 * error[0] + 0.005
 
 
+@pytest.mark.long
 def test_the_loops_allocate_nothing(blob):
     """A call wraps 24 arrays; forty times the iterations wrap no more."""
     from numba import njit

@@ -21,6 +21,7 @@ def whole(kept):
     return np.stack([kept.drive(z) for z in np.eye(len(kept.s), dtype=complex)], axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "placement",
     [Placement.grid(), Placement.grid(columns=1, rows=1), Placement.grid(columns=3, rows=2)],
@@ -35,6 +36,7 @@ def test_the_kinds_together_make_every_field_of_the_array(placement):
     assert np.linalg.norm(G - (kept.U * kept.s) @ whole(kept).conj().T) < 4e-3 * np.linalg.norm(G)
 
 
+@pytest.mark.long
 def test_drives_of_different_kinds_have_nothing_in_common():
     """Except for the empty places: twelve of 1008."""
     W = whole(of(TransducerArray.autd3()))
@@ -43,6 +45,7 @@ def test_drives_of_different_kinds_have_nothing_in_common():
     assert alike.max() < 0.1
 
 
+@pytest.mark.long
 def test_a_drive_and_its_mirror_image_are_of_the_same_kinds():
     """A mirror changes only the sign of a kind, checked where both the place and its image have a transducer."""
     array = TransducerArray.autd3()
@@ -88,6 +91,7 @@ def test_one_kind_is_the_modes_as_they_are():
     np.testing.assert_allclose(full_phase(kept).drive(z), kept.V @ z)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("peak", "most"), [(800, 0.02), (4000, 0.12)])
 def test_phases_by_symmetry_are_as_good(peak, most):
     """A spot that moves and swings; where it is faint, 1 % of its field is in modes that are left out."""

@@ -26,6 +26,7 @@ PARTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
 def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
     monkeypatch.setattr("midair.solvers.solve_plan.TOGETHER", 64)

@@ -1,6 +1,7 @@
 import subprocess
 import sys
 
+import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from midair.solvers import one_blas_thread
@@ -20,6 +21,7 @@ def test_one_thread_within_and_as_before_after():
         assert blas_threads() == before
 
 
+@pytest.mark.long
 def test_a_blas_that_would_be_loaded_within_is_limited_too():
     """NumPy and SciPy have one BLAS each, and Numba loads SciPy's when the first kernel compiles."""
     program = """

@@ -54,6 +54,7 @@ def test_takes_that_a_command_wrote_are_listed(client, studio, talk):
         assert name in [row["name"] for row in studio.store.state["takes"]]
 
 
+@pytest.mark.long
 def test_all_files_of_a_page_are_small_and_preloaded(client):
     """The page preloads every module, so that none waits for another; a line of 1 Mbit/s loads it within a second."""
     page = client.get("/").text
@@ -467,6 +468,7 @@ def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):
         asyncio.run(playing.quiet(1.0))
 
 
+@pytest.mark.long
 def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monkeypatch):
     async def result(_, __, work, order):
         return work(order, lambda *_: None)

@@ -74,6 +74,7 @@ def test_jobs_run_in_sequence_and_failures_have_messages(shared):
     assert watch.ended["last"] == ("done", 42, "")
 
 
+@pytest.mark.long
 def test_running_and_waiting_jobs_are_cancelled_and_the_next_gets_a_new_process(shared):
     jobs, watch = shared
     running = jobs.add("running", wait, None, ended=watch.done)
@@ -97,6 +98,7 @@ def test_running_and_waiting_jobs_are_cancelled_and_the_next_gets_a_new_process(
     assert watch.ended["after death"] == ("done", 2, "")
 
 
+@pytest.mark.long
 def test_job_reports_rate_and_remaining_time():
     jobs = Jobs(lambda _: None)
     jobs._next = lambda: None  # nothing is started

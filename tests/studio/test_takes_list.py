@@ -75,6 +75,7 @@ def test_a_deleted_take_lies_in_the_bin_and_comes_back(takes):
     assert (takes.folder.path / "a.h5").read_text() == "a.h5"
 
 
+@pytest.mark.long
 def test_stored_stroke_equals_the_sample():
     kept, made = DemoStroke.load(), demo_stroke()
     assert dict(kept.facts) == dict(made.facts)

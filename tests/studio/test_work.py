@@ -46,6 +46,7 @@ def solved(tmp_path):
     return request
 
 
+@pytest.mark.long
 def test_drive_that_appears_during_a_solve_is_kept(solved):
     """For example by a command, minutes after the request."""
     drive = Path(solved.drive)
@@ -64,6 +65,7 @@ def test_drive_that_appears_during_a_solve_is_kept(solved):
     assert sorted(path.name for path in drive.parent.iterdir()) == ["towel.drive.h5", "towel.h5"]
 
 
+@pytest.mark.long
 def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
     keep_array_calibration("autd3:eth0", calibration(TransducerArray.autd3()))

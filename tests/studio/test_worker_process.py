@@ -64,6 +64,7 @@ def test_answers_errors_and_events_arrive(worker):
     assert worker.ask("add", value=2) == 3, "failed requests do not end the process"
 
 
+@pytest.mark.long
 def test_request_fails_when_its_process_dies_and_the_process_can_be_started_again(worker):
     worker.events.clear()
     with pytest.raises(DeviceStateError, match="it died"):
@@ -80,6 +81,7 @@ def test_request_fails_when_its_process_dies_and_the_process_can_be_started_agai
     assert worker.events[1:] == [{"kind": "event", "name": "second"}]
 
 
+@pytest.mark.long
 def test_hanging_process_is_terminated_without_an_event(worker):
     if not worker.process.process:
         worker.process.start("third")

@@ -127,6 +127,7 @@ def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
         assert trials(read(tmp_path / kind)) == analysed
 
 
+@pytest.mark.long
 def test_the_posterior_finds_the_step_of_a_consistent_person(folder):
     table = thresholds_of(folder.plan(), folder.sessions()).set_index("participant")
     assert np.all((table["threshold"].dropna() > 3) & (table["threshold"].dropna() < 10))

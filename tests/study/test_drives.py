@@ -58,6 +58,7 @@ def test_existing_drives_are_copied_and_hashed(tmp_path):
     assert copied.stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.long
 def test_a_pattern_is_drawn_unless_its_drive_is_newer(tmp_path):
     pattern, drive = tmp_path / "a.toml", tmp_path / "a.drive.h5"
     (tmp_path / "to").mkdir()

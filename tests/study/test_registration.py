@@ -40,6 +40,7 @@ def test_the_page_contains_the_plan(plan):
     assert "plain_scored 1 12 shuffle, at most 3 equal in a row" in said
 
 
+@pytest.mark.long
 def test_the_same_plan_gives_the_same_page_and_another_another(plan):
     other = draw_plan(read_design(template_text("paper"), seed=1))
     assert plan_page(plan, runs=2) == plan_page(plan, runs=2)

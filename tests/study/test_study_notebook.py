@@ -42,6 +42,7 @@ def table_of(report, begin):
     return next(one.table for one in report.findings if one.title.startswith(begin))
 
 
+@pytest.mark.long
 def test_the_steps_give_the_numbers_of_the_report(made, monkeypatch):
     # Run the cells as a program: a kernel takes seconds to start.
     folder, report = made

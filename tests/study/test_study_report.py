@@ -55,6 +55,7 @@ def test_format_of_p_values(reported):
     assert all(cell in ("&lt; .001", "none") or 0.001 <= float(cell) <= 1 for cell in cells)
 
 
+@pytest.mark.long
 def test_a_picture_is_no_wider_than_half_a_page(reported):
     report, _ = reported
     rows = study_pictures(report, within=("surface", "object", "rated"))
@@ -104,6 +105,7 @@ def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, pan
     assert sorted(shown) == pytest.approx(mean.tolist())
 
 
+@pytest.mark.long
 def test_long_names_stay_apart_and_inside():
     names = [f"corduroy-0{i}.fade" for i in range(4)]
     shown = [Choices(name="all", confusion=confusion_matrix(names, names, labels=names), f_limits=None)]

@@ -74,6 +74,7 @@ def test_a_whole_study_has_no_fault_and_its_summary_is_in_report_notebook_and_ex
     assert description["GeneratedBy"][0]["Description"] == summary
 
 
+@pytest.mark.long
 def test_a_chain_that_was_removed_is_an_error(folder, tmp_path):
     stripped(folder.log(1))
     for read in (

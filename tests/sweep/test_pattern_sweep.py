@@ -82,6 +82,7 @@ def test_a_target_s_peak_is_strength_times_the_focus():
     assert np.abs(problem.G).sum(axis=1).max() == pytest.approx(1)
 
 
+@pytest.mark.long
 def test_agrees_with_the_stage_of_the_pipeline():
     """The same patterns as targets in Pa, through `midair.solve`."""
     patterns, condition = SMALL.patterns()[:3], Condition(strength=0.1, height=0.2, count=3)

@@ -23,6 +23,7 @@ def trial(name, frames, method, **more):
 SWEEP = RecordingSweep(trials=(trial("a", 10, "naive"), trial("b", 6, "lm", iterations=(4, 2))), columns=1, rows=1)
 
 
+@pytest.mark.long
 def test_report_counts_only_audible_frames(finished, tmp_path):
     results = finished(tmp_path / "s.zarr", SWEEP)
     results = replace(results, error=np.where(np.isnan(results.error), np.nan, [[0.0, 0.1] * 5, [0.2] * 10]))
@@ -34,6 +35,7 @@ def test_report_counts_only_audible_frames(finished, tmp_path):
     assert "2 of 2 trials" in report.words
 
 
+@pytest.mark.long
 def test_writes_a_table_and_a_figure(finished, tmp_path):
     files = write_trial_report(finished(tmp_path / "s.zarr", SWEEP), tmp_path / "report")
     assert [file.name for file in files] == ["trials.csv", "trials.png"]

@@ -32,6 +32,7 @@ SWEEP = RecordingSweep(
 )
 
 
+@pytest.mark.long
 def test_equals_the_pipeline(finished, tmp_path):
     results = finished(tmp_path / "s.zarr", SWEEP)
     array = TransducerArray.autd3(columns=1, rows=1)
@@ -46,6 +47,7 @@ def test_equals_the_pipeline(finished, tmp_path):
         np.testing.assert_allclose(results.rounded_error[number, :frames], rounded, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_on_real_workers_and_again_only_what_is_missing(tmp_path):
     import distributed
 

@@ -65,6 +65,7 @@ def test_a_cluster_equals_one_process(tmp_path, scheduler):
     assert len(reports) == len(SWEEP.tasks()) + 1
 
 
+@pytest.mark.long
 def test_a_finished_sweep_needs_no_cluster(tmp_path, scheduler):
     run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
     assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler="tcp://127.0.0.1:1") == 0

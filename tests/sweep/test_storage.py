@@ -111,6 +111,7 @@ def test_a_full_disk_is_reported_with_the_given_name(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_file_address_is_a_folder(tmp_path, finished):
     finished(f"file://{tmp_path}/s.zarr", SWEEP)
     assert storage_of(f"file://{tmp_path}/s.zarr") == SweepFolder(path=tmp_path / "s.zarr")

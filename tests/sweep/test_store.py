@@ -70,6 +70,7 @@ def test_a_store_of_other_settings_is_refused_and_left_alone(tmp_path):
     assert load_sweep(path).known == SWEEP.tasks()[0].count
 
 
+@pytest.mark.long
 def test_two_concurrent_writers_do_not_conflict(tmp_path):
     """No chunk of any array belongs to two tasks, so writers never overwrite each other."""
     path = tmp_path / "s.zarr"
@@ -93,6 +94,7 @@ def test_a_second_writer_is_rejected(tmp_path):
         pass
 
 
+@pytest.mark.long
 def test_other_programs_can_read_it(tmp_path):
     xarray = pytest.importorskip("xarray")
     path = tmp_path / "s.zarr"
@@ -166,6 +168,7 @@ def test_flipped_bits_in_any_file_are_reported_or_harmless(tmp_path):
     assert reported >= 50
 
 
+@pytest.mark.long
 def test_a_flipped_bit_in_a_chunk_is_reported_and_a_lost_chunk_is_missing(tmp_path):
     path = tmp_path / "s.zarr"
     fill(path)
@@ -211,6 +214,7 @@ def test_a_worker_stores_and_returns_only_its_time(tmp_path):
     assert results.seconds == 1.0
 
 
+@pytest.mark.long
 def test_a_new_store_with_the_same_name_is_not_written(tmp_path):
     """An old task may still be running after its sweep was deleted."""
     old = address_of(tmp_path / "s.zarr")

@@ -63,6 +63,7 @@ def check(results, numbers=(0, 1, 2)):
         assert np.isfinite(results.rounded_error[number]).sum() == one.pressure.frames
 
 
+@pytest.mark.long
 def test_pieces_are_tasks_and_give_the_bits_of_one_process(finished, tmp_path):
     counts = [(task.condition, task.count) for task in SWEEP.tasks()]
     assert counts == [(0, 19), (0, 18), (0, 18), (0, 5), (2, 12), (1, 9)]
@@ -72,6 +73,7 @@ def test_pieces_are_tasks_and_give_the_bits_of_one_process(finished, tmp_path):
     assert (rounded != results.error[0])[results.error[0] > 0].all()
 
 
+@pytest.mark.long
 def test_workers_give_the_same_bits_and_write_their_own_regions(tmp_path, threads):
     with threads() as scheduler:
         assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) == 81
@@ -95,6 +97,7 @@ def test_a_continued_sweep_solves_only_the_missing_pieces(finished, tmp_path):
     assert "3 of 3 trials solved, " in trial_report(load_sweep(path)).words
 
 
+@pytest.mark.long
 def test_xarray_shows_which_frame_stands_where(finished, tmp_path):
     finished(tmp_path / "s.zarr", SWEEP)
     with xarray.open_zarr(tmp_path / "s.zarr", consolidated=False) as shown:

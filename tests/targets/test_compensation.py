@@ -44,6 +44,7 @@ def test_playing_compensated_pressure_gives_the_original():
     np.testing.assert_allclose(again[1000:3000], x.pressure[1000:3000, 0, 0], atol=5e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
 def test_a_modulated_transducer_presses_as_asked_in_level_and_time(rate):
     """One transducer, pressure 1 + .05 x: the pressure's modulation at 400 Hz with and without compensation."""
@@ -89,6 +90,7 @@ def misfit(pressure, rate):
     return np.linalg.norm(spectra[1] - spectra[0]) / np.linalg.norm(spectra[0])
 
 
+@pytest.mark.long
 def test_large_changes_come_out_right_when_the_sound_is_compensated():
     """The envelope is linear in sound and not in pressure: compensating pressure is right to first order only."""
     rate = 4000.0

@@ -42,6 +42,7 @@ def plain(section):
     return [*kept, section.values.dtype.str, section.values.tolist()]
 
 
+@pytest.mark.long
 @given(st.lists(sections(), max_size=4))
 def test_sections_survive_packing_and_unpacking(some):
     assert [plain(each) for each in unpack(pack(some))] == [plain(each) for each in some]

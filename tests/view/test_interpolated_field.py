@@ -27,6 +27,7 @@ def test_a_focus_is_within_two_per_cent_of_its_field(made, place):
     assert miss(made(propagate(drive, GRID).reshape(16, 16)), true) < 0.02
 
 
+@pytest.mark.long
 def test_any_phases_are_within_one_per_cent_and_magnitudes_alone_are_not(made):
     q = np.exp(2j * np.pi * np.random.default_rng(0).random((4, ARRAY.count)))
     coarse = (q @ transfer_matrix(GRID, ARRAY).T).reshape(-1, 16, 16)

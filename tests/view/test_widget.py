@@ -38,6 +38,7 @@ view
 """
 
 
+@pytest.mark.long
 def test_widget_has_metadata_frames_and_playhead():
     made = in_notebook(show_recording(recording()))
     assert made.about["frames"] == 60

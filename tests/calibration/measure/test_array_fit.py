@@ -119,6 +119,7 @@ def test_codes_that_are_too_short_are_rejected():
         array_codes(array, SensorModel().grid, ArrayPlan(duration=0.1), acoustics=ACOUSTICS, height=0.2)
 
 
+@pytest.mark.long
 def test_a_recording_without_the_beam_is_rejected():
     known, model = secret(8, seed=0), SensorModel()
     codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ACOUSTICS, height=0.2)

@@ -18,6 +18,7 @@ def signal(kind, rms, duration, rng):
     return noise_signal(rms, duration, rng=rng) if kind == "noise" else sweep_signal(rms, duration)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["noise", "sweep"])
 def test_the_response_of_one_take(kind, bench, covered):
     shares, sure = [], []
@@ -100,6 +101,7 @@ def test_delays(bench):
     assert 0.4 < np.std(scores) < 1.3
 
 
+@pytest.mark.long
 def test_noise(bench, blind_model):
     scores = []
     for seed in range(4):
@@ -112,6 +114,7 @@ def test_noise(bench, blind_model):
     assert 0.6 < np.std(scores) < 1.5
 
 
+@pytest.mark.long
 def test_crosstalk(bench, blind_model):
     rng = np.random.default_rng(4)
     near = np.abs(np.subtract.outer(np.arange(16), np.arange(16))) == 1
@@ -148,6 +151,7 @@ def levels(lab, rng, rms=(2, 5, 10, 20, 40)):
     return [lab.take(noise_signal(level, 8, rng=rng), number=number) for number, level in enumerate(rms)]
 
 
+@pytest.mark.long
 def test_a_straight_sensor_is_straight(bench, covered):
     scores = []
     for seed in range(3):

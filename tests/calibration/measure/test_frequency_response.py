@@ -99,6 +99,7 @@ def test_no_input_gives_no_response_and_no_certainty():
     assert found.coherence.max() < 0.5
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_units_scale_the_response(a, b):
@@ -134,6 +135,7 @@ def test_students_t():
     assert widened(np.ones(3), np.array([1, 2, 1e7])) == pytest.approx([12.706 / 1.95996, 4.303 / 1.95996, 1], rel=1e-4)
 
 
+@pytest.mark.long
 def test_white_noise_has_its_density_and_the_stated_scatter():
     rng = np.random.default_rng(1)
     sensor = SensorGrid(rows=1, columns=300)

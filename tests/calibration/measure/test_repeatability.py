@@ -19,6 +19,7 @@ def found(parts):
     return repeatability(parts, whole, np.ones(len(whole.frequency), bool))
 
 
+@pytest.mark.long
 def test_the_scatter_of_gains_is_measured():
     rng = np.random.default_rng(0)
     gains = 1 + 0.03 * rng.standard_normal((30, 40))

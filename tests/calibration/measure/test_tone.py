@@ -15,6 +15,7 @@ def pistonphone(bench, seed, *, rms=10.0, frequency=250.0, duration=8.0):
     return bench.recordings(np.sqrt(2) * rms * np.sin(2 * np.pi * frequency * time), number=seed)[0]
 
 
+@pytest.mark.long
 def test_a_pistonphone_blind(bench):
     """114 dB, 250 Hz, slightly off: all channels are within the stated uncertainty for most seeds."""
     inside = []

@@ -34,6 +34,7 @@ def some(each):
     return TransducerArray(position=WHOLE.position[near], normal=WHOLE.normal[near], unit=WHOLE.unit[near], name="some")
 
 
+@pytest.mark.long
 def test_the_jacobian_is_that_of_the_model():
     array, model = some(6), SensorModel()
     codes = array_codes(array, model.grid, ArrayPlan(duration=0.3, group=12), acoustics=ROOM, height=0.2)

@@ -35,6 +35,7 @@ def drawn(answer):
     return answer("draw", "circle.toml", "circle.drive.h5", "--wanted", "circle.h5", "--temperature", "22C")
 
 
+@pytest.mark.long
 def test_a_drawn_drive_states_how_it_was_made(drawn):
     assert (drawn["frames"], drawn["rate_hz"], drawn["foci"], drawn["pressure_pa"]) == (1000, 4000.0, 1, 40.0)
     assert 0.02 < drawn["reach_used"] < 0.04
@@ -47,6 +48,7 @@ def test_a_drawn_drive_states_how_it_was_made(drawn):
     assert np.abs(field - target.amplitude).max() < 0.01 * target.amplitude.max()  # phases of 8 bits
 
 
+@pytest.mark.long
 def test_a_recorded_signal_modulates_a_moving_spot(answer):
     time = np.arange(4000) / 8000
     soundfile.write("hum.wav", 0.25 * np.sin(2 * np.pi * 100 * time), 8000)
@@ -108,6 +110,7 @@ def test_a_drawn_drive_plays_on_the_emulator(drawn, capsys):
     assert "1000 frames at 4000 Hz on autd3:emulator" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_pattern_is_played_at_once(capsys):
     Path("circle.toml").write_text(CIRCLE.replace("0.25", "0.02"), encoding="utf-8")
     assert run(["play", "circle.toml"]) == 0
@@ -127,6 +130,7 @@ def test_a_pattern_is_played_on_the_emulator(capsys):
     assert "1000 frames at 4000 Hz on autd3:emulator" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_pattern_of_the_adaptics_designer_is_drawn_with_its_parameters(answer):
     rain = EXAMPLES / "Rain.adaptics"
     chosen = ["--parameter", "droplet_strength=1", "--parameter", "rainfall_amount=0.5", "--duration", "0.05s"]

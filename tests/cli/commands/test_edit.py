@@ -16,6 +16,7 @@ def take():
     return recording
 
 
+@pytest.mark.long
 def test_cut_and_join_make_the_same_file_again(take, answer):
     told = answer("cut", "take.h5", "a.h5", "--end", "200ms")
     assert told["notes"] == ["The calibrated pressure was left out; run midair calibrate again."]
@@ -27,6 +28,7 @@ def test_cut_and_join_make_the_same_file_again(take, answer):
     assert load_pressure("both.h5") is None
 
 
+@pytest.mark.long
 def test_join_leaves_out_a_calibration_that_is_not_shared(take, answer):
     save(take, "other.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.03))
     told = answer("join", "take.h5", "other.h5", "both.h5")
@@ -34,6 +36,7 @@ def test_join_leaves_out_a_calibration_that_is_not_shared(take, answer):
     assert load_calibration("both.h5") is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "check"),
     [

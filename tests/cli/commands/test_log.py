@@ -32,6 +32,7 @@ def exported(*options):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_a_play_is_exported_with_its_participant(capsys):
     assert run(["play", make("a.drive.h5"), *EMULATOR, "--participant", "P07"]) == 0
     row, day = exported("--participant", "P07")

@@ -41,6 +41,7 @@ def said(capsys):
     return [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
 
 
+@pytest.mark.long
 def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     assert run(["play", make("a.drive.h5"), *EMULATOR, "--repeats", "2", "--delay", "50ms"]) == 0
     captured = capsys.readouterr()
@@ -66,6 +67,7 @@ def test_play_recommends_a_check_and_warns_of_a_drive_for_the_model(capsys):
     assert "solved without" not in told
 
 
+@pytest.mark.long
 def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
     assert run(["play", make("loud.drive.h5", level=1.0), "--device", NOWHERE]) == 1
     (line,) = said(capsys)
@@ -75,6 +77,7 @@ def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
     assert list(Path("state").glob("*")) == []
 
 
+@pytest.mark.long
 def test_an_override_and_the_air_of_the_room_stay_in_the_log():
     stated = ["--override-exposure", "A Person", "--temperature", "24C"]
     assert run(["play", make("loud.drive.h5", level=1.0, frames=20), *EMULATOR, *stated]) == 0
@@ -83,6 +86,7 @@ def test_an_override_and_the_air_of_the_room_stay_in_the_log():
     assert log()[0]["excess_db"] > 10
 
 
+@pytest.mark.long
 def test_attenuation_plays_quieter(capsys):
     assert run(["play", make("loud.drive.h5", level=1.0), *EMULATOR, "--attenuate"]) == 0
     assert "attenuated: occupational-110 is kept" in " ".join(capsys.readouterr().out.split())
@@ -126,6 +130,7 @@ def test_forbidden_drives_do_not_play(case, capsys):
     assert not Path("state/played.jsonl").exists() or log()[-1]["event"] == "end"
 
 
+@pytest.mark.long
 def test_exposure_prints_and_draws(capsys):
     make("loud.drive.h5", level=1.0)
     assert run(["exposure", "loud.drive.h5"]) == 0
@@ -151,6 +156,7 @@ def test_exposure_in_the_air_of_the_room(capsys):
     assert excess["unknown"] > excess["room"] + 0.1
 
 
+@pytest.mark.long
 def test_exposure_as_json(capsys):
     assert run(["exposure", make("a.drive.h5", level=0.0015), "--json", "--profile", "public-100"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -159,6 +165,7 @@ def test_exposure_as_json(capsys):
     assert not Path("a.exposure.png").exists()
 
 
+@pytest.mark.long
 def test_virtual_devices_only_tell(capsys):
     assert run(["play", make("loud.drive.h5", level=1.0, frames=20)]) == 0
     assert "on a real array: occupational-110 is exceeded" in " ".join(capsys.readouterr().out.split())
@@ -400,6 +407,7 @@ def test_a_play_that_waits_too_long_for_hot_units_ends_with_status_1(tap, capsys
     assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
 
 
+@pytest.mark.long
 def test_playing_from_a_thread_needs_no_signals():
     """A program with a window of its own plays from a thread, where signals cannot be set."""
     status = []
@@ -419,6 +427,7 @@ rotation_deg = [0, -30, 0]
 """
 
 
+@pytest.mark.long
 def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     Path("tilted.toml").write_text(TILTED, encoding="utf-8")
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
@@ -436,6 +445,7 @@ def test_the_virtual_array_takes_no_placement(capsys):
     assert "virtual array: expected no sensor, calibration or placement" in said(capsys)[0]
 
 
+@pytest.mark.long
 def test_the_strength_in_a_file_changes_no_exposure(capsys):
     """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
     claims = TransducerArray(

@@ -78,6 +78,7 @@ def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, cap
     assert played.mean() <= solution.error.mean() + 0.03
 
 
+@pytest.mark.long
 def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, capsys):
     solved(tmp_path / "x.drive.h5", "--array", "openmpd", *FEW)
     capsys.readouterr()
@@ -87,6 +88,7 @@ def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, cap
     assert len(board.frames) == 1
 
 
+@pytest.mark.long
 def test_a_drive_for_another_array_is_refused(board, tmp_path, capsys):
     solved(tmp_path / "x.drive.h5", *FEW)
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
@@ -130,6 +132,7 @@ def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
         player.communicate()
 
 
+@pytest.mark.long
 def test_doctor_reports_what_it_cannot_check(board, capsys):
     run(["doctor", "--device", f"openmpd:{board.port}"])
     said = " ".join(capsys.readouterr().out.split())

@@ -172,6 +172,7 @@ def test_missing_notes_are_asked_once_and_offered_again(capsys):
     assert load("towel-rough-01.h5").provenance.notes == answers | {"object": "Towel", "surface": "rough"}
 
 
+@pytest.mark.long
 def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
     assert (
         run(["record", "virtual:towel+groove", "--duration", "0.1s", "--repeats", "2", "--pause", "50ms", "--json"])
@@ -184,6 +185,7 @@ def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
     assert load("towel-groove-02.h5").provenance.simulated
 
 
+@pytest.mark.long
 def test_the_object_is_stored_in_the_notes(capsys):
     words = ["--object", "Brush", "--surface", "flat", "--speed", "50mm/s", "--operator", "Å"]
     assert run(["record", "replay:source.h5", *words]) == 0
@@ -197,6 +199,7 @@ def test_the_object_is_stored_in_the_notes(capsys):
     }
 
 
+@pytest.mark.long
 def test_a_touch_starts_a_take(capsys):
     samples = np.random.default_rng(1).normal(0, 0.01, (3000, 4, 4))
     samples[1500:1700, 1, 1] += 1

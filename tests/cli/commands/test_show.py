@@ -46,11 +46,13 @@ def test_each_kind_of_file_becomes_a_page(files, line, page, held, capsys):
     assert re.search(r"(kB|MB), in \d+\.\d s", said)
 
 
+@pytest.mark.long
 def test_a_part_is_cut_out(files):
     assert run(["show", "take.h5", "--start-at", "0.05s", "--duration", "0.1s"]) == 0
     assert title(files / "take.show.html") == "100 frames at 1000 Hz, 0.1 s"
 
 
+@pytest.mark.long
 def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
     for _ in range(2):
         assert run(["show", "take.h5"]) == 0
@@ -60,6 +62,7 @@ def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
     assert (files / "take.show.html").read_text() == "a page of mine"
 
 
+@pytest.mark.long
 def test_a_film_prints_its_duration(files, capsys):
     assert run(["show", "take.drive.h5", "--save", "film.gif"]) == 0
     with Image.open(files / "film.gif") as made:
@@ -73,6 +76,7 @@ def test_a_channel_becomes_a_sound(files, capsys):
     assert "channel 6; full scale is" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_no_browser_opens_without_a_screen(files, monkeypatch):
     opened = []
     monkeypatch.setattr(webbrowser, "open", opened.append)

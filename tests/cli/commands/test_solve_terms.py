@@ -20,6 +20,7 @@ def stroke(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     drive = tmp_path / "am.drive.h5"
     words = "--method fast --guard 22mm --amplitudes bounded --smooth 0.003 --level auto --fit cells --backend numpy"
@@ -34,6 +35,7 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     assert made["level"] < 1
 
 
+@pytest.mark.long
 def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
     # The lead of the slow bias is almost silent, and does not count.
@@ -50,6 +52,7 @@ def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, 
     assert "at 24 °C" in told
 
 
+@pytest.mark.long
 def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
     assert run(["solve", str(stroke), str(drive), "--method", "fast", "--strength", "0.1", *SMALL]) == 0

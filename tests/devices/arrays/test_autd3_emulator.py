@@ -93,12 +93,14 @@ def test_repeats_follow_each_other_without_a_gap():
     assert_exact(drive, report, out, 1, repeats=4)
 
 
+@pytest.mark.long
 def test_a_delay_is_silent():
     report, out = played(noise(10), delay=0.5)
     assert report.start >= out.begin + 500 * MS
     assert out.pulse_width[: out.row(report.start)].max() == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [40e3 / 3, 4000.0, 100.0])
 def test_other_rates(rate):
     drive = noise(20, rate=rate)
@@ -109,6 +111,7 @@ def test_other_rates(rate):
     np.testing.assert_array_equal(held[:, -1], phase_bytes(drive, 1)[:, 0])
 
 
+@pytest.mark.long
 def test_a_level_for_each_frame_becomes_a_pulse_width():
     level = np.repeat([0.0, 0.2, 1.0, 0.2, 0.5], 3)
     drive = noise(15, level=level)
@@ -117,6 +120,7 @@ def test_a_level_for_each_frame_becomes_a_pulse_width():
     np.testing.assert_allclose(np.sin(np.pi * width / 512), np.broadcast_to(level[:, None], width.shape), atol=0.005)
 
 
+@pytest.mark.long
 def test_a_level_for_each_transducer():
     rng = np.random.default_rng(3)
     base = noise(8)
@@ -127,6 +131,7 @@ def test_a_level_for_each_transducer():
     np.testing.assert_array_equal(of_frames(out.phase, out, report, 8)[:, -1], phase_bytes(drive, 1)[:, 0])
 
 
+@pytest.mark.long
 def test_intensity_bytes_are_the_amplitudes_that_the_emulator_makes():
     level = np.arange(256) / 255
     report, out = played(noise(256, level=level))
@@ -134,6 +139,7 @@ def test_intensity_bytes_are_the_amplitudes_that_the_emulator_makes():
     np.testing.assert_allclose(np.sin(np.pi * width / 512), amplitude_of(np.arange(256, dtype=np.uint8)), atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("moment", [0.5, 3.0, 17.2, 39.9, 40.1, 62.0])
 @pytest.mark.parametrize("active", [0, 1])
 def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
@@ -205,6 +211,7 @@ def test_the_emulator_s_own_field_is_ours():
     assert np.abs(field[:, 3] - ours).max() / ours.max() < 1e-5
 
 
+@pytest.mark.long
 def test_a_spread_step_arrives_within_half_a_frame():
     """A step of 180 degrees: from the middle of each frame on, the phase equals the solved one."""
     phase = np.zeros((10, 249))

@@ -155,6 +155,7 @@ def test_a_minute_of_60000_frames_on_four_units_bit_by_bit(tap):
             assert instants[0] == report.start
 
 
+@pytest.mark.long
 def test_heartbeats_with_and_without_playback(tap):
     """The failsafe acts after 500 ms: the longest pause is far below it."""
     with autd3_array(tap.address, ONE) as device:
@@ -166,6 +167,7 @@ def test_heartbeats_with_and_without_playback(tap):
         assert sum(datagram[1] == 7 for at, _, datagram in tap.sent if at >= begin) > 20
 
 
+@pytest.mark.long
 def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
     def cut(done, _):
         if done >= 250:
@@ -177,6 +179,7 @@ def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("answer", [False, True], ids=["order", "answer"])
 def test_a_lost_datagram_of_each_kind_does_not_end_playing(tap, answer):
     drive, lost = noise(750), {0: [WRITE, CONFIG], 250: [SWITCH], 500: [READ_STATE, SILENCE]}
@@ -211,6 +214,7 @@ def test_a_play_survives_two_lost_datagrams_of_a_hundred(tap):
     np.testing.assert_array_equal(switched_to(tap, port, late=True)[1], phase_bytes(drive, 1)[:, 0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bank", [0, 1])
 @pytest.mark.parametrize("tap", [2], indirect=True)
 def test_a_switch_that_reached_some_units_only_is_taken_back_and_can_be_sent_again(tap, bank):
@@ -239,6 +243,7 @@ def test_a_switch_that_reached_some_units_only_is_taken_back_and_can_be_sent_aga
         assert banks.emitting()
 
 
+@pytest.mark.long
 def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):
     def lose(done, _):
         if done == 250:
@@ -250,6 +255,7 @@ def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):
     assert tap.lost == 5
 
 
+@pytest.mark.long
 def test_doubled_datagrams_are_refused_at_opening_and_harmless_later(tap):
     tap.twice = True
     with pytest.raises(LinkLostError, match="datagrams arrive twice: connect the units to a card of their own"):
@@ -263,6 +269,7 @@ def test_doubled_datagrams_are_refused_at_opening_and_harmless_later(tap):
     assert patterns(tap) == [PATTERN]
 
 
+@pytest.mark.long
 def test_units_do_not_execute_replayed_commands(tap):
     """A unit executes the next number of its sequence only; it answers old commands with the last one that it executed.
 
@@ -306,6 +313,7 @@ def test_a_hang_of_python_leaves_no_standing_frame_under_the_heartbeat(tap):
     assert max(np.diff(beats)) < 0.4
 
 
+@pytest.mark.long
 def test_silence_from_another_thread_ends_playing(tap):
     import threading
 
@@ -322,6 +330,7 @@ def test_silence_from_another_thread_ends_playing(tap):
         assert_last_word_is_silence(tap)
 
 
+@pytest.mark.long
 def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_have_cooled(tap):
     tap.hot = range(65536)
     with autd3_array(tap.address, ONE) as device:
@@ -393,6 +402,7 @@ def test_a_play_that_may_wait_is_silent_while_a_unit_is_too_hot_and_continues_at
     assert_last_word_is_silence(tap)
 
 
+@pytest.mark.long
 def test_a_pause_has_a_limit_and_other_threads_can_end_it(tap):
     tap.hot, told = range(65536), []
     with autd3_array(tap.address, ONE) as device:

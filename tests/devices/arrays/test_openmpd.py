@@ -66,6 +66,7 @@ def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count, attem
         assert not port.sounds
 
 
+@pytest.mark.long
 def test_another_rate_sets_another_divider(stand_ins):
     (port,) = stand_ins()
     boards = [Board.nominal()]
@@ -111,6 +112,7 @@ def test_what_another_program_left_sounding_is_silenced_on_opening(stand_ins):
         assert not port.sounds
 
 
+@pytest.mark.long
 def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
     (port,) = stand_ins()
     boards = [measured_board()]
@@ -137,6 +139,7 @@ def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
     assert 0 < count < 3000
 
 
+@pytest.mark.long
 def test_few_frames_are_buffered_when_silence_is_sent(stand_ins):
     """After an error, at most the lead's number of frames has been sent, whatever the state of the board."""
     (port,) = stand_ins()
@@ -156,6 +159,7 @@ def test_few_frames_are_buffered_when_silence_is_sent(stand_ins):
     assert told[-1] < len(port.heard) <= told[-1] + LEAD * 1000
 
 
+@pytest.mark.long
 def test_a_board_without_a_cable_is_an_error_and_the_other_is_silenced(stand_ins):
     ports = stand_ins(2)
     boards = [measured_board(0), measured_board(1)]
@@ -173,6 +177,7 @@ def test_a_board_without_a_cable_is_an_error_and_the_other_is_silenced(stand_ins
     assert device.emitting
 
 
+@pytest.mark.long
 def test_a_board_that_accepts_no_more_bytes_is_an_error(stand_ins):
     (port,) = stand_ins()
     boards = [measured_board()]

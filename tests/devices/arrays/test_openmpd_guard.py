@@ -81,6 +81,7 @@ def test_a_stopped_program_leaves_silence_and_reports_it_afterwards(board, playe
     assert_stays_silent(board)
 
 
+@pytest.mark.long
 def test_keys_at_the_terminal_do_not_reach_the_guard(board, player):
     """The guard has its own session: a signal to the whole process group must not end it."""
     one = player()
@@ -88,6 +89,7 @@ def test_keys_at_the_terminal_do_not_reach_the_guard(board, player):
     assert os.getsid(guard.pid) != os.getsid(one.pid)
 
 
+@pytest.mark.long
 def test_a_program_whose_guard_was_ended_plays_no_further(board, player):
     one = player()
     (guard,) = psutil.Process(one.pid).children()

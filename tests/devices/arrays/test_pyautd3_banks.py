@@ -36,6 +36,7 @@ def check_memory(banks, drive, units, block=250):
         assert max(int(strength.max()) for _, strength in held[-1]) == 0
 
 
+@pytest.mark.long
 def test_memory_is_the_drive_to_the_last_bit():
     with pyautd3_array("audit", PAIR) as device:
         check_memory(device.units, noise(60), 2, block=25)
@@ -88,6 +89,7 @@ def test_after_playing_the_segment_that_plays_is_silent():
         assert device.units.held(0, segment, 0)[1].max() == 0
 
 
+@pytest.mark.long
 def test_the_silencer_is_set():
     slow = np.zeros((20, 498))
     drive = Drive(phase=slow, level=np.ones(20), rate=1000.0, array=PAIR.array())
@@ -101,6 +103,7 @@ def test_the_silencer_is_set():
         assert not device.units.link.silencer_strict(0)
 
 
+@pytest.mark.long
 def test_a_unit_that_is_too_hot_does_not_sound():
     with pyautd3_array("audit", PAIR) as device:
         assert device.play(clear_any_exposure(noise(300), device)).units == "not too hot"
@@ -109,6 +112,7 @@ def test_a_unit_that_is_too_hot_does_not_sound():
             device.play(clear_any_exposure(noise(300), device))
 
 
+@pytest.mark.long
 def test_a_link_that_breaks_ends_playing():
     from midair.errors import DeviceError
 

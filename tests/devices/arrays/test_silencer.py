@@ -32,12 +32,14 @@ def jumping(frames=24):
     return drive([focus_phase(ARRAY, np.array([x, y, 0.2])) for x, y in places])
 
 
+@pytest.mark.long
 def test_a_constant_focus_has_no_error_and_needs_no_silencer():
     still = turning(0)
     assert max(silencer_errors(still).values()) < 1e-3
     assert choose_silencer("auto", still).phase == 0
 
 
+@pytest.mark.long
 def test_phases_that_turn_together_are_spread():
     """A sudden turn causes a dip of the sound; transducers follow a slower turn better."""
     errors = silencer_errors(turning(120))
@@ -51,6 +53,7 @@ def test_a_dip_is_worth_two_time_constants_of_silence():
     assert error == pytest.approx(2 * TransducerDynamics().time_constant / 10e-3, rel=0.15)
 
 
+@pytest.mark.long
 def test_a_focus_that_jumps_is_not_spread():
     """An intermediate pattern resembles neither of the two positions."""
     errors = silencer_errors(jumping())
@@ -88,6 +91,7 @@ def test_drives_of_any_rate_and_length_are_simulated(rate):
     assert all(0 < one < 2 for one in errors.values())
 
 
+@pytest.mark.long
 def test_the_sample_tells_the_whole():
     whole = Sampling(windows=1, frames=400, moments=10_000)
     long = jumping(400)
@@ -111,6 +115,7 @@ def test_a_step_is_complete_within_its_part_of_a_frame_or_in_the_shortest_time_t
     assert chosen.phase / 25e-6 == pytest.approx(round(chosen.phase / 25e-6))
 
 
+@pytest.mark.long
 def test_choices_by_name():
     assert choose_silencer("off", jumping()).phase == 0
     chosen = choose_silencer("default", jumping())
@@ -120,6 +125,7 @@ def test_choices_by_name():
         choose_silencer("loud", jumping())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", [turning(120), jumping()], ids=["turning", "jumping"])
 def test_the_virtual_array_plays_with_what_a_real_one_would(made):
     pytest.importorskip("autd3")

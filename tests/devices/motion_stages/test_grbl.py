@@ -306,6 +306,7 @@ def opens(port):
     return True
 
 
+@pytest.mark.long
 def test_a_program_that_is_killed_in_a_move_leaves_the_machine_at_rest(machine, mover):
     """Before, the machine ran to the end of its move."""
     mover.kill()

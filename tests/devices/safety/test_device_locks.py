@@ -34,6 +34,7 @@ def holding(*words):
     return process
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("held", "asked"),
     [
@@ -65,6 +66,7 @@ def test_other_devices_are_free(held, asked):
         pass
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_lock_goes_with_its_process(number):
     with holding(AUTD3) as process:
@@ -85,6 +87,7 @@ def elsewhere():
 linux = pytest.mark.skipif(sys.platform != "linux", reason="a lock for all users needs Linux")
 
 
+@pytest.mark.long
 @linux
 @pytest.mark.parametrize(("held", "asked"), [("", ""), ("", ":eth0"), (":eth0", ""), (100 * "a", 100 * "a")])
 def test_a_program_with_another_state_folder_is_refused_and_the_first_one_named(held, asked, elsewhere):
@@ -101,6 +104,7 @@ def test_a_program_with_another_state_folder_is_refused_and_the_first_one_named(
     assert f"process {process.pid} of user {getpass.getuser()} ({sys.executable} -c" in line
 
 
+@pytest.mark.long
 @linux
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can become another user")
 def test_two_users_do_not_get_one_device(elsewhere):

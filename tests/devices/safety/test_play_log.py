@@ -66,6 +66,7 @@ def test_a_disk_that_takes_half_a_line_takes_none():
     assert [entry["order"] for entry in entries()] == ["one", "three"]
 
 
+@pytest.mark.long
 def test_an_order_has_the_level_and_the_responsible_person():
     one = log_order("x.drive.h5", "autd3", admitted(1.0, override=" A Person "))
     two = log_order("y.drive.h5", "autd3", admitted(0.01))
@@ -102,6 +103,7 @@ def test_an_order_can_be_audited(tmp_path, monkeypatch):
     assert {name: (one["limit_db"], one["enforced"]) for name, one in entry["places"].items()} == limits
 
 
+@pytest.mark.long
 def test_a_day_has_no_more_hours_of_sound_than_the_profile():
     def order(participant="", **choices):
         admission = admitted(0.001, profile=replace(PROFILE, hours=2e-6), **choices)
@@ -128,6 +130,7 @@ def test_a_day_has_no_more_hours_of_sound_than_the_profile():
         order()
 
 
+@pytest.mark.long
 def test_a_profile_that_was_edited_has_another_hash():
     from dataclasses import replace
 
@@ -140,6 +143,7 @@ def test_a_profile_that_was_edited_has_another_hash():
     assert len(first) == 64
 
 
+@pytest.mark.long
 def test_an_infinite_level_is_null_in_json():
     from dataclasses import replace
 

@@ -113,6 +113,7 @@ def test_a_program_that_cannot_be_reached_is_reported_and_delays_no_other(conten
     assert silenced == [True]
 
 
+@pytest.mark.long
 def test_a_program_that_hangs_is_reported_and_the_others_are_silent_at_once():
     """The listening program is stopped by SIGSTOP, so that its port accepts the call but there is no answer."""
     player = (
@@ -218,6 +219,7 @@ def test_a_stop_in_the_future_is_ignored():
         assert playing_now()
 
 
+@pytest.mark.long
 def test_start_time_of_a_process():
     code = "from midair.devices.safety.stop_channel import process_start_time; print(process_start_time())"
     before = uptime()

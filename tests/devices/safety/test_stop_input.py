@@ -81,6 +81,7 @@ with stop_on_input("keyboard"), open_stop_channel("a device", silent.set):
 """
 
 
+@pytest.mark.long
 def test_a_key_of_the_terminal_silences_without_return():
     """A session leader that opens a terminal gets it as its own, as after a login."""
     master, slave = os.openpty()

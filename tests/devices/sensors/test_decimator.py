@@ -35,6 +35,7 @@ def test_it_agrees_with_the_offline_filter(rate, new_rate):
     np.testing.assert_allclose(streamed, offline[: len(streamed)], atol=1e-12)
 
 
+@pytest.mark.long
 @given(pieces=st.lists(st.integers(1, 700), min_size=1, max_size=8))
 def test_the_size_of_the_pieces_does_not_matter(pieces):
     x = np.random.default_rng(1).normal(size=(5000, 2))

@@ -88,6 +88,7 @@ def numbered(rate, made, **how):
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ppm", [-200, 0, 200])
 @pytest.mark.parametrize(("rate", "push", "jitter"), [(1000, 4e-3, 2e-4), (1000, 20e-3, 1e-3), (48000, 10e-3, 2e-4)])
 @pytest.mark.parametrize("seed", SEEDS)

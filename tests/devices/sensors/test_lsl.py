@@ -32,6 +32,7 @@ def test_nothing_is_lost_or_permuted_between_two_processes(seconds, lsl_sender):
     np.testing.assert_array_equal(ramp[:, :16], (ramp[:, 16:] % 2048) * 16 + np.arange(16))
 
 
+@pytest.mark.long
 def test_frames_that_the_sender_left_out_show_in_its_counter(lsl_sender):
     name, _ = lsl_sender(hole=7)
     with source_sensor(f"lsl:{name}?search=60&counter=16") as sensor:
@@ -57,6 +58,7 @@ def test_the_clocks_of_sender_and_computer_agree_where_they_are_the_same(lsl_sen
     assert 0 < time.monotonic() - host[-1] < 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("unit", "options", "factor"), [("microvolts", "", 1e-6), ("V", "", 1.0), ("-", "&unit=V", 1.0)]
 )
@@ -69,6 +71,7 @@ def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_se
         np.testing.assert_allclose(np.diff(samples[:16]), 1, rtol=1e-4)
 
 
+@pytest.mark.long
 def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
     name, _ = lsl_sender(unit="V")
     with pytest.raises(MismatchError, match="the source states V"):
@@ -83,6 +86,7 @@ def test_a_stream_without_a_sender(lsl_sender):
         LslSource("Missing", search=0.3).open()
 
 
+@pytest.mark.long
 def test_a_counter_that_is_no_channel_is_refused(lsl_sender):
     name, _ = lsl_sender()
     with pytest.raises(InputError, match="a counter among channels 0 to 16, got 17"):

@@ -46,6 +46,7 @@ def steady(level=0.2, **options):
     return felt(skin)[-1]
 
 
+@pytest.mark.long
 def test_a_steady_focus_presses_as_the_field_says():
     """In closed form: weights of the cells times the radiation pressure of G q at the skin's points."""
     skin = VirtualSkin(SensorModel())
@@ -62,6 +63,7 @@ def palm_at(*centres, tilt=0.0):
     return palm_path(0.01 * np.arange(len(centres)), np.array(centres), tilt=tilt)
 
 
+@pytest.mark.long
 def test_a_palm_that_lies_elsewhere_feels_the_field_there():
     """In closed form as above, at the points of the moved skin; a palm in its solved place changes nothing."""
     at_rest = steady(**EXACT)
@@ -73,6 +75,7 @@ def test_a_palm_that_lies_elsewhere_feels_the_field_there():
     np.testing.assert_allclose(steady(**EXACT, palm=palm).ravel(), expected, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_moving_palm_begins_anew_with_each_play():
     """Time 0 is the first frame of a play; repeats go on."""
     skin, found = VirtualSkin(SensorModel()), []
@@ -145,11 +148,13 @@ def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
             np.testing.assert_allclose(felt(skin)[-1].ravel(), expected, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_pressure_goes_with_the_square_of_the_level():
     np.testing.assert_allclose(steady(level=0.4, **EXACT), 4 * steady(level=0.2, **EXACT), rtol=1e-9)
     np.testing.assert_allclose(steady(level=0.4, **PERFECT), 4 * steady(level=0.2, **PERFECT), rtol=1e-5)
 
 
+@pytest.mark.long
 def test_weaker_transducers_press_less():
     np.testing.assert_allclose(steady(**PERFECT | {"strength": 0.9}), 0.81 * steady(**PERFECT), rtol=1e-5)
 
@@ -164,6 +169,7 @@ def test_transducers_take_their_time():
     np.testing.assert_allclose(rise[:8], np.abs(1 - gone) ** 2, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_blocks_of_a_long_drive_join_without_a_seam():
     long, short = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, long) as array:
@@ -179,6 +185,7 @@ def test_a_rate_that_does_not_fit_is_refused():
         array.play(clear_any_exposure(focus(rate=3000.0), array))
 
 
+@pytest.mark.long
 def test_the_same_seed_is_the_same_array():
     np.testing.assert_array_equal(steady(seed=3), steady(seed=3))
     assert not np.array_equal(steady(seed=3), steady(seed=4))
@@ -189,6 +196,7 @@ def wandering(frames=60):
     return Drive(phase=np.cumsum(step, axis=0), level=np.full(frames, 0.5), rate=1000.0, array=ARRAY)
 
 
+@pytest.mark.long
 def test_plays_what_the_simulation_says():
     """Blocks of a device compared with one call of the simulation, with transducers that differ."""
     skin = VirtualSkin(SensorModel())
@@ -200,6 +208,7 @@ def test_plays_what_the_simulation_says():
     np.testing.assert_allclose(felt(skin).reshape(-1, 16), law, atol=1e-5 * law.max())
 
 
+@pytest.mark.long
 def test_the_silencer_is_chosen_for_the_drive_and_reported():
     """For a focus that moves in jumps, half a frame of silencer would weaken the pressure."""
     auto, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())

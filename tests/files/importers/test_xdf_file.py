@@ -67,6 +67,7 @@ def test_lost_samples_leave_every_frequency(clocks, xdf, samples, file):
         load(file(xdf.whole(xdf(numbers, stamps=100 + keep / 1000, clocks=clocks))), unit="V")
 
 
+@pytest.mark.long
 def test_several_streams_need_a_name(xdf, samples, file):
     data = xdf.whole(xdf(samples, name="skin"), xdf(samples[:, :3] * 2, name="arm", number=2))
     with pytest.raises(BrokenFileError, match=r"expected one stream of numbers.*skin \(200\), arm \(200\)"):

@@ -54,6 +54,7 @@ def place_of(path, name, row=0):
         return chunk.byte_offset + row % file[name].chunks[0] * size
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("row", "first", "last", "streamed"), [(0, 0, 256, False), (300, 256, 512, True), (999, 768, 1000, False)]
 )
@@ -93,6 +94,7 @@ def test_blocks_are_read_from_any_frame_to_any_other(tmp_path):
             lazy.read(first, last)
 
 
+@pytest.mark.long
 def test_other_damaged_parts_of_a_recording_are_left_out(tmp_path):
     path = tmp_path / "a.h5"
     samples = recorded(path)

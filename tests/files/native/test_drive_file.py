@@ -166,6 +166,7 @@ def test_an_early_drive_has_the_papers_air(path):
     assert load_solution(path).drive.acoustics == Acoustics()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("own_levels", [False, True])
 def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_levels):
     rng, array = np.random.default_rng(0), TransducerArray.autd3(columns=1, rows=1)

@@ -79,6 +79,7 @@ def test_the_journal_of_a_file_becomes_a_step_that_every_copy_keeps(tmp_path):
     assert load(tmp_path / "live.h5").provenance == recording.provenance
 
 
+@pytest.mark.long
 def test_the_journal_opens_in_xarray_with_its_meanings(tmp_path):
     written(tmp_path / "live.h5")
     with xarray.open_dataset(tmp_path / "live.h5", engine="h5netcdf") as table:

@@ -35,6 +35,7 @@ def test_a_file_that_crashes_the_inspector_does_not_end_this_process(path, recor
     alike(load(path), recording)
 
 
+@pytest.mark.long
 def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, monkeypatch):
     alike(load(path), recording)
     monkeypatch.setattr(inspection, "PATIENCE", 0.2)
@@ -44,6 +45,7 @@ def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, mo
         load(path)
 
 
+@pytest.mark.long
 def test_the_message_names_a_limit_of_address_space(path, recording, alike, monkeypatch):
     alike(load(path), recording)
     monkeypatch.setattr(inspection, "PATIENCE", 0.2)
@@ -55,6 +57,7 @@ def test_the_message_names_a_limit_of_address_space(path, recording, alike, monk
     assert not isinstance(refused.value, BrokenFileError)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="address space is limited on Linux")
 def test_a_good_file_opens_within_a_limit_of_address_space(path):
     program = (

@@ -146,6 +146,7 @@ def test_a_piece_that_expands_to_less_is_refused(path):
         load(path)
 
 
+@pytest.mark.long
 def test_the_inspector_needs_nothing_of_midair(path):
     """So that it starts quickly."""
     script = Path(inspection.__file__).with_name("inspector.py")

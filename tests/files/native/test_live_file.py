@@ -57,6 +57,7 @@ with h5py.File(sys.argv[1], "r", swmr=True) as file:
 """
 
 
+@pytest.mark.long
 def test_any_program_that_knows_hdf5_reads_it_while_it_grows(recording, options, tmp_path):
     path = tmp_path / "live.h5"
     with RecordingWriter(path, **options, interval=1e-9) as writer:

@@ -47,6 +47,7 @@ def test_played_values_are_read_back_bit_by_bit(tmp_path):
     check(tmp_path / "take.h5", wanted)
 
 
+@pytest.mark.long
 def test_it_stays_when_the_file_is_written_anew(tmp_path):
     path = tmp_path / "take.h5"
     wanted = written(path)

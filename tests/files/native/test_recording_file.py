@@ -6,6 +6,7 @@ from midair.files import load, load_calibration, load_pressure, repair, save, sa
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("band", [None, (20.0, 470.0)])
 def test_adds_the_pressure_and_keeps_the_rest(band, path, recording, calibration, alike):
     life = recording.provenance.then("calibrate", {"band": band})
@@ -37,6 +38,7 @@ def test_has_no_pressure_in_a_calibration(calibration, tmp_path):
         load_pressure(tmp_path / "a.calibration.h5")
 
 
+@pytest.mark.long
 def test_repair_changes_nothing_of_a_whole_file(path, recording, alike):
     assert repair(path) == ()
     alike(load(path), recording)

@@ -13,6 +13,7 @@ from midair.files import RecordingWriter, load, load_calibration, open_take, rep
 from midair.model import Provenance, SensorGrid
 
 
+@pytest.mark.long
 def test_a_live_recording_equals_a_saved_one(recording, calibration, options, tmp_path, alike):
     path = tmp_path / "live.h5"
     with RecordingWriter(path, **options, calibration=calibration) as writer:

@@ -32,6 +32,7 @@ def test_markdown_has_a_row_for_every_name(entries):
     assert all(row.count("|") == 7 for row in rows)
 
 
+@pytest.mark.long
 def test_files_hold_exactly_what_the_table_says(recording, calibration, solution, target, tmp_path):
     save(recording, tmp_path / "a.h5", calibration=calibration)
     pressure = PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor, band=(20, 160))

@@ -49,6 +49,7 @@ def test_the_places_have_axes_and_units_of_their_own(tmp_path):
         assert file["stage_time"].dims[0][0] == file["stage"]
 
 
+@pytest.mark.long
 def test_copies_and_repaired_files_keep_them(tmp_path):
     path = written(tmp_path / "a.h5")
     save(load(path), tmp_path / "b.h5")

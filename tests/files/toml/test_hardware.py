@@ -50,6 +50,7 @@ def test_a_sensor_written_by_hand(path):
     assert load_sensor(path) == SensorWiring(grid=SensorGrid(name="skin"))
 
 
+@pytest.mark.long
 @given(
     data=st.data(),
     size=st.tuples(st.integers(1, 6), st.integers(1, 6)),

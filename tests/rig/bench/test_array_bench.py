@@ -85,6 +85,7 @@ def test_a_quiet_sensor_passes_and_a_noisy_or_draughty_one_does_not():
     assert "still air" in said[0]
 
 
+@pytest.mark.long
 def test_a_clipped_recording_is_refused():
     array, sensor = opened(4)
     with array, sensor:
@@ -252,6 +253,7 @@ def test_the_beam_is_no_crosstalk(found):
     assert calibration.crosstalk.uncertainty[away].max() < 0.03
 
 
+@pytest.mark.long
 def test_crosstalk_is_found():
     mixed = np.eye(4) + 0.1 * (1 - np.eye(4))
     calibration = by_beam(SensorModel(grid=GRID, crosstalk=mixed))
@@ -261,6 +263,7 @@ def test_crosstalk_is_found():
     assert apart.max() < 0.02
 
 
+@pytest.mark.long
 def test_saturation_is_found():
     line = by_beam(SensorModel(grid=GRID, saturation=1.0)).linearity
     assert (line.curvature + 2 * line.curvature_uncertainty < 0).all()
@@ -271,6 +274,7 @@ def test_a_plan_of_another_rate_is_refused():
         by_beam(SensorModel(grid=GRID), plan=BeamPlan(rate=800.0, high=380.0))
 
 
+@pytest.mark.long
 def test_a_gated_array_keeps_the_profile_and_needs_a_real_sensor():
     skin = VirtualSkin(SensorModel(grid=GRID))
     array, sensor = VirtualArray(ARRAY, skin), VirtualSensor(skin)

@@ -83,6 +83,7 @@ def beating(place):
     return PressureFrames(pressure=asked, rate=1000.0, sensor=SensorGrid()), drive
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("beside", [False, True])
 def test_a_focus_beside_the_square_presses_outside_and_moves_the_skin_otherwise(beside):
     asked, drive = beating((0.036, 0.0) if beside else (0.0, 0.0))

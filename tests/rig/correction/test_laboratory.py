@@ -58,6 +58,7 @@ def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
     assert laboratory_picture(other).size[0] > 400
 
 
+@pytest.mark.long
 def test_the_seed_gives_the_same_laboratories(focus) -> None:
     lab = NOTHING.but(palm_aside_mm=2.0)
     first, again, other = (loss(focus, lab, seed=seed) for seed in (1, 1, 2))
@@ -65,6 +66,7 @@ def test_the_seed_gives_the_same_laboratories(focus) -> None:
     assert not np.array_equal(first.ratios[ALL], other.ratios[ALL])
 
 
+@pytest.mark.long
 def test_a_measured_array_leaves_the_uncertainty_of_its_measurement(focus) -> None:
     count = ARRAY.count
     known = ArrayCalibration(

@@ -79,6 +79,7 @@ def without_pictures(monkeypatch):
     monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [])
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("without_pictures")
 def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page):
     assert "negative half cannot be played" in page
@@ -94,6 +95,7 @@ def test_versions_are_those_in_use():
     assert dict(versions())["numpy"] == np.__version__
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("without_pictures")
 def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     old = tmp_path / "report.html"

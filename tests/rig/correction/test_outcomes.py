@@ -60,6 +60,7 @@ def test_every_way_has_every_row(ways):
     assert all(len(values) == 2 for _, values in rows.values())
 
 
+@pytest.mark.long
 def test_there_is_a_picture_where_there_is_a_palm(ways):
     assert palm_picture([replace(ways[0], palm=None)]) is None
     width, height = palm_picture(ways[:1]).size

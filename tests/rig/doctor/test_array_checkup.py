@@ -57,6 +57,7 @@ def test_only_running_programs_play_now(tmp_path):
     assert found.startswith(f"autd3:eth0 (process {os.getpid()}, ")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "package"), [("autd3:emulator", "autd3"), ("pyautd3:audit", "pyautd3")])
 def test_a_device_describes_itself(name, package):
     pytest.importorskip(package)

@@ -10,6 +10,7 @@ from midair.rig.doctor.array_checkup import Check
 from midair.rig.doctor.checkup import live_sensor_findings, run_checks, sensor_findings
 
 
+@pytest.mark.long
 def test_the_test_machine_passes_all_checks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     findings = run_checks()
@@ -18,6 +19,7 @@ def test_the_test_machine_passes_all_checks(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_each_problem_gives_advice(tmp_path, monkeypatch):
     import importlib.metadata
 

@@ -42,6 +42,7 @@ def test_refused_rights_are_reported():
     assert SchedulerGrant(priority="", memory="").words() == "real-time priority, memory locked"
 
 
+@pytest.mark.long
 def test_realtime_request_reports_refusals_and_disables_the_garbage_collector():
     """In a process of its own, since it changes the process."""
     code = (
@@ -52,6 +53,7 @@ def test_realtime_request_reports_refusals_and_disables_the_garbage_collector():
     assert done.stdout.split() == ["False", "True"]
 
 
+@pytest.mark.long
 def test_zero_priority_is_not_reported_as_refused():
     code = "from midair.rig.live_touch.timing import request_realtime; print(request_realtime(0).words())"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -27,6 +27,7 @@ def felt(rng, frames=3, size=20.0):
     return size * rng.standard_normal((frames, 4, 4))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("mapping", "offset"), [("half-wave", None), ("constant-offset", 15.0)])
 def test_targets_equal_those_of_the_stages(mapping, offset):
     """Decoupled, mapped, gained and interpolated as by `prepare`, over the focus of the array."""
@@ -89,6 +90,7 @@ def test_the_causal_inverse_has_the_stated_delay_and_error():
     assert touch(None).delay == 0.0
 
 
+@pytest.mark.long
 def test_with_a_latency_two_frames_are_interpolated_and_compensated_for_playback():
     live, taken = touch(Calibration.flat(SENSOR, unit="Pa"), latency=0.2), np.arange(1000) / 1000
     made = []

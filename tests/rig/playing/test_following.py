@@ -65,6 +65,7 @@ def followed(path: PalmPath, folder, *, latency=0.0, freeze=0.0, drive=None, **o
     return follow_simulated(drive or focus(), name, GRID, report=lines.append, **options), lines
 
 
+@pytest.mark.long
 def test_the_focus_stays_on_the_palm(tmp_path) -> None:
     truth = swaying()
     still = np.abs(propagate(focus(1), SOLVED[None]))[0, 0]
@@ -84,6 +85,7 @@ def _frame(drive: Drive, at: int) -> Drive:
     return replace(drive, phase=drive.phase[[at]], level=drive.level[[at]])
 
 
+@pytest.mark.long
 def test_the_steering_is_smooth_between_poses(tmp_path) -> None:
     steered, _ = followed(swaying(), tmp_path, latency=0.02)
     turn = np.diff(np.unwrap(steered.phase[100:], axis=0), n=2, axis=0)
@@ -96,6 +98,7 @@ LEAVES = CENTRE + np.where((np.arange(60) > 20) & (np.arange(60) < 40), 1, 0)[:,
 FAR = CENTRE + np.clip(np.arange(60) - 20, 0, 20)[:, None] * [4e-3, 0, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("path", "silent", "reason"),
     [
@@ -115,6 +118,7 @@ def test_it_is_silent_when_the_palm_is_not_sure(path, silent, reason, tmp_path) 
     assert any(reason in line for line in lines) or "tilted" in reason or begin == 0
 
 
+@pytest.mark.long
 def test_it_comes_back_with_the_palm_and_the_log_says_when(tmp_path) -> None:
     away = palm(CENTRE, time=np.r_[np.arange(20), 60 + np.arange(40)] / 100)
     steered, lines = followed(away, tmp_path, drive=focus(900))

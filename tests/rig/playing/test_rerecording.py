@@ -55,6 +55,7 @@ def real(latency=0.0, lost=None):
     return array, sensor
 
 
+@pytest.mark.long
 def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     array, sensor = real()
     silent = check_exposure(drive, RIG.array_device(), ExposureChoices(profile=PROFILE))
@@ -70,6 +71,7 @@ def test_a_drive_above_the_profile_is_refused_and_not_played(drive):
     assert not array.emitting
 
 
+@pytest.mark.long
 def test_an_override_is_played_and_logged(drive):
     array, sensor = real()
     with array, sensor:
@@ -81,6 +83,7 @@ def test_an_override_is_played_and_logged(drive):
     assert "played" in log
 
 
+@pytest.mark.long
 def test_attenuation_is_reported(drive):
     array, sensor = real()
     with array, sensor:
@@ -114,12 +117,14 @@ def play_pass_with_tail(rig, tail=0.3):
         passes.rerecord = kept
 
 
+@pytest.mark.long
 def test_lost_frames_are_an_error(drive):
     array, sensor = real(lost=80)
     with array, sensor, pytest.raises(DeviceError, match="lost frames"):
         rerecord(check_exposure(drive, array, ANSWERED), array, sensor, tail=0.2)
 
 
+@pytest.mark.long
 def test_blocks_are_put_together(drive):
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:

@@ -126,6 +126,7 @@ def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(
     assert (log()[-1]["outcome"], log()[-1]["checked"]["frames"]) == ("failed", 257)
 
 
+@pytest.mark.long
 def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     def fail(number):
         if number:

@@ -107,6 +107,7 @@ def check(path, given, *, busy=0.0):
     return frames
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [0.6])
 def test_a_killed_recording_opens_and_lost_at_most_a_quarter_of_a_second(seconds, tmp_path):
     given, _, path = killed_after(seconds, tmp_path, minimum=300)
@@ -127,6 +128,7 @@ def begun(path, given):
     return frames
 
 
+@pytest.mark.long
 def test_a_recording_killed_at_its_very_beginning_opens_or_is_not_there(tmp_path):
     given, _, path = killed_after(0.06, tmp_path)
     begun(path, given)

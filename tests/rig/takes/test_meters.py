@@ -178,6 +178,7 @@ def looks(ppm, jitter, seed, seconds=40):
             yield drift
 
 
+@pytest.mark.long
 def test_jitter_is_no_drift():
     """Before, stamps that scattered by 4 ms rms were reported as drift in 40 % of the recordings."""
     found = [any(drift.certain and abs(drift.ppm) > 200 for drift in looks(0, 4e-3, seed)) for seed in range(50)]

@@ -94,6 +94,7 @@ def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
     return take, {step.stage: step.settings for step in open_take(path).recording.provenance.steps}
 
 
+@pytest.mark.long
 def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
     watcher = Watcher()
     take, steps = drawn(tmp_path / "a.h5", Ghost(), watcher)
@@ -110,6 +111,7 @@ def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
     assert take.frames >= 1000 * table[-1, 0]
 
 
+@pytest.mark.long
 def test_an_alarm_keeps_what_there_was(tmp_path):
     take, steps = drawn(tmp_path / "a.h5", Ghost(fails_at=0.03))
     assert (take.end, take.problem) == ("failure", "ghost: an alarm")
@@ -118,6 +120,7 @@ def test_an_alarm_keeps_what_there_was(tmp_path):
     assert np.array(steps["stage"]["stamps"])[:, 1].max() == pytest.approx(0.03, abs=0.005)
 
 
+@pytest.mark.long
 def test_a_take_that_ends_before_holds_the_stage(tmp_path):
     stage = Ghost()
     take, steps = drawn(tmp_path / "a.h5", stage, Watcher(kill_after=0.6))

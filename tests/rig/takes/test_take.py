@@ -124,6 +124,7 @@ def test_keys_start_and_stop(path):
     assert [view.state for view in watcher.views] == ["waiting"] * 3 + ["recording"] * 5
 
 
+@pytest.mark.long
 def test_time_stands_still_while_a_replay_waits_for_a_key(path):
     made = take(ReplaySensor(COUNT), path, Watcher({3: "toggle"}), key=True, block=0.01)
     assert (made.frames, made.end) == (1000, "source")
@@ -265,6 +266,7 @@ class Fast(ReplaySensor):
         )
 
 
+@pytest.mark.long
 def test_clock_drift_is_reported_once_and_stored(path):
     long = Recording(samples=np.random.default_rng(2).normal(size=(20_000, 1, 1)), rate=RATE, sensor=_one())
     watcher = Watcher()

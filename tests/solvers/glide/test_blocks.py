@@ -76,6 +76,7 @@ def bisection(problem_of, moving_spot):
     return Glide()._bisection(problem_of(moving_spot(33)), backend("numpy"))
 
 
+@pytest.mark.long
 def test_every_frame_is_solved(bisection):
     known = walked(bisection)
     assert known.iterations.all()
@@ -91,6 +92,7 @@ def test_where_any_start_is_near_enough_only_the_polish_runs(bisection):
     assert np.array_equal(known.iterations[between], expected)
 
 
+@pytest.mark.long
 def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_rough_frames(bisection):
     known = walked(bisection, near=0.0, far=0.0, rough=(3, 2, 1))
     between = np.setdiff1d(FRAMES, MARKS)
@@ -141,6 +143,7 @@ def solved_apart(amplitude, together, **settings):
     return [part for first in sorted(made) for part in made[first]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "together"),
     [
@@ -165,6 +168,7 @@ def test_pieces_solved_apart_are_the_recording_to_the_last_bit(settings, togethe
     assert sum((part.status for part in apart), ()) == sum((part.status for part in whole), ())
 
 
+@pytest.mark.long
 def test_pieces_equal_the_solution_of_the_whole():
     amplitude = wave()
     apart = solved_apart(amplitude, 1, method=QUICK)

@@ -61,6 +61,7 @@ def test_there_is_no_seam_between_blocks(glided):
     assert seams.max() <= np.quantile(change, 0.99)
 
 
+@pytest.mark.long
 def test_later_frames_do_not_change_a_block_and_its_next_mark(spot, glided):
     # Block 2 ends at frame 128, a mark; more of the recording must not move what is before.
     part = Glide(block=64).solve(replace(spot, amplitude=spot.amplitude[:129]))
@@ -73,6 +74,7 @@ def test_recordings_of_any_length(problem_of, moving_spot, frames):
     assert error_of(problem, Glide().solve(problem).phase).max() < 0.1
 
 
+@pytest.mark.long
 def test_frames_that_have_nothing_to_do_with_their_neighbours_get_phases_of_their_own(problem_of, patterns_to_points):
     bits = np.random.default_rng(5).choice(np.arange(1, 65536), 40, replace=False)
     problem = problem_of(0.1 * patterns_to_points([int(each) for each in bits]))
@@ -81,6 +83,7 @@ def test_frames_that_have_nothing_to_do_with_their_neighbours_get_phases_of_thei
     assert error_of(problem, ours.phase).mean() <= 1.1 * error_of(problem, theirs.phase).mean()
 
 
+@pytest.mark.long
 def test_silence_is_left_out_and_held(spot):
     amplitude = spot.amplitude[:60].copy()
     amplitude[:3], amplitude[20:30] = 0, 0

@@ -154,6 +154,7 @@ def test_windows_have_a_size(name):
         Windows(**{name: 0.0})
 
 
+@pytest.mark.long
 def test_a_sensor_that_is_moved_reads_the_same():
     """Error at six places, from points twice as dense: small for windows, not for cells."""
     grid, array = ControlGrid(height=0.1), TransducerArray.autd3(columns=1, rows=1)

@@ -32,6 +32,7 @@ def test_rows_add_up_to_the_mean_square_over_the_cubes():
     assert len(rows) < ARRAY.count / 2
 
 
+@pytest.mark.long
 def test_rows_of_a_range_of_temperatures_are_the_mean_over_its_airs():
     rng = np.random.default_rng(4)
     rows = QuietEars(temperatures=(14.0, 30.0)).rows(GRID, ARRAY, Acoustics())

@@ -22,6 +22,7 @@ def test_rows_add_up_to_the_mean_square_over_the_palm():
         assert (np.abs(rows @ q) ** 2).sum() == pytest.approx((np.abs(field @ q) ** 2).mean(), rel=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["fast", "lm", "glide"])
 def test_the_palm_is_quieter_and_the_target_is_still_met(method):
     loud, quiet = (solve(target(), ARRAY, method=method, quiet_palm=weight) for weight in (0.0, 0.1))
@@ -48,6 +49,7 @@ def beside(x):
     return np.concatenate([place.reshape(-1, 2), np.full((place[..., 0].size, 1), GRID.height)], axis=1)
 
 
+@pytest.mark.long
 def test_a_hand_is_quiet_where_it_lies():
     drives = [
         solve(target(), ARRAY, method="fast", quiet_palm=term).drive

@@ -124,6 +124,7 @@ def test_folder_is_removed_at_the_end(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_locked_folder_stays_and_that_of_a_killed_studio_is_removed(tmp_path):
     """A killed process leaves its folder, which the next start removes."""
     other = subprocess.Popen([sys.executable, "-c", HOLDS, str(tmp_path)], stdout=subprocess.PIPE, text=True)

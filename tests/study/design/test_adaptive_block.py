@@ -61,6 +61,7 @@ def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive):
     assert right == pytest.approx(0.5 + 0.5 * (1 - np.exp(-1)), abs=0.07)
 
 
+@pytest.mark.long
 def test_levels_go_down_after_three_correct_and_up_after_one_wrong(tmp_path):
     plan = draw_plan(design("staircase"))
     progress = session(plan, 1, tmp_path / "log")
@@ -122,6 +123,7 @@ def test_constant_answers_are_correct_by_chance(adaptive, people):
     assert {trial.variant for trial in plan.trials} == {0, 1}
 
 
+@pytest.mark.long
 def test_the_next_side_is_independent_of_the_previous_one():
     plan = draw_plan(replace(design("quest+", trials=40), participants=100))
     sides = np.array([[trial.variant for trial in plan.of(number)] for number in range(1, 101)])
@@ -130,6 +132,7 @@ def test_the_next_side_is_independent_of_the_previous_one():
     assert np.mean(sides[:, 1:] == sides[:, :-1]) == pytest.approx(19 / 39, abs=0.03)
 
 
+@pytest.mark.long
 def test_catch_trials_do_not_change_the_threshold(tmp_path):
     made = design("quest+", sides=("yes",))
     felt = Question(name="where", kind="yes-no", text="Felt?")

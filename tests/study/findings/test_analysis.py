@@ -121,6 +121,7 @@ def test_conditions_that_are_numbers_are_compared_too():
     assert "1.0 and 2.0" in found(report, "Effect of the condition over people").words
 
 
+@pytest.mark.long
 def test_the_seed_decides():
     first, second = (analyse(data_of_columns(choices(), **NAMES), seed=3, draws=200) for _ in range(2))
     assert [one.words for one in first.findings] == [one.words for one in second.findings]
@@ -131,6 +132,7 @@ def test_random_answers_are_at_chance():
     assert "no better than chance" in found(report, "Identification: plain").words
 
 
+@pytest.mark.long
 def test_pairs_and_ordered_ratings_are_reported():
     report = analyse(data_of_columns(ratings(), **RATED), draws=200)
     pairs = found(report, "Ratings: pairwise")
@@ -141,6 +143,7 @@ def test_pairs_and_ordered_ratings_are_reported():
     assert found(report, "Ratings: analysis").table["np2_low"].max() > 0
 
 
+@pytest.mark.long
 def test_the_cumulative_model_has_many_random_effects():
     found = cumulative(data_of_columns(ratings(people=30), **RATED))[0]  # 30 x 12
     assert set(found.table["note"]) == {""}
@@ -228,6 +231,7 @@ def test_people_in_groups():
     assert len(effects) == 7
 
 
+@pytest.mark.long
 def test_limits_are_over_people_or_are_not_given():
     words = [
         found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Identification: plain").words
@@ -290,6 +294,7 @@ def test_nothing_to_analyse():
         data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])
 
 
+@pytest.mark.long
 def test_few_wrong_answers_are_reported():
     who, thing, _ = np.indices((6, 3, 4)).reshape(3, -1)
     presented = np.array(["a", "b", "c"])[thing]

@@ -22,6 +22,7 @@ def answers(person, drawn, question):
     return [(trial, person.answer(drawn, trial, question.name)[0]) for trial in drawn.trials]
 
 
+@pytest.mark.long
 def test_choices_have_the_stated_sensitivity():
     question = Question(name="q", kind="choice", text="?", options=OBJECTS, truth="object")
     stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
@@ -31,6 +32,7 @@ def test_choices_have_the_stated_sensitivity():
     assert share == pytest.approx(float(proportion_correct(1.0, alternatives=3)), abs=0.03)
 
 
+@pytest.mark.long
 def test_yes_no_has_the_stated_sensitivity():
     question = Question(name="q", kind="yes-no", text="?")
     stimuli = (Stimulus(name="a", source="x"), Stimulus(name="n", kind="silence"))
@@ -40,6 +42,7 @@ def test_yes_no_has_the_stated_sensitivity():
     assert d_prime_yes_no(hits, 800, alarms, 800).d_prime == pytest.approx(1.5, abs=0.2)
 
 
+@pytest.mark.long
 def test_same_different_has_the_stated_sensitivity():
     question = Question(name="q", kind="same-different", text="?")
     stimuli = (
@@ -58,6 +61,7 @@ def test_same_different_has_the_stated_sensitivity():
     assert d_prime_same_different(hits, 800, alarms, 800).d_prime == pytest.approx(2.5, abs=0.3)
 
 
+@pytest.mark.long
 def test_ratings_and_magnitudes_are_answers():
     stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
     rating = Question(name="q", kind="rating", text="?", levels={"rated": "towel"})

@@ -84,6 +84,7 @@ def test_one_factor_of_two_levels_is_a_paired_t():
     assert row["p"] == pytest.approx(t.pvalue)
 
 
+@pytest.mark.long
 @settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

@@ -30,6 +30,7 @@ def answers_of(trials):
     return table | {"correct": correct.astype(float)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
 def test_equals_lme4_from_few_trials_to_many(trials):
     # mixed/sizes.R. With quadrature that does not follow the people, 6 x 1000 gave a spread of .76 for 1.07.
@@ -91,6 +92,7 @@ def test_invalid_tables_are_refused(choices):
         logistic_mixed(choices.assign(participant="me"), **options)
 
 
+@pytest.mark.long
 def test_a_cell_with_only_correct_answers_has_a_note(choices):
     correct = np.where(choices["object"] == "brush", 1.0, choices["correct"])
     changed = choices.assign(correct=correct)

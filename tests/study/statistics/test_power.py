@@ -25,6 +25,7 @@ def test_power_of_three_objects():
     assert power_paired_t(10, d_z=0) == pytest.approx(0.05)
 
 
+@pytest.mark.long
 def test_simulation_agrees_with_the_formula():
     def experiment(n, rng):
         return paired_t(rng.normal(0.8, 1, n), np.zeros(n)).p

@@ -45,6 +45,7 @@ def known():
     save(BENCH.recordings(noise_signal(5, 2, rng=np.random.default_rng(2)))[0], Path("take.h5"))
 
 
+@pytest.mark.long
 def test_from_takes_to_a_calibration_with_its_page(bench, capsys):
     takes = ["all-a.h5", "all-b.h5", "--reference", "all-a-ref.h5", "all-b-ref.h5", "--quiet", "quiet.h5"]
     assert run(["calibrate", "measure", *takes, *MEASURE, "--json"]) == 0
@@ -77,6 +78,7 @@ def test_each_cell_alone_gives_the_crosstalk(bench):
     assert load_pressure("cell-0.h5").provenance.steps[-1].settings["crosstalk"].startswith("undone")
 
 
+@pytest.mark.long
 def test_a_new_one_takes_the_place_of_an_old_one(bench, known, capsys):
     takes = ["all-a.h5", "--reference", "all-a-ref.h5", *MEASURE, "--supersedes", "palm.calibration.h5"]
     assert run(["calibrate", "measure", *takes, "--output", "new.calibration.h5"]) == 0
@@ -84,6 +86,7 @@ def test_a_new_one_takes_the_place_of_an_old_one(bench, known, capsys):
     assert "E_n" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_force_cell_has_a_face(bench):
     """50 mV/Pa on a face of 2 mm are 15.9 kV/N: absurd, but the same pressure."""
     area = np.pi * 1e-6
@@ -102,6 +105,7 @@ def test_a_force_cell_has_a_face(bench):
     assert one.response == pytest.approx(other.response, rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_pistonphone_and_the_shape_of_another(known):
     tone = np.sqrt(2) * 10.0237 * np.sin(np.pi / 2 * np.arange(4000))
     save(BENCH.recordings(tone)[0], Path("tone.h5"))
@@ -114,6 +118,7 @@ def test_a_pistonphone_and_the_shape_of_another(known):
     assert len(load_calibration("both.calibration.h5").frequency) > 400
 
 
+@pytest.mark.long
 def test_a_recording_names_its_calibration(known, capsys):
     assert run(["calibrate", "take.h5", "--calibration", "palm.calibration.h5"]) == 0
     capsys.readouterr()
@@ -134,6 +139,7 @@ def test_the_calibration_of_another_sensor_is_refused(known, one_line):
     assert Path("other.h5").read_bytes() == before
 
 
+@pytest.mark.long
 def test_practice_writes_the_inputs_of_measure(capsys, one_line, monkeypatch):
     assert practice_bench(3).model.gain == pytest.approx(practice_bench(3).model.gain)
     assert run(["calibrate", "bench", "lab", "--duration", "1s"]) == 0

@@ -49,6 +49,7 @@ def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, capsys):
     assert told["array"] == "AUTD3 2 x 2, 996 transducers"
 
 
+@pytest.mark.long
 def test_another_array_and_another_file_are_refused_in_one_line(take, one_line):
     save_array_calibration(known(TransducerArray.autd3(columns=1, rows=1)), "one.array.h5")
     for name, word in (("one.array.h5", "measure this array"), ("take.h5", "midair array"), ("gone.array.h5", "gone")):

@@ -39,6 +39,7 @@ def done(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_ten_simulated_participants_from_plan_to_report(done, capsys):
     study("analyse", done, "--draws", 200, "--json")
     found = json.loads(capsys.readouterr().out)
@@ -122,6 +123,7 @@ def test_uneven_counterbalancing_is_reported_before_the_first_session(tmp_path, 
     assert "uneven" not in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the_first_session(tmp_path, capsys):
     note = "expected trials at the strongest level beside the adaptive ones"
     study("new", tmp_path / "good", "--template", "detection", "--participants", 1, "--drives", "none")
@@ -151,6 +153,7 @@ def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path
     assert "Detection threshold of my &#34;wool&#34; in midair" in report
 
 
+@pytest.mark.long
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
@@ -326,6 +329,7 @@ def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatc
     assert not folder.joinpath("sessions").exists()
 
 
+@pytest.mark.long
 def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=0.001)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
@@ -338,6 +342,7 @@ def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
     assert {name: oct(mode) for name, mode in modes.items() if mode & 0o077} == {}
 
 
+@pytest.mark.long
 def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     """With drives that are there already, since virtual strokes take half a minute."""
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
@@ -364,6 +369,7 @@ def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
     assert not (folder / "sessions").exists()
 
 
+@pytest.mark.long
 def test_every_command_reports_an_edited_log(tmp_path, done, capsys):
     folder = shutil.copytree(done, tmp_path / "edited")
     log = folder / "sessions" / "sub-03.jsonl"
@@ -399,6 +405,7 @@ def test_power(test, capsys):
     assert ("15 pairs" in said) if test == "paired" else (("power" in said and "Enough" in said) or "More than" in said)
 
 
+@pytest.mark.long
 def test_paper(tmp_path, capsys):
     study("paper", tmp_path / "figures")
     said = capsys.readouterr().out
