@@ -162,7 +162,7 @@ def test_power_of_a_threshold(table_of, template, effect):
     for _ in range(STUDIES):
         logs = rng.normal(np.log(10) - power.effect * np.log(2), np.log(2), len(names))
         thresholds = DataFrame(
-            {"participant": names, "block": "b", "threshold": np.exp(logs), "sd": np.nan, "note": ""}
+            {"participant": names, "block": "b", "threshold": np.exp(logs), "strongest": 100.0, "note": ""}
         )
         words = adaptive(data_of_answers(table, plan.design.analysis, thresholds=thresholds))[0].words
         low, high = (float(one) for one in re.search(r"over people ([\d.]+) to ([\d.]+)", words).groups())

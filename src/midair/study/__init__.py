@@ -95,8 +95,10 @@ from .statistics import mutual_information as mutual_information
 from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t
 from .statistics import pairwise as pairwise
+from .statistics import participants_for_median as participants_for_median
 from .statistics import participants_for_paired_t as participants_for_paired_t
 from .statistics import power_curve as power_curve
+from .statistics import power_median as power_median
 from .statistics import power_paired_t as power_paired_t
 from .statistics import proportion_correct as proportion_correct
 from .statistics import published_statistics as published_statistics

@@ -15,6 +15,7 @@ from midair.study.statistics import (
     Experiment,
     IdentificationExperiment,
     RatingExperiment,
+    power_median,
     power_paired_t,
     simulated_power,
 )
@@ -52,14 +53,14 @@ def _block_row(plan: Plan, block: Block) -> tuple[str, ...]:
 def power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
     """Power for the planned number of participants, as a sentence."""
     people, effect = design.participants, power.effect
-    if power.test in ("paired", "threshold"):
-        what = (
-            f"Paired t-test over {people} people at d_z = {effect:g}"
-            if power.test == "paired"
-            else f"Confidence interval of the mean of {people} thresholds that excludes a bound at {effect:g} times the"
-            " standard deviation of their logarithms"
+    if power.test == "paired":
+        what, share = f"Paired t-test over {people} people at d_z = {effect:g}", power_paired_t(people, d_z=effect)
+        return f"{what}: power {share:.2f}, by formula."
+    if power.test == "threshold":
+        return (
+            f"Confidence interval of the median of {people} thresholds that excludes a bound at {effect:g} times the"
+            f" standard deviation of their logarithms: power {power_median(people, distance=effect):.2f}, by formula."
         )
-        return f"{what}: power {power_paired_t(people, d_z=effect):.2f}, by formula."
     experiment, what = _experiment(power, design)
     found = simulated_power(experiment, people, rng=np.random.default_rng(design.seed), runs=runs)
     limits = f"{found.low:.2f} to {found.high:.2f}"

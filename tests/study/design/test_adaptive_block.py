@@ -220,7 +220,7 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     assert len(data.strengths) == table["trials"].sum()
     found = {one.title: one.words for one in analyse(data, draws=20).findings}
     assert found["Participants"].startswith("SIMULATED: no person was asked. 2 participant(s), 210 answers")
-    assert found["Thresholds of adaptive blocks"].startswith("Geometric mean of 2 thresholds")
+    assert found["Thresholds of adaptive blocks"].startswith("Median of 2 thresholds")
     assert excluded_participants(plan, sessions)[["participant", "rule"]].values.tolist() == [
         ["sub-02", "unfinished"],
         ["sub-06", "unfinished"],

@@ -181,27 +181,55 @@ def test_a_poor_fit_is_reported():
     assert "does NOT fit" in found.words
 
 
-def test_thresholds_of_blocks_have_a_geometric_mean():
-    table = pd.DataFrame({"participant": ["a", "b", "c"], "block": "x", "threshold": [0.5, 2.0, np.nan]})
+def threshold_words(values, strongest=100.0):
+    table = pd.DataFrame({"participant": range(len(values)), "block": "x", "threshold": values, "strongest": strongest})
     (found,) = adaptive(StudyData(thresholds=table))
-    assert found.words.startswith("Geometric mean of 2 thresholds: 1 (no limits with fewer than five people, got 2")
     assert found.table is table
+    return found.words
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ([0.5, 2, np.nan], "Median of 2 thresholds: 1 (no limits with fewer than six people, got 2). 1 missing"),
+        ([4, 8, 2, 16, 3, 9], "Median of 6 thresholds: 5.66 (95 % limits over people 2 to 16). Each"),
+        ([np.inf, 8, 2, 16, 3, 9], "Median of 6 thresholds: 8.49 (95 % limits over people 2 to above the levels)."),
+        ([np.inf] * 4 + [-np.inf, 9], "Median of 6 thresholds: above the levels (95 % limits over people below the"),
+        ([40, 50, 60, 70, 80, 90], "Median of 6 thresholds: 64.8 (no limits, since thresholds close to the strongest"),
+        ([np.nan] * 2, "No threshold could be estimated. 2 missing: the notes give the reasons."),
+    ],
+)
+def test_the_median_of_thresholds_counts_people_beyond_the_levels(values, words):
+    assert threshold_words(values).startswith(words)
+
+
+def test_people_beyond_the_levels_are_named():
+    words = threshold_words([np.inf, np.inf, 8, 2, 16, -np.inf])
+    assert "The median includes people beyond the levels: 2 above and 1 below." in words
+
+
+def test_limits_of_the_median_hold_where_people_are_beyond_the_levels():
+    rng, middle, held = np.random.default_rng(0), [], []
+    for _ in range(200):
+        values = np.exp(rng.normal(np.log(60), 0.7, 12))
+        words = threshold_words(np.where(values > 100, np.inf, values), strongest=500)
+        numbers = [float(one.replace("above the levels", "inf")) for one in LIMITS.search(words).groups()]
+        middle.append(numbers[0])
+        held.append(numbers[1] <= 60 <= numbers[2])
+    assert np.median(middle) == pytest.approx(60, rel=0.07)
+    assert np.mean(held) > 0.92
+
+
+LIMITS = re.compile(r"thresholds: (.+?) \(95 % limits over people (.+?) to (.+?)\)\.")
 
 
 def test_blocks_are_not_people():
     table = pd.DataFrame(
-        {"participant": ["a", "b"] * 2, "block": ["x", "x", "y", "y"], "threshold": [0.5, 2.0, 40, 10]}
+        {"participant": ["a", "b"] * 2, "block": ["x", "x", "y", "y"], "threshold": [0.5, 2.0, 40, 10], "strongest": 50}
     )
     (found,) = adaptive(StudyData(thresholds=table))
-    assert "Block x: geometric mean of 2 thresholds: 1 (no limits" in found.words
-    assert "Block y: geometric mean of 2 thresholds: 20 (no limits" in found.words
-
-
-def test_blocks_without_any_threshold_keep_their_reasons():
-    table = pd.DataFrame({"block": "b", "threshold": np.array([np.nan, np.inf]), "note": ["refused", "no answers"]})
-    (found,) = adaptive(StudyData(thresholds=table))
-    assert found.words.startswith("No threshold could be estimated. 2 missing: the notes give the reasons.")
-    assert found.table is table
+    assert "Block x: median of 2 thresholds: 1 (no limits" in found.words
+    assert "Block y: median of 2 thresholds: 20 (no limits" in found.words
 
 
 def test_no_findings_without_thresholds():

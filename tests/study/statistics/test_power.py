@@ -6,8 +6,10 @@ from midair.study import (
     IdentificationExperiment,
     RatingExperiment,
     paired_t,
+    participants_for_median,
     participants_for_paired_t,
     power_curve,
+    power_median,
     power_paired_t,
     simulated_power,
 )
@@ -18,6 +20,16 @@ from midair.study.statistics.power import Published, chance_of_published, publis
 def test_pairs_for_eighty_percent(d_z, pairs):
     assert participants_for_paired_t(d_z=d_z) == pairs
     assert power_paired_t(pairs, d_z=d_z) >= 0.8 > power_paired_t(pairs - 1, d_z=d_z)
+
+
+def test_power_of_a_median_is_that_of_the_sign_test():
+    # With 12 people, the limits are the third value from each end: 79 of 4096 sign patterns lie beyond each.
+    assert power_median(12, distance=0) == pytest.approx(2 * 79 / 4096)
+    assert power_median(5, distance=3) == 0
+    many = participants_for_median(distance=1)
+    assert power_median(many, distance=1) >= 0.8 > power_median(many - 1, distance=1)
+    with pytest.raises(InputError, match=r"expected to reach 0.8 with a distance of 0 and 20 people"):
+        participants_for_median(distance=0, most=20)
 
 
 def test_power_of_three_objects():

@@ -40,8 +40,9 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
 
     A threshold uses the scored rows of `answers_table`, so that exports and reports have the same trials. It is
     estimated by `ThresholdModel`, with the levels of the block and the lapse limit of the plan. Columns: participant,
-    block, threshold, sd, low, high (95 % limits), trials (analysed answers), bias, lapse, p_misfit, note. Where a
-    threshold is excluded or refused, threshold, sd, low and high are NaN and `note` gives the reason.
+    block, threshold, sd, low, high (95 % limits), strongest (level), trials (analysed answers), bias, lapse, p_misfit,
+    note. Where a threshold is excluded or refused, `note` gives the reason and threshold, sd, low and high are NaN;
+    threshold is inf or -inf where it is above or below the levels.
     """
     blocks = [block for block in plan.design.blocks if block.adaptive and block.scored]
     if not blocks or not sessions:
@@ -58,7 +59,8 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
             asked = table.empty or (table["participant"] == who) & (table["block"] == block.name)
             given = table if table.empty else table.loc[asked & (table["question"] == block.questions[0])]
             used = given if given.empty else given.loc[given["scored"].to_numpy(bool)]
-            row |= {"trials": len(used), "bias": np.nan, "lapse": np.nan, "p_misfit": np.nan}
+            row |= {"strongest": stimulus_levels(plan.design, block)[1][-1], "trials": len(used)}
+            row |= dict.fromkeys(("bias", "lapse", "p_misfit"), np.nan)
             if used.empty:
                 rule = f"the rule '{rules[who]}' of the plan excludes the participant" if who in rules else ""
                 none = f"the rules of the plan exclude all {len(given)} answers" if len(given) else "no answers"
@@ -70,8 +72,9 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
             found = model.estimate(*counts, rng=np.random.default_rng([plan.design.seed, number]))
             row |= {"bias": found.bias, "lapse": found.lapse, "p_misfit": found.p_misfit}
             note = found.refusal(model.levels)
+            row["threshold"] = found.ranked(model.levels)
             if not note:
-                row |= {"threshold": found.threshold, "sd": found.sd, "low": found.low, "high": found.high}
+                row |= {"sd": found.sd, "low": found.low, "high": found.high}
             rows.append(row | {"note": note})
     return DataFrame(rows)
 

@@ -52,7 +52,7 @@ class Analysis:
 
 PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]
 """Paired t-test over participants; identification above chance; effect of a two-level factor on a rating; equivalence
-of two conditions within a margin; mean threshold whose confidence interval excludes a bound."""
+of two conditions within a margin; median threshold whose confidence interval excludes a bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class PlannedPower:
     effect: float
     """Effect size, in the unit of the test: d_z (paired); mean d' (identification); difference in rating steps
     (rating); margin over the standard deviation of the participants' differences (equivalence); distance of the bound
-    from the mean of the log thresholds, over their standard deviation (threshold)."""
+    from the median of the log thresholds, over their standard deviation (threshold)."""
     objects: int = 3
     """Number of alternatives (identification)."""
     trials: int = 12

@@ -196,7 +196,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
 
 
 def _participants_finding(data: StudyData) -> Finding:
-    known = None if data.thresholds is None else data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
+    known = None if data.thresholds is None else data.thresholds.loc[data.thresholds["threshold"].notna()]
     parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, known]
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
     # Answers in `strengths` may also be in `others`.

@@ -18,6 +18,7 @@ from midair.study.statistics import (
     fit_threshold,
     holm,
     levels,
+    order_rank,
     ordinal_check,
     pairwise,
     rm_anova,
@@ -219,18 +220,16 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
 
 
 def adaptive(data: StudyData) -> list[Finding]:
-    """Thresholds of adaptive blocks, and their geometric mean over participants."""
+    """Thresholds of adaptive blocks, and their median over participants with those beyond the levels."""
     if data.thresholds is None:
         return []
-    known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
+    known = data.thresholds.loc[data.thresholds["threshold"].notna()]
     several = len(set(data.thresholds["block"])) > 1
     parts: list[str] = []
     # Blocks may have different strengths, and their thresholds are not those of different people.
     for block, rows in known.groupby("block", sort=False):
-        values = rows["threshold"].to_numpy(float)
-        limits = limits_words(_geometric_mean, values, "positive", form=".3g")
-        name = f"Block {block}: geometric" if several else "Geometric"
-        parts.append(f"{name} mean of {len(rows)} thresholds: {_geometric_mean(values):.3g} ({limits}).")
+        words = _median_words(rows["threshold"].to_numpy(float), float(rows["strongest"].iloc[0]))
+        parts.append(f"Block {block}: {words}" if several else f"{words[0].upper()}{words[1:]}")
     words = " ".join(parts) or "No threshold could be estimated."
     if len(known) < len(data.thresholds):
         words += f" {len(data.thresholds) - len(known)} missing: the notes give the reasons."
@@ -241,5 +240,27 @@ def adaptive(data: StudyData) -> list[Finding]:
     return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
 
 
-def _geometric_mean(values: NDArray[np.float64]) -> float:
-    return float(np.exp(np.log(values).mean()))
+def _median_words(values: NDArray[np.float64], strongest: float) -> str:
+    """Median of thresholds, which counts those beyond the levels, with limits by order statistics.
+
+    Estimates close to the strongest level are too low, so that limits above a third of it do not hold
+    (docs/decisions/0036-thresholds.md).
+    """
+    ordered, many = np.sort(values), len(values)
+    low, high = ordered[(many - 1) // 2], ordered[many // 2]
+    middle = float(np.sqrt(low * high)) if np.isfinite(low + high) else low + high
+    outside = order_rank(many)
+    if not outside:
+        limits = f"no limits with fewer than six people, got {many}"
+    elif ordered[outside - 1] > strongest / 3:
+        limits = f"no limits, since thresholds close to the strongest level {strongest:g} are estimated too low"
+    else:
+        limits = f"95 % limits over people {_level(ordered[outside - 1])} to {_level(ordered[-outside])}"
+    words = f"median of {many} thresholds: {_level(middle)} ({limits})."
+    above, below = np.count_nonzero(values == np.inf), np.count_nonzero(values == -np.inf)
+    beyond = " and ".join(f"{n} {side}" for n, side in ((above, "above"), (below, "below")) if n)
+    return words + (f" The median includes people beyond the levels: {beyond}." if beyond else "")
+
+
+def _level(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "above the levels" if value > 0 else "below the levels"

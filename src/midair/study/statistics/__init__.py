@@ -43,6 +43,7 @@ from .paired import PairedT as PairedT
 from .paired import bayes_factor as bayes_factor
 from .paired import equivalence as equivalence
 from .paired import holm as holm
+from .paired import order_rank as order_rank
 from .paired import paired_t as paired_t
 from .paired import pairwise as pairwise
 from .power import EquivalenceExperiment as EquivalenceExperiment
@@ -51,8 +52,10 @@ from .power import IdentificationExperiment as IdentificationExperiment
 from .power import Power as Power
 from .power import RatingExperiment as RatingExperiment
 from .power import chance_of_published as chance_of_published
+from .power import participants_for_median as participants_for_median
 from .power import participants_for_paired_t as participants_for_paired_t
 from .power import power_curve as power_curve
+from .power import power_median as power_median
 from .power import power_paired_t as power_paired_t
 from .power import published_statistics as published_statistics
 from .power import simulated_power as simulated_power

@@ -45,6 +45,11 @@ class Equivalence:
     """`low`, `high`: 90 % confidence interval; equivalent at 0.05 if it lies within the margin."""
 
 
+def order_rank(people: int, *, alpha: float = 0.05) -> int:
+    """Rank from each end of the values that are the limits of their median at the level 1 - `alpha`; 0 if none are."""
+    return int(scipy.stats.binom.ppf(alpha / 2, people, 0.5))
+
+
 def paired_t(first: Sequence[float] | Array, second: Sequence[float] | Array, *, level: float = 0.95) -> PairedT:
     """Student's t-test of the differences first - second.
 

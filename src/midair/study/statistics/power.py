@@ -15,7 +15,7 @@ from midair.progress import report_progress
 from midair.study.statistics.anova import noncentral_t_limits
 from midair.study.statistics.confusion import Chance, Confusion, chance_macro_f, f_measure, wilson
 from midair.study.statistics.detection import d_prime_choice, proportion_correct
-from midair.study.statistics.paired import bayes_factor, equivalence, holm
+from midair.study.statistics.paired import bayes_factor, equivalence, holm, order_rank
 from midair.validation import within
 
 Experiment = Callable[[int, np.random.Generator], float]
@@ -60,6 +60,24 @@ def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 
         middle = (low + high) // 2
         low, high = (low, middle) if power_paired_t(middle, d_z=d_z, alpha=alpha) >= power else (middle, high)
     return high
+
+
+def power_median(participants: int, *, distance: float, alpha: float = 0.05) -> float:
+    """Probability that the limits of a median by order statistics exclude a bound (sign test; normal values).
+
+    `distance` is that of the bound from the true median, over the standard deviation of the values.
+    """
+    within(participants, "participants", 2)
+    rank, beyond = order_rank(participants, alpha=alpha) - 1, float(scipy.stats.norm.cdf(-abs(distance)))
+    return float(sum(scipy.stats.binom.cdf(rank, participants, share) for share in (beyond, 1 - beyond)))
+
+
+def participants_for_median(*, distance: float, power: float = 0.8, alpha: float = 0.05, most: int = 10_000) -> int:
+    """Smallest number of people for `power_median`; raises InputError if `most` people do not reach it."""
+    for many in range(2, most + 1):
+        if power_median(many, distance=distance, alpha=alpha) >= power:
+            return many
+    raise InputError(f"power: expected to reach {power:g} with a distance of {distance:g} and {most} people, got less")
 
 
 def simulated_power(

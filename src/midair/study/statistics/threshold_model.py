@@ -62,6 +62,11 @@ class ThresholdEstimate:
             )
         return ""
 
+    def ranked(self, levels: Array) -> float:
+        """Threshold, or inf or -inf where it is beyond the levels; NaN where it is refused for another reason."""
+        beyond = np.inf if self.threshold > levels[-1] else -np.inf if self.threshold < levels[0] else np.nan
+        return self.threshold if not self.refusal(levels) else np.nan if self.p_misfit < MISFIT else float(beyond)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThresholdModel:

@@ -136,17 +136,17 @@ def test_adaptive_blocks_whose_thresholds_will_be_biased_are_reported_before_the
 
 
 @pytest.mark.slow
-def test_five_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path, capsys):
+def test_six_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path, capsys):
     """Its drive lies beside it, and is presented at 13 shares of its pressure."""
     save_drive(tmp_path / 'my "wool".drive.h5')
     take = ("--template", "detection", "--take", tmp_path / 'my "wool".h5')
-    study("new", tmp_path / "faint", *take, "--participants", 5)
+    study("new", tmp_path / "faint", *take, "--participants", 6)
     assert 'my "wool".drive.h5: 0.02 s, copied' in capsys.readouterr().out
     assert study("run", tmp_path / "faint", "--simulate") == 0
     study("analyse", tmp_path / "faint", "--draws", 50)
     said = " ".join(capsys.readouterr().out.split())
     low, high = map(
-        float, re.search(r"5 thresholds: [\d.]+ \(95 % limits over people ([\d.]+) to ([\d.]+)\)", said).groups()
+        float, re.search(r"6 thresholds: [\d.]+ \(95 % limits over people ([\d.]+) to ([\d.]+)\)", said).groups()
     )
     assert 1 < low < 10 < high < 100, "per cent of the pressure of the drive"
     report = (tmp_path / "faint" / "report.html").read_text(encoding="utf-8")

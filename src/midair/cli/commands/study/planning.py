@@ -30,6 +30,7 @@ from midair.study import (
     block_order,
     chance_figure,
     chance_of_published,
+    participants_for_median,
     participants_for_paired_t,
     plan_page,
     power_curve,
@@ -232,7 +233,7 @@ def power_command(
     test
         Test of the report; the first two by formula, the others by simulation.
         paired: paired t-test.
-        threshold: the confidence interval of the mean threshold excludes a bound.
+        threshold: the confidence interval of the median threshold excludes a bound.
         identification: macro F against shuffled answers.
         rating: a factor of two levels in the analysis of variance, Holm-corrected for all its effects.
         equivalence: two equal conditions are shown to differ by less than a margin.
@@ -260,9 +261,13 @@ def power_command(
     """
     if not 0 < power < 1:
         raise InputError(f"--power: expected between 0 and 1, got {power:g}")
-    if test in ("paired", "threshold"):
-        many, what = participants_for_paired_t(d_z=effect, power=power), "pairs" if test == "paired" else "thresholds"
-        out().print(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
+    if test == "paired":
+        many = participants_for_paired_t(d_z=effect, power=power)
+        out().print(f"{many} pairs for power {power:g} at d_z = {effect:g}.")
+        return
+    if test == "threshold":
+        many = participants_for_median(distance=effect, power=power)
+        out().print(f"{many} thresholds for power {power:g} at a distance of {effect:g}.")
         return
     experiment: Experiment = {
         "identification": IdentificationExperiment(objects=objects, trials=trials, d_prime=effect),
