@@ -364,7 +364,7 @@ def play_followed(
                 follower.fall_silent()
 
         while first - units.now() > 4 * ahead:
-            put(quiet, 0, units.now() + ahead)
+            play(quiet, 0, units.now() + ahead)
             time.sleep(0.01)
         slack = round(1e9 * follower.rules.block / 2)
         while begin < total:
