@@ -119,6 +119,13 @@ def test_names_a_magnitude_and_no_offset():
     assert report(noise[0]) == report(noise[0] + 5) == ()
 
 
+def test_names_an_outlier_in_a_short_recording():
+    short = 0.1 * np.random.default_rng(0).normal(size=(60, 4, 4))
+    assert report(short.reshape(60, 16)) == ()
+    short[17, 0, 0] = 1e20
+    assert "channel 0 (1e+20 count in frame 17)" in report(short.reshape(60, 16))[0]
+
+
 @pytest.mark.parametrize("lazy", [False, True])
 def test_names_outliers_and_no_taps(samples, lazy):
     samples[700, 3], samples[[20, 21], 9] = 1e19, -9e3

@@ -77,7 +77,7 @@ def _outliers(recording: Recording, found: Moments) -> list[str]:
     far = np.maximum(greatest, least)
     # Three outliers have at least this ratio to the standard deviation.
     if (
-        frames < 100
+        frames < 20
         or not (channels := np.flatnonzero(far * np.sqrt(3 / frames + 1e-6) > 0.9 * found.spread.ravel())).size
     ):
         return []
