@@ -22,6 +22,13 @@ def test_xarray_opens_a_recording_with_axes_and_units(path, recording):
         assert table.attrs["sensor_name"] == "palm µ"
 
 
+@pytest.mark.parametrize("locking", [None, False])
+def test_a_recording_opens_while_this_program_has_it_open_in_xarray(path, recording, locking):
+    how = {} if locking is None else {"driver_kwds": {"locking": locking}}
+    with xarray.open_dataset(path, engine="h5netcdf", **how):
+        np.testing.assert_array_equal(load(path).samples, recording.samples)
+
+
 def test_xarray_opens_calibrated_pressure(path, recording):
     save_pressure(PressureFrames(pressure=recording.samples * 2, rate=500, sensor=recording.sensor), path)
     with xarray.open_dataset(path, engine="h5netcdf", group="pressure") as table:

@@ -77,11 +77,24 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
 def open_plain(path: Path) -> "Generator[h5py.File]":
     """Open an HDF5 file of any program, without a lock, after the inspector has found it safe to read."""
     get_ready(path)
+    inspect(path)
+    with opened_for_reading(path) as file:
+        yield file
+
+
+def opened_for_reading(path: Path) -> "h5py.File":
+    """A file without a lock; with HDF5's own if this program has it open with that, as xarray and h5netcdf do.
+
+    HDF5 opens a file twice in a program only with the same locks.
+    """
     import h5py
 
-    inspect(path)
-    with h5py.File(openable(path), "r", locking=False) as file:
-        yield file
+    try:
+        return h5py.File(openable(path), "r", locking=False)
+    except OSError as wrong:
+        if "file locking" not in str(wrong):
+            raise
+        return h5py.File(openable(path), "r")
 
 
 def begins_as_hdf5(path: Path) -> bool:
@@ -344,13 +357,11 @@ def _lazy_dataset(
     dataset: "h5py.Dataset", path: Path, read: "Callable[[h5py.Dataset, int, int], np.ndarray]"
 ) -> LazyFrames:
     """Lazy frames of a dataset, whose file is opened for each read."""
-    import h5py
-
     name, number = str(dataset.name), path.stat().st_ino
 
     def reopened(first: int, last: int) -> np.ndarray:
         # The path may be that of a new file by now, which has not been inspected.
-        with parse_errors(path, "the original file"), h5py.File(openable(path), "r", locking=False) as opened:
+        with parse_errors(path, "the original file"), opened_for_reading(path) as opened:
             if path.stat().st_ino != number:
                 raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
             return read(stored_dataset(opened, name), first, last).astype(np.float64)
