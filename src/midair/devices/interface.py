@@ -141,6 +141,18 @@ class PlayReport:
     paused: float = 0.0
     """Silence while units were too hot, in s; part of neither `duration` nor `gap`."""
 
+    @property
+    def broken(self) -> str:
+        """One line if more than a tenth of the touch was missing; empty if it was whole."""
+        held = self.late / max(1, self.frames) * self.duration
+        if (lost := self.gap or held) <= 0.1 * self.duration:
+            return ""
+        what = "silence" if self.gap else "frames that came too late"
+        return (
+            f"the touch was broken: {1e3 * lost:.3g} ms of {what} in {1e3 * self.duration:.4g} ms of touch, since this "
+            "computer was too slow; close other programs and play it again"
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cooling:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
+from midair.cli.commands import solve_play
+from midair.devices import PlayReport
 from midair.model import Provenance, TransducerArray
 from midair.rig import keep_array_calibration
 
@@ -53,6 +56,18 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     assert [entry["event"] for entry in log()] == ["play", "end"]
     assert log()[1]["reason"] == "played"
     assert list(Path("state").glob("playing-*")) == []
+
+
+def test_a_play_with_gaps_begins_with_them_and_ends_with_status_1(capsys, monkeypatch):
+    """Before, 543 ms of silence in 600 ms of touch were one row of many, with exit status 0."""
+    found = PlayReport(frames=2400, duration=0.6, gap=0.543, late=1000)
+    monkeypatch.setattr(solve_play, "play_cleared", lambda *_, **__: found)
+    assert run(["play", make("a.drive.h5"), *EMULATOR]) == 1
+    printed = re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "BROKEN the touch was broken: 543 ms of silence in 600 ms of touch, since this computer" in printed
+    assert "timing 1000 late, 0 repeated, 543 ms of gaps" in printed
+    assert "120 ms of frames that came too late in 600 ms" in replace(found, gap=0.0, late=480).broken
+    assert replace(found, gap=0.05).broken == replace(found, gap=0.0, late=200).broken == ""
 
 
 @pytest.mark.long

@@ -273,12 +273,13 @@ def play_command(
     duration: PartLength = None,
     lead: Lead = None,
     drive: Path | None = None,
-) -> None:
+) -> int | None:
     """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
 
     If this computer solves a recording more slowly than it plays, it says so, and solves ahead so that no gap follows.
     Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
-    Ctrl-C stops, and so does midair stop in another terminal.
+    Ctrl-C stops, and so does midair stop in another terminal. The exit status is 1 if more than a tenth of the touch
+    was missing.
 
     Parameters
     ----------
@@ -414,7 +415,7 @@ def _play_recording(
     air: AirOptions,
     drive: Path | None,
     heard: Path | None,
-) -> None:
+) -> int:
     """Solve a pressure while it plays, and print the result."""
     if heard is not None:
         settings = settings.but(height=solving.target.grid.height, cells=pressure.sensor, band=solving.calibration.band)
@@ -439,6 +440,7 @@ def _play_recording(
             ("drive", str(drive or "not written")),
         ]
     print_rows([*rows, *unreproduced_rows(pressure.provenance)])
+    return int(played.report is not None and bool(played.report.broken))
 
 
 def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:
@@ -464,7 +466,7 @@ def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulate
     print_note(found.said, warn=found.warns)
 
 
-def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> int:
     """Play the drive of a file on a real array or an emulator, and print the result."""
     room, device = settings.exposure.room, settings.device
     rig = open_rig(settings=settings)
@@ -500,9 +502,10 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
                 admission, array, source=source, delay=settings.delay, progress=stage("play"), room=room
             )
     print_rows(_played_rows(report, drive, device))
+    return int(bool(report.broken))
 
 
-def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> int:
     """Play the drive of a file while it follows a palm, and print the result."""
     room, device = settings.exposure.room, settings.device
     drive = load_solution(source).drive
@@ -526,17 +529,19 @@ def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, c
     middle, most = (1e3 * each for each in done.reaction)
     print_rows(
         [
-            ("exposure", admission.verdict()),
-            ("measured in", f"{admission.exposure.measured_in}; the box of poses by samples, and each steered frame"),
             *_played_rows(done.report, drive, device),
             ("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms"),
+            ("exposure", admission.verdict()),
+            ("measured in", f"{admission.exposure.measured_in}; the box of poses by samples, and each steered frame"),
         ]
     )
+    return int(bool(done.report.broken))
 
 
 def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
     start = "unknown" if report.start is None else f"{report.start} ns of device time"
     return [
+        *([("BROKEN", report.broken)] if report.broken else []),
         ("played", f"{report.frames} frames at {drive.rate:g} Hz on {device}, {report.duration:g} s"),
         ("first frame", start),
         ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
