@@ -267,8 +267,6 @@ def test_the_virtual_array_takes_no_hardware_stop(capsys):
             (["play", "a.drive.h5", *EMULATOR, *words], "--spread: expected --device virtual, got autd3:emulator")
             for words in (["--output", "b.h5"], ["--force"], ["--seed", "3"], ["--spread", "boards"])
         ),
-        (["live", "--to", "lab:5005", "--key", "k", "--keep", "a.h5"], "give it on the computer that plays"),
-        (["live", "--to", "lab:5005", "--key", "k", *EMULATOR], "give it on the computer that plays"),
     ],
 )
 def test_options_without_an_effect_are_refused(words, line, capsys):
