@@ -135,6 +135,21 @@ def test_a_broken_file_is_one_line(said, tmp_path):
     assert said in str(wrong.value)
 
 
+def test_a_pattern_with_too_many_parts_is_refused_before_they_are_read(tmp_path):
+    """Before, 20,000 key frames took seconds to read, and no time that anybody waited to draw."""
+    path = tmp_path / "x.adaptics"
+    path.write_text(changed(lambda content: content.update(keyframes=1001 * [None])), encoding="utf-8")
+    with pytest.raises(InputError, match=r"x\.adaptics: keyframes: expected at most 1000 in a pattern, got 1001"):
+        load_adaptics(path, {})
+    key = {"at_s": 0.0, "centre_mm": [0.0, 0.0]}
+    for spots, said in (
+        (33 * [{}], "spot: expected at most 32 in a pattern, got 33"),
+        ([{"key": 600 * [key]}, {"key": 401 * [key]}], "key: expected at most 1000 in a pattern, got 1001"),
+    ):
+        with pytest.raises(InputError, match=said):
+            Pattern.from_plain({"spot": spots})
+
+
 def test_other_files_and_other_parameters_are_refused(tmp_path):
     for text in ("", "[1]", "{", "null", '{"a": 1}'):
         (tmp_path / "x.adaptics").write_text(text, encoding="utf-8")

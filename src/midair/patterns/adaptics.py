@@ -26,6 +26,8 @@ LONGEST = 20.0
 """Longest pattern without a stated duration, in s."""
 
 _EXPECTED = "a pattern of the AdapTics Designer"
+MOST_KEYS = 1000
+"""Number of key frames above which a pattern is refused: to read and draw them holds up a server."""
 _DEEPEST = 50  # nesting of a formula
 _OPERATIONS = {"add": add, "subtract": sub, "multiply": mul, "divide": truediv}
 _COMPARISONS = {"lt": lt, "lt_eq": le, "gt": gt, "gt_eq": ge}
@@ -107,7 +109,8 @@ class AdapticsPattern:
         passed = time + offset - last
         offset = offset + speed * passed - passed
         now = time + offset
-        jumps = (key.jump for key in self.keys if last < key.time <= now and key.jump is not None)
+        first, end = (bisect_right(self.keys, at, key=lambda key: key.time) for at in (last, now))
+        jumps = (key.jump for key in self.keys[first:end] if key.jump is not None)
         if (jump := next(jumps, None)) is not None:
             last, offset = jump, jump - time
             now = time + offset
@@ -206,6 +209,7 @@ def read_adaptics(
 def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPattern:
     if content["$DATA_FORMAT"] != "MidAirHapticsAnimationFileFormat" or content["$REVISION"] not in REVISIONS:
         raise ValueError(f"revision {content['$REVISION']!r}; known are {', '.join(REVISIONS)}")
+    check_count(len(content["keyframes"]), MOST_KEYS, "keyframes")
     chosen, known = dict(values), content["user_parameter_definitions"]
     for name, one in known.items():
         least, most = (far if one.get(end) is None else _finite(one[end]) for end, far in (("min", -inf), ("max", inf)))
@@ -225,6 +229,12 @@ def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPatter
     return AdapticsPattern(
         name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), text=text, pressure=pressure
     )
+
+
+def check_count(count: int, most: int, name: str) -> None:
+    """Raise InputError if a pattern has more parts of a name than can be drawn in time."""
+    if count > most:
+        raise InputError(f"{name}: expected at most {most} in a pattern, got {count}; make several patterns of it")
 
 
 def check_parameters(given: Values, known: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from midair.dsp import resample
 from midair.errors import BrokenFileError, InputError, UnitError
 from midair.files import check_memory_for, from_plain, open_take, read_text, read_toml, save_solutions
 from midair.model import HEIGHT, HEIGHTS, Acoustics, Medium, Progress, Provenance, TransducerArray
-from midair.patterns.adaptics import AdapticsPattern, check_parameters, load_adaptics
+from midair.patterns.adaptics import MOST_KEYS, AdapticsPattern, check_count, check_parameters, load_adaptics
 from midair.patterns.drawing import Foci, check_reach, draw_parts, drawn_settings, wanted_amplitude
 from midair.patterns.shapes import SHAPES, Checked, Points, Shape, on_circle
 from midair.targets import PACINIAN, receptor_pressure
@@ -289,6 +289,8 @@ class Pattern(Checked):
         tables = values.get("spot", [])
         if not (isinstance(tables, list) and tables and all(isinstance(table, Mapping) for table in tables)):
             raise InputError("spot: expected one table [[spot]] or more, got none")
+        check_count(len(tables), MOST_SPOTS, "spot")
+        check_count(sum(len(keys) for one in tables if isinstance(keys := one.get("key"), list)), MOST_KEYS, "key")
         spots: list[Spot] = []
         for number, table in enumerate(tables, 1):
             try:
@@ -315,7 +317,8 @@ def _shape(table: Any) -> Shape:
     return from_plain(SHAPES[name], given, where="shape.")
 
 
-PATTERN_ENDINGS = (".toml", ".adaptics")
+PATTERN_ENDINGS, MOST_SPOTS = (".toml", ".adaptics"), 32
+"""Endings of patterns; number of spots above which one is refused: each takes as long as the others to draw."""
 
 PALETTE: Mapping[str, dict[str, Any]] = read_toml(Path(__file__).with_name("palette.toml"), "patterns")
 """Patterns to start from, by name, as the dicts of their files."""
