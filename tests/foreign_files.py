@@ -1,8 +1,6 @@
 """Files of other programs, by the specifications of their formats."""
 
-import json
 import struct
-from io import BytesIO
 
 import numpy as np
 
@@ -88,22 +86,3 @@ def tdms(columns, *, order="<", interleaved=False, chunks=1, group="skin", said=
     flags = (6 if meta else 0) | 8 | (32 if interleaved else 0) | (64 if order == ">" else 0)
     body = head + b"".join(raw)
     return b"TDSm" + struct.pack("<I", flags) + struct.pack(order + "IQQ", 4713, len(body), len(head)) + body
-
-
-def mcap(topics, *, rate=1000.0, encoding="json", schema="frame", compress=True, chunk_size=1 << 20) -> bytes:
-    """An MCAP with topics of encoded messages, written by the makers' library."""
-    from mcap.writer import CompressionType, Writer
-
-    stream = BytesIO()
-    packed = CompressionType.ZSTD if compress else CompressionType.NONE
-    out = Writer(stream, compression=packed, chunk_size=chunk_size)
-    out.start()
-    number = out.register_schema(name=schema, encoding="jsonschema", data=b"{}")
-    for topic, messages in topics.items():
-        channel = out.register_channel(topic=topic, message_encoding=encoding, schema_id=number)
-        for i, message in enumerate(messages):
-            data = message if isinstance(message, bytes) else json.dumps(message).encode()
-            time = 1_700_000_000_000_000_000 + round(i * 1e9 / rate)
-            out.add_message(channel, log_time=time + 5_000_000, data=data, publish_time=time)
-    out.finish()
-    return stream.getvalue()

@@ -124,9 +124,3 @@ def xdf() -> Callable[..., bytes]:
 @pytest.fixture(scope="session")
 def tdms() -> Callable[..., bytes]:
     return foreign_files.tdms
-
-
-@pytest.fixture(scope="session")
-def mcap() -> Callable[..., bytes]:
-    pytest.importorskip("mcap")
-    return foreign_files.mcap

@@ -8,7 +8,6 @@ if sys.platform == "win32":
     pytest.skip("Windows has no processes that are copies", allow_module_level=True)
 
 pytest.importorskip("zarr")
-pytest.importorskip("mcap")
 pytest.importorskip("pyxdf")
 
 from tests.fuzzing.trials import TARGETS, told, try_many

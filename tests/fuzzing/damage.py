@@ -185,26 +185,6 @@ def _npy_with(content: bytes, old: bytes, new: bytes) -> bytes:
     return content[:8] + struct.pack("<H", len(header) % 65536) + header + content[10 + length :]
 
 
-def mcap(data: bytes, rng: np.random.Generator) -> bytes:
-    """Lengths of records and of what is in them; checksums are zero, which means that there are none."""
-    if rng.random() < 0.3:
-        return CDR(data, rng)
-    place, spoilt, records = 8, bytearray(data), []
-    while place + 9 <= len(data) - 8:
-        records.append(place)
-        place += 9 + struct.unpack_from("<Q", data, place + 1)[0]
-    for at in records:
-        if spoilt[at] == 6 and at + 37 < len(spoilt):  # a chunk: its checksum
-            spoilt[at + 9 + 24 : at + 9 + 28] = bytes(4)
-    for _ in range(int(rng.integers(1, 4))):
-        at = records[int(rng.integers(len(records)))]
-        offset, size = ((0, 1), (1, 8), (9, 2), (9, 4), (9, 8), (11, 4), (17, 8), (25, 8), (37, 4), (41, 8))[
-            int(rng.integers(10))
-        ]
-        number_at(spoilt, at + offset, size, rng)
-    return bytes(spoilt)
-
-
 def table(data: bytes, rng: np.random.Generator) -> bytes:
     """Fields, rows and names of a text table; midair's own first line as JSON."""
     text = data.decode("utf-8", "replace")
@@ -340,7 +320,6 @@ DAMAGES: dict[str, Damage] = {
     ".npz": npz,
     ".tdms": TDMS,
     ".xdf": xdf,
-    ".mcap": mcap,
     ".csv": table,
     ".tsv": table,
     ".jsonl": json_lines,

@@ -1,15 +1,13 @@
 """Sound files of every kind that midair reads, small, to be damaged."""
 
 import json
-import struct
-from importlib.util import find_spec
 from pathlib import Path
 
 import h5py
 import numpy as np
 import soundfile
 from scipy.io import savemat
-from tests.foreign_files import mcap, tdms, xdf, xdf_whole
+from tests.foreign_files import tdms, xdf, xdf_whole
 
 from midair.datasets import sample_path
 from midair.files import RecordingWriter, save, save_calibration, save_pressure, save_sensor, save_solution
@@ -33,7 +31,7 @@ RNG = np.random.default_rng(5)
 def make_all(folder: Path) -> None:
     _own(folder)
     _sounds_and_tables(folder)
-    _robots_and_laboratories(folder)
+    _laboratories(folder)
     _written_by_hand(folder)
     _of_matlab(folder)
     _effects(folder)
@@ -109,18 +107,12 @@ def _of_matlab(folder: Path) -> None:
         file.write(header)
 
 
-def _robots_and_laboratories(folder: Path) -> None:
+def _laboratories(folder: Path) -> None:
     samples = recording().samples.reshape(40, 6)
     labels = [f"c{number}" for number in range(6)]
     (folder / "a.xdf").write_bytes(xdf_whole(xdf(samples, labels=labels, unit="volts")))
     columns = {f"mic {number}": column for number, column in enumerate(samples.T)}
     (folder / "a.tdms").write_bytes(tdms(columns) + tdms(columns, interleaved=True))
-    if find_spec("mcap") is None:
-        return
-    cdr = [b"\0\1\0\0" + struct.pack("<III4x6d", 0, 0, 6, *row) for row in samples]
-    (folder / "json.mcap").write_bytes(mcap({"/skin": samples.tolist()}, chunk_size=1500))
-    ros = {"encoding": "cdr", "schema": "std_msgs/msg/Float64MultiArray", "compress": False}
-    (folder / "ros.mcap").write_bytes(mcap({"/skin": cdr}, chunk_size=1500, **ros))
 
 
 def _effects(folder: Path) -> None:

@@ -97,7 +97,7 @@ READ_BY: dict[tuple[Callable[[Path], object], ...], tuple[str, ...]] = {
     (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat", "seven.mat"),
     (STAMPED,): ("stamped.csv",),
     (SAYS_UNIT,): ("a.xdf", "a.tdms"),
-    (SAYS_RATE,): ("json.mcap", "ros.mcap", "own.hjif", "foreign.hjif"),
+    (SAYS_RATE,): ("own.hjif", "foreign.hjif"),
     (ONE_CHANNEL,): ("own.ahap", "own.haptic", "foreign.ahap"),
 }
 TARGETS = {name: readers for readers, names in READ_BY.items() for name in names} | {

@@ -57,7 +57,7 @@ class ImportOptions(Declared):
         None, "Channels to read, in this order, by name or by number from 0.", option=""
     )
     stream: str | None = setting(
-        None, "Which of several to read: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT."
+        None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT."
     )
     packed: int | None = setting(None, "Number of channels that are interleaved in one row of numbers, such as 16.")
     mending: Mending | None = None

@@ -61,7 +61,7 @@ def import_command(
 ) -> None:
     """Convert a file of another program to a recording.
 
-    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, MCAP, XML of HaTT, and NetCDF and HDF5 files of midair.
+    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and NetCDF and HDF5 files of midair.
     Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap, .hjif and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.

@@ -44,7 +44,7 @@ export default class Reproduce {
   }
   _build() {
     this.list = takesList();
-    const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.mcap,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
+    const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.ahap,.haptic,.hjif", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", title: "A recording of this computer, or a project as ZIP of at most 4 GiB; you can also drop it on the page", onclick: () => file.click() }, "Add a file");
     this.sort = choice([["new", "newest"], ["name", "name"]], "new", () => this._takes(this.link.state.takes ?? []));
     this.sort.setAttribute("aria-label", "order of the takes");
