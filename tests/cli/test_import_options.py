@@ -123,7 +123,7 @@ def test_export_prints_losses(ending, lost, calibrated, answer):
         assert load_pressure("out.h5") is not None
 
 
-@pytest.mark.parametrize("ending", ["wav", "mat", "hjif", "ahap"])
+@pytest.mark.parametrize("ending", ["wav", "mat", "ahap"])
 def test_export_prints_a_line_for_every_loss(ending, calibrated, answer, capsys):
     told = answer("export", "take.h5", f"out.{ending}")
     assert run(["export", "take.h5", f"out.{ending}", "--force"]) == 0

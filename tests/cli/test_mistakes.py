@@ -39,7 +39,6 @@ def files(tmp_path_factory):
         gaps = rng.normal(size=(50, 16))
         gaps[3, 3] = np.nan
         np.savetxt("gaps.csv", gaps, delimiter=",")
-        Path("x.hjif").write_text("{}")
         Path("x.m4a").write_text("x")
         Path("there").mkdir()
         Path("there/report.html").write_text("x")

@@ -90,7 +90,6 @@ WRITERS = {
         f"a{ending}": lambda path: files.save(TAKE, path, calibration=FLAT)
         for ending in (".h5", ".csv", ".wav", ".npz", ".mat", ".nc")
     },
-    "a.hjif": lambda path: files.save(EFFECT, path),
     "a.ahap": lambda path: files.save(EFFECT, path),
     "a.haptic": lambda path: files.save(EFFECT, path),
     "pressed.h5": with_pressure,

@@ -324,7 +324,6 @@ DAMAGES: dict[str, Damage] = {
     ".tsv": table,
     ".jsonl": json_lines,
     ".json": json_text,
-    ".hjif": json_text,
     ".ahap": json_text,
     ".haptic": json_text,
     ".toml": toml_text,

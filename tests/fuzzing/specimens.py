@@ -117,34 +117,8 @@ def _laboratories(folder: Path) -> None:
 
 def _effects(folder: Path) -> None:
     """Effects as midair writes them, and with what midair only reads."""
-    for ending in (".hjif", ".ahap", ".haptic"):
+    for ending in (".ahap", ".haptic"):
         save(recording(), folder / f"own{ending}")
-    keys = [
-        {"relative_position": at, "amplitude_modulation": 0.2 * at / 100, "frequency_modulation": 80 + at}
-        for at in (0, 100, 300)
-    ]
-    bands = [
-        {
-            "band_type": kind,
-            "lower_frequency_limit": 20,
-            "upper_frequency_limit": 250,
-            "effects": [
-                {
-                    "id": 0,
-                    "position": 100,
-                    "phase": 0.3,
-                    "base_signal": signal,
-                    "effect_type": "Basis",
-                    "keyframes": keys,
-                },
-                {"id": 1, "position": 600, "effect_type": "Reference"},
-            ],
-        }
-        for kind, signal in (("Curve", "Sine"), ("VectorialWave", "Square"), ("Transient", "Sine"), ("WaveletWave", ""))
-    ]
-    channel = {"gain": 0.5, "mixing_weight": 1.0, "frequency_sampling": 2000, "bands": bands}
-    perception = {"id": 0, "perception_modality": "Vibration", "channels": [channel] * 6}
-    (folder / "foreign.hjif").write_text(json.dumps({"timescale": 1000, "perceptions": [perception]}))
     parameters = [
         {"ParameterID": name, "ParameterValue": value}
         for name, value in (

@@ -86,7 +86,6 @@ OWN = import_or_open()
 STAMPED = import_or_open("--unit", "V", "--layout", "1x2:7mm", unit="V", sensor=SensorGrid(rows=1, columns=2))
 SAYS_UNIT = import_or_open("--layout", "2x3:7mm", sensor=GRID)
 ONE_CHANNEL = import_or_open("--unit", "V", "--layout", "1x1:7mm", unit="V", sensor=SensorGrid(rows=1, columns=1))
-SAYS_RATE = import_or_open("--unit", "V", "--layout", "2x3:7mm", unit="V", sensor=GRID)
 
 
 FOREIGN = ("wav", "ulaw.wav", "float.wav", "w64", "rf64", "npz", "mat")
@@ -97,7 +96,6 @@ READ_BY: dict[tuple[Callable[[Path], object], ...], tuple[str, ...]] = {
     (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat", "seven.mat"),
     (STAMPED,): ("stamped.csv",),
     (SAYS_UNIT,): ("a.xdf", "a.tdms"),
-    (SAYS_RATE,): ("own.hjif", "foreign.hjif"),
     (ONE_CHANNEL,): ("own.ahap", "own.haptic", "foreign.ahap"),
 }
 TARGETS = {name: readers for readers, names in READ_BY.items() for name in names} | {

@@ -109,7 +109,7 @@ def of_file(path: Path, place: str) -> Iterator[tuple[str, str]]:
             yield f"{place} | {name}", hashlib.sha256(data.encode()).hexdigest()
         words = re.sub(r"<(script|style|svg)\b.*?</\1>", " ", text, flags=re.DOTALL)
         yield from of_text(re.sub(r"<[^>]*>", " ", words), place)
-    elif path.suffix in (".json", ".hjif", ".ahap"):
+    elif path.suffix in (".json", ".ahap"):
         yield from of_json(json.loads(path.read_text(encoding="utf-8")), f"{place} | ")
     elif path.suffix in (".csv", ".tsv"):
         text = path.read_text(encoding="utf-8")

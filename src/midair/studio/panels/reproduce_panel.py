@@ -70,7 +70,7 @@ class ExportForm(TakeNamed):
 
     of: Literal["", "drive", "rerecorded"] = ""
     ending: Literal[
-        ".csv", ".wav", ".flac", ".npz", ".mat", ".nc", ".hjif", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
+        ".csv", ".wav", ".flac", ".npz", ".mat", ".nc", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
     ]
     channel: int = Field(default=0, ge=0)
     """The channel of a FLAC, which cannot hold those of a whole sensor."""
