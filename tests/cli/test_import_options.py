@@ -111,7 +111,7 @@ def calibrated():
     return recording
 
 
-KEPT = {"h5": [], "csv": ["calibration", "pressure"], "npz": ["calibration", "pressure"], "nc": ["pressure"]}
+KEPT = {"h5": [], "csv": ["calibration", "pressure"], "npz": ["calibration", "pressure"]}
 
 
 @pytest.mark.parametrize(("ending", "lost"), KEPT.items(), ids=KEPT)
@@ -123,7 +123,7 @@ def test_export_prints_losses(ending, lost, calibrated, answer):
         assert load_pressure("out.h5") is not None
 
 
-@pytest.mark.parametrize("ending", ["wav", "mat", "ahap"])
+@pytest.mark.parametrize("ending", ["wav", "mat"])
 def test_export_prints_a_line_for_every_loss(ending, calibrated, answer, capsys):
     told = answer("export", "take.h5", f"out.{ending}")
     assert run(["export", "take.h5", f"out.{ending}", "--force"]) == 0

@@ -88,10 +88,8 @@ def command(*words):
 WRITERS = {
     **{
         f"a{ending}": lambda path: files.save(TAKE, path, calibration=FLAT)
-        for ending in (".h5", ".csv", ".wav", ".npz", ".mat", ".nc")
+        for ending in (".h5", ".csv", ".wav", ".npz", ".mat")
     },
-    "a.ahap": lambda path: files.save(EFFECT, path),
-    "a.haptic": lambda path: files.save(EFFECT, path),
     "pressed.h5": with_pressure,
     "repaired.h5": repaired,
     "a.calibration.h5": lambda path: files.save_calibration(FLAT, path),

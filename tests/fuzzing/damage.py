@@ -310,7 +310,6 @@ def toml_text(data: bytes, rng: np.random.Generator) -> bytes:
 
 DAMAGES: dict[str, Damage] = {
     ".h5": hdf5,
-    ".nc": hdf5,
     "seven.mat": hdf5,
     "four.mat": MAT4,
     ".mat": mat5,

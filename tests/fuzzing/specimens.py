@@ -57,8 +57,8 @@ def calibration() -> Calibration:
 
 def _own(folder: Path) -> None:
     take, known = recording(), calibration()
-    for ending in (".h5", ".nc", ".csv", ".wav", ".npz", ".mat"):
-        save(take, folder / f"own{ending}", calibration=known if ending in (".h5", ".nc") else None)
+    for ending in (".h5", ".csv", ".wav", ".npz", ".mat"):
+        save(take, folder / f"own{ending}", calibration=known if ending == ".h5" else None)
     save_pressure(PressureFrames(pressure=take.samples, rate=take.rate, sensor=GRID), folder / "own.h5")
     save_calibration(known, folder / "own.calibration.h5")
     array = TransducerArray.autd3(columns=1, rows=1)
@@ -116,9 +116,7 @@ def _laboratories(folder: Path) -> None:
 
 
 def _effects(folder: Path) -> None:
-    """Effects as midair writes them, and with what midair only reads."""
-    for ending in (".ahap", ".haptic"):
-        save(recording(), folder / f"own{ending}")
+    """Effects with all that midair reads of them."""
     parameters = [
         {"ParameterID": name, "ParameterValue": value}
         for name, value in (
@@ -144,6 +142,9 @@ def _effects(folder: Path) -> None:
             }
         },
     ]
+    points = [{"time": at, "amplitude": at, "emphasis": {"amplitude": at, "frequency": at}} for at in (0.0, 0.2, 0.4)]
+    envelopes = {"amplitude": points, "frequency": [{"time": at, "frequency": at} for at in (0.0, 0.4)]}
+    (folder / "foreign.haptic").write_text(json.dumps({"signals": {"continuous": {"envelopes": envelopes}}}))
     (folder / "foreign.ahap").write_text(json.dumps({"Version": 1.0, "Pattern": pattern}))
 
 

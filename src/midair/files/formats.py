@@ -80,7 +80,7 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf,
+        Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
         .tdms; .ahap and .haptic effects are rendered to waves.
     rate, unit, sensor, scale, channels, stream, packed, mending, streamed
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
@@ -141,7 +141,7 @@ def save(
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .wav, .flac, .npz, .mat, .nc, .ahap or .haptic; an existing file is replaced.
+        Suffix .h5, .hdf5, .csv, .wav, .flac, .npz or .mat; an existing file is replaced.
     calibration, pressure
         Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event

@@ -32,7 +32,7 @@ class OpenedTake:
     report: tuple[str, ...] = ()
     """One sentence for each assumption, change, omission or suspicious channel."""
     stored: bool = False
-    """True for an HDF5 or NetCDF file of midair, which may contain calibrated pressure too (`load_pressure`)."""
+    """True for an HDF5 file of midair, which may contain calibrated pressure too (`load_pressure`)."""
 
     def __repr__(self) -> str:
         known = "no calibration" if self.calibration is None else "with calibration"
@@ -324,9 +324,7 @@ def of_two(scale: float | Array) -> bool:
     return bool((np.abs(np.frexp(scale)[0]) == 0.5).all())
 
 
-Lost = Literal[
-    "calibration", "pressure", "provenance", "sensor", "scale", "rate", "channels", "waveform", "band", "sign", "length"
-]
+Lost = Literal["calibration", "pressure", "provenance", "sensor", "scale", "rate", "channels", "waveform"]
 """Kinds of lost information, as keys for programs."""
 
 
@@ -365,5 +363,3 @@ class Format:
     """Write a recording; returns what the format cannot store. None if it is only read."""
     memory: float = 0
     """Least number of bytes that reading takes for each byte of the file; 0 if it is read in parts."""
-    effect: bool = False
-    """Whether it holds effects that are rendered, so that reading does not return the samples that were written."""

@@ -61,7 +61,7 @@ def import_command(
 ) -> None:
     """Convert a file of another program to a recording.
 
-    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and NetCDF and HDF5 files of midair.
+    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and HDF5 files of midair.
     Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
@@ -205,8 +205,7 @@ def export_command(
     Parameters
     ----------
     output
-        File to write: NAME.csv, .wav, .flac (at most 8 channels), .npz, .mat, .nc (NetCDF), .ahap
-        (Apple), .haptic (Meta) or .h5.
+        File to write: NAME.csv, .wav, .flac (at most 8 channels), .npz, .mat or .h5.
         For a drive NAME.npz or NAME.json: phase in rad and level of every transducer in every frame.
     pressure
         Write the calibrated pressure instead of the raw samples.

@@ -70,7 +70,7 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
 
 
 def _facts_of_file(source: Path) -> _FileFacts:
-    if not source.name.lower().endswith((".h5", ".hdf5", ".nc")):
+    if not source.name.lower().endswith((".h5", ".hdf5")):
         return _facts_of_take(source)
     held = contents(source)
     readers = {"drive": _facts_of_drive, "calibration": _facts_of_calibration, "array": _facts_of_array}

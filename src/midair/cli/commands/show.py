@@ -114,7 +114,7 @@ def _shown(source: Path, again: Path | None, part: Part, *, target: bool, option
         settings = settings_of_rerecording(take.recording.provenance, options.settings())
         pair = aligned_pair(calibrated_part(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
-    if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
+    if source.name.lower().endswith((".h5", ".hdf5")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()
     if target:

@@ -1,4 +1,4 @@
-"""midair's own file formats: HDF5 with a documented schema, and NetCDF."""
+"""midair's own file formats: HDF5 with a documented schema."""
 
 from .calibration_file import ARRAY_SUFFIX as ARRAY_SUFFIX
 from .calibration_file import CALIBRATION_SUFFIX as CALIBRATION_SUFFIX
@@ -24,7 +24,6 @@ from .provenance_json import from_plain as from_plain
 from .provenance_json import to_json as to_json
 from .provenance_json import to_plain as to_plain
 from .recording_file import HDF5 as HDF5
-from .recording_file import NETCDF4 as NETCDF4
 from .recording_file import RecordingBuffer as RecordingBuffer
 from .recording_file import load_played as load_played
 from .recording_file import load_pressure as load_pressure

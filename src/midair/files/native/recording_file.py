@@ -1,4 +1,4 @@
-"""Recordings, `name.h5`: samples, calibration, provenance, calibrated pressure and live touch; NetCDF-4 by CF.
+"""Recordings, `name.h5`: samples, calibration, provenance, calibrated pressure and live touch.
 
 Its events are lost frames, clipped or constant channels, and clock drift. A running recording stores them and the
 positions of a motion stage as rows along an axis of their own, because attributes cannot change while other programs
@@ -21,7 +21,6 @@ from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
     check_kind,
     finite,
-    fixed_text,
     new_file,
     open_file,
     read_group,
@@ -33,7 +32,6 @@ from midair.files.native.hdf5 import (
 from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.provenance_json import from_json
 from midair.files.native.schema import (
-    NETCDF,
     array_from,
     array_values,
     check_time,
@@ -59,7 +57,6 @@ from midair.model import (
     speed_of,
 )
 from midair.streaming import LazyFrames, block_ranges
-from midair.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -415,28 +412,3 @@ def _written(samples: "np.ndarray | LazyFrames") -> int:
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
-
-
-CONVENTIONS = "CF-1.11"
-
-
-def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write a recording atomically and without loss; the calibration is a group."""
-    life = recording.provenance
-    attributes: dict[str, str] = {
-        "Conventions": CONVENTIONS,
-        "title": f"Recording of {recording.sensor.name}",
-        "source": life.source + (" (SIMULATED)" if life.simulated else ""),
-        "history": "; ".join(step.stage for step in life.steps).replace("\0", "?") or "recorded",
-        "comment": f"Written by midair {__version__}; its provenance is JSON in the attribute provenance.",
-    }
-    with new_file(path, room=recording.samples.nbytes) as file:
-        write_group(file, "recording", recording_values(recording))
-        if calibration is not None:
-            write_calibration(file.create_group("calibration"), calibration)
-        for entry in NETCDF:
-            file.attrs[entry.name] = fixed_text(attributes[entry.name])
-    return ()
-
-
-NETCDF4 = Format(name="NetCDF of midair", read=read_recording, write=write_netcdf)

@@ -68,9 +68,6 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {kind: tuple(_entries(listed)) for kin
 HEADER: tuple[Entry, ...] = tuple(_entries(_STORED["other"]["header"]))
 """Entries of the JSON header of CSV, WAV, NPZ and MAT files."""
 
-NETCDF: tuple[Entry, ...] = tuple(_entries(_STORED["other"]["netcdf"]))
-"""Additional attributes of NetCDF exports, which NetCDF programs expect."""
-
 
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """Stored values of the time axis for `frames` frames at `rate` (Hz)."""

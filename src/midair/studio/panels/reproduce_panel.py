@@ -69,9 +69,7 @@ class ExportForm(TakeNamed):
     """A file to make of a take, of its drive, or of what was re-recorded."""
 
     of: Literal["", "drive", "rerecorded"] = ""
-    ending: Literal[
-        ".csv", ".wav", ".flac", ".npz", ".mat", ".nc", ".ahap", ".haptic", ".json", ".html", ".gif", ".mp4"
-    ]
+    ending: Literal[".csv", ".wav", ".flac", ".npz", ".mat", ".json", ".html", ".gif", ".mp4"]
     channel: int = Field(default=0, ge=0)
     """The channel of a FLAC, which cannot hold those of a whole sensor."""
 

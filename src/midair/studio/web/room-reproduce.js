@@ -44,7 +44,7 @@ export default class Reproduce {
   }
   _build() {
     this.list = takesList();
-    const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.nc,.xdf,.tdms,.ahap,.haptic", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
+    const file = make("input", { type: "file", accept: ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.xdf,.tdms,.ahap,.haptic", hidden: true, "aria-label": "a recording from this computer", onchange: () => { this._upload(file.files[0]); file.value = ""; } });
     this.add = make("button", { type: "button", title: "A recording of this computer, or a project as ZIP of at most 4 GiB; you can also drop it on the page", onclick: () => file.click() }, "Add a file");
     this.sort = choice([["new", "newest"], ["name", "name"]], "new", () => this._takes(this.link.state.takes ?? []));
     this.sort.setAttribute("aria-label", "order of the takes");
@@ -230,7 +230,7 @@ export default class Reproduce {
   }
   _export() {
     const row = this._row(this.take.name), of = [["", "the recording"], ...(row?.solved ? [["drive", "the drive"]] : []), ...(row?.played ? [["rerecorded", "the re-recording"]] : []), ["folder", "the whole folder, as a project"]];
-    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV, all channels"], [".flac", "FLAC, the chosen channel"], [".npz", "NumPy"], [".mat", "MATLAB"], [".nc", "NetCDF"], [".ahap", "AHAP"], [".haptic", "Meta Haptics Studio"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
+    const WAVES = [[".html", "page with pictures"], [".gif", "film, GIF"], [".mp4", "film, MP4"], [".csv", "CSV"], [".wav", "WAV, all channels"], [".flac", "FLAC, the chosen channel"], [".npz", "NumPy"], [".mat", "MATLAB"]], DRIVE = [...WAVES.slice(0, 3), [".npz", "NumPy: phases and levels"], [".json", "JSON: phases and levels"]];
     const ending = choice(WAVES, ".html"), fit = (what) => ending.replaceChildren(...({ drive: DRIVE, folder: [[".zip", "one file, ZIP; Add a file opens it in another folder"]] }[what] ?? WAVES).map(([value, words]) => make("option", { value }, words)));
     this._ask(`Export ${shortly(this.take.name)}`, "The file is written into the folder exports of this studio.", { of: ["Of", choice(of, "", ({ target }) => fit(target.value)), "Part of the take to write"], ending: ["As", ending, "Format; a page and a film have pictures"] }, "Export",
       (given) => tried(given.of === "folder" ? this.link.order("reproduce", "pack") : this.link.order("reproduce", "export", { take: this.take.name, channel: this.transport.channel, ...given })));

@@ -1,10 +1,9 @@
-"""Write and render AHAP, Apple's haptic patterns, and .haptic, the clips of Meta Haptics Studio.
+"""Render AHAP, Apple's haptic patterns, and .haptic, the clips of Meta Haptics Studio, to waves.
 
 AHAP: one actuator, with one intensity and one sharpness over time. Format: "Representing haptic patterns in AHAP
 files" (Apple, Core Haptics). A continuous event of up to 30 s has full intensity and medium sharpness; curves of
-intensity (a factor, 0 to 1) and of sharpness (added, -1 to 1) shape it. Apple does not specify two things, which are
-chosen here: curves have at most 16 points, reportedly the most that Core Haptics plays; and sharpness maps the spectral
-centroid linearly from 80 Hz (0) to 230 Hz (1).
+intensity (a factor, 0 to 1) and of sharpness (added, -1 to 1) shape it. Apple does not specify
+the frequency of a sharpness, which is chosen here: linear from 80 Hz (0) to 230 Hz (1).
 
 Clips: envelopes of amplitude and frequency, and emphasis. Format: that of facebook/haptics-studio (version 1.0.0).
 Amplitude and frequency are 0 to 1, linear between their points; an emphasis is a short click with an amplitude and a
@@ -13,7 +12,6 @@ frequency of its own. The frequencies of 0 and 1 depend on the device; here they
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,116 +19,11 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError
-from midair.files.atomic import atomic_file
-from midair.files.opened_take import FormatLoss, ImportedData, ImportOptions, Lost, OpenedTake, calibration_lost
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.size_limits import check_memory_for
-from midair.model import Calibration, Recording
-from midair.streaming import medians, read_frames, with_cache
-
-STEP = 0.025
-"""Time between two points of a curve, in s."""
-
-EVENT_LIMIT = 30.0
-"""Maximum duration of a continuous event, in s."""
-
-POINTS = 16
-"""Maximum number of points of a curve."""
 
 SHARPNESS = (80.0, 230.0)
 """Frequencies of sharpness 0 and 1, in Hz."""
-
-
-def write_ahap(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write the combined intensity and sharpness of all cells."""
-    time, intensity, frequency = envelope(recording)
-    low, high = SHARPNESS
-    sharpness = np.clip((frequency - low) / (high - low), 0, 1)
-    starts = np.arange(0.0, recording.duration, EVENT_LIMIT)
-    pattern = [
-        *(_event(start, min(EVENT_LIMIT, recording.duration - start)) for start in starts),
-        *_curves("HapticIntensityControl", time, intensity),
-        # This curve is added to the 0.5 of the events.
-        *_curves("HapticSharpnessControl", time, sharpness - 0.5),
-    ]
-    with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        json.dump({"Version": 1.0, "Pattern": pattern}, file, allow_nan=False, indent=1)
-    lost = clip_losses(recording, "sharpness", "intensity")
-    if len(starts) > 1:
-        text = f"{recording.duration:g} s became {len(starts)} events of up to {EVENT_LIMIT:g} s."
-        lost = (*lost, FormatLoss(what="length", text=text))
-    return (*lost, *calibration_lost(calibration, "AHAP"))
-
-
-def envelope(recording: Recording) -> tuple[Array, Array, Array]:
-    """Time (s), intensity (0 to 1) and frequency (Hz) of a recording every `STEP`, each of shape (point,).
-
-    Intensity is the rms over all cells of the deviation from their medians in a Hann window of two steps, relative to
-    its maximum; frequency is the spectral centroid of the same windows, 0 for silence.
-    """
-    still = medians(recording.samples).ravel()
-    count = max(2, int(np.ceil(recording.duration / STEP)) + 1)
-    time = np.linspace(0, recording.duration, count)
-    half = max(2, round(STEP * recording.rate))
-    window = np.hanning(2 * half + 1)[:, None]
-    samples = with_cache(recording.samples)
-    bins = np.fft.rfftfreq(2 * half + 1, 1 / recording.rate)
-    power, frequency = np.zeros(count), np.zeros(count)
-    for i, centre in enumerate(np.round(time * recording.rate).astype(int)):
-        first, last = max(0, centre - half), min(recording.frames, centre + half + 1)
-        # Zero padding on both sides for the windows of the first and the last point.
-        change = np.zeros((2 * half + 1, len(still)))
-        if first < last:
-            there = slice(first - centre + half, last - centre + half)
-            change[there] = read_frames(samples, first, last).reshape(last - first, -1) - still
-        spectrum = (np.abs(np.fft.rfft(change * window, axis=0)) ** 2).sum(axis=1)
-        power[i] = spectrum.sum()
-        frequency[i] = spectrum @ bins / power[i] if power[i] else 0.0
-    rms = np.sqrt(power)
-    return time, rms / (rms.max() or 1.0), frequency
-
-
-def _event(start: float, duration: float) -> dict[str, Any]:
-    parameters = [
-        {"ParameterID": "HapticIntensity", "ParameterValue": 1.0},
-        {"ParameterID": "HapticSharpness", "ParameterValue": 0.5},
-    ]
-    event = {
-        "Time": round(float(start), 6),
-        "EventType": "HapticContinuous",
-        "EventDuration": round(float(duration), 6),
-        "EventParameters": parameters,
-    }
-    return {"Event": event}
-
-
-def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
-    """Curves of up to `POINTS` points; each starts with the last point of the previous one."""
-    edges = [*range(0, len(time) - 1, POINTS - 1), len(time) - 1]
-    curves: list[dict[str, Any]] = []
-    for first, last in pairwise(edges):
-        points = [
-            {"Time": round(float(time[i] - time[first]), 6), "ParameterValue": round(float(values[i]), 4)}
-            for i in range(first, last + 1)
-        ]
-        curve = {"ParameterID": name, "Time": round(float(time[first]), 6), "ParameterCurveControlPoints": points}
-        curves.append({"ParameterCurve": curve})
-    return curves
-
-
-def clip_losses(recording: Recording, pitch: str, strength: str) -> tuple[FormatLoss, ...]:
-    """Losses of an effect with one actuator, whose frequency and amplitude over time have these names."""
-    low, high = SHARPNESS
-    rows, columns = recording.sensor.shape
-    found: list[tuple[Lost, str]] = [
-        ("channels", f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."),
-        ("waveform", f"The waveform became {pitch} and {strength} every {STEP * 1e3:g} ms."),
-        ("band", f"{pitch.capitalize()} maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."),
-        ("scale", f"{strength.capitalize()} is relative to the recording's maximum: the absolute level is lost."),
-        ("provenance", "Sensor and provenance were left out."),
-    ]
-    if recording.provenance.simulated:
-        found.append(("provenance", "The file cannot state that this recording is SIMULATED."))
-    return tuple(FormatLoss(what=what, text=text) for what, text in found)
 
 
 RATE = 8000.0
@@ -181,13 +74,11 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     return found.resolve(given, path)
 
 
-def frame_times(path: Path, end: float, rate: float, *, channels: int = 1) -> Array:
+def frame_times(path: Path, end: float, rate: float) -> Array:
     """Times of the frames of an effect in s, after a check of its duration and of the memory that it needs."""
     if not 0 < end <= LONGEST:
         raise BrokenFileError(f"{path}: expected an effect of up to {LONGEST:g} s, got {end:g} s")
-    check_memory_for(
-        8 * (2 * channels + 6) * end * rate, f"{path}, {end:g} s at {rate:g} Hz", "state a lower rate with --rate"
-    )
+    check_memory_for(64 * end * rate, f"{path}, {end:g} s at {rate:g} Hz", "state a lower rate with --rate")
     return np.arange(round(end * rate)) / rate
 
 
@@ -254,33 +145,6 @@ def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Ar
     return values
 
 
-def write_haptic(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write the combined amplitude and frequency of all cells."""
-    time, amplitude, frequency = envelope(recording)
-    low, high = SHARPNESS
-    scaled = np.clip((frequency - low) / (high - low), 0, 1)
-    told = "SIMULATED: no sensor was involved" if recording.provenance.simulated else ""
-    content = {
-        "version": {"major": 1, "minor": 0, "patch": 0},
-        "metadata": {"editor": "midair", "source": "", "project": path.stem, "tags": [], "description": told},
-        "signals": {
-            "continuous": {
-                "envelopes": {
-                    "amplitude": _points(time, "amplitude", amplitude),
-                    "frequency": _points(time, "frequency", scaled),
-                }
-            }
-        },
-    }
-    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="\n") as file:
-        json.dump(content, file, allow_nan=False)
-    return (*clip_losses(recording, "frequency", "amplitude"), *calibration_lost(calibration, ".haptic"))
-
-
-def _points(time: Array, name: str, values: Array) -> list[dict[str, float]]:
-    return [{"time": round(float(t), 6), name: round(float(v), 4)} for t, v in zip(time, values, strict=True)]
-
-
 def read_haptic(path: Path, given: ImportOptions) -> OpenedTake:
     """Render a clip to a recording of one channel, 1 being full amplitude; an emphasis is added as a decaying click."""
     content = json.loads(path.read_text(encoding="utf-8-sig"))
@@ -318,3 +182,7 @@ def _envelope(path: Path, points: list[dict[str, Any]], name: str) -> tuple[Arra
     if not len(values) or not np.isfinite(values).all() or values.min() < 0:
         raise BrokenFileError(f"{path}: expected points of {name} with numbers from 0 on, got others")
     return tuple(values[np.argsort(values[:, 0], kind="stable")].T)
+
+
+AHAP = Format(name="AHAP", read=read_ahap, memory=4)
+HAPTIC = Format(name=".haptic", read=read_haptic, memory=4)

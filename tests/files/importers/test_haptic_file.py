@@ -2,16 +2,13 @@
 
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.files.effects.test_ahap_file import tone
 
 from midair.errors import BrokenFileError
-from midair.files import open_take, save
-from midair.model import Provenance
+from midair.files import open_take
 
 
 def clip(path, amplitude, frequency=None):
@@ -53,19 +50,6 @@ def test_an_emphasis_is_a_click_in_silence(tmp_path):
     assert 0.4 < np.abs(samples[4000:4100]).max() < 0.6
     assert np.abs(samples[4500:]).max() < 1e-3
     assert strongest(samples[4000:4400], rate) == pytest.approx(230, abs=5)
-
-
-def test_what_is_written_is_read_back(tmp_path):
-    made = tone(150.0)
-    made = replace(made, provenance=Provenance(simulated=True))
-    lost = save(made, tmp_path / "out.haptic")
-    assert {"channels", "waveform", "scale"} <= {each.what for each in lost}
-    content = json.loads((tmp_path / "out.haptic").read_text())
-    assert content["version"]["major"] == 1
-    assert content["metadata"]["description"].startswith("SIMULATED")
-    samples, rate = wave(tmp_path / "out.haptic")
-    assert strongest(samples, rate) == pytest.approx(150, abs=2)
-    assert np.abs(samples[2000:6000]).max() == pytest.approx(1, abs=0.02)
 
 
 @pytest.mark.parametrize(
