@@ -17,7 +17,7 @@ from midair.datasets import stroke
 from midair.errors import DeviceStateError, ExposureError, InputError, StoppedError
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
-from midair.patterns import Pattern, load_adaptics
+from midair.patterns import Pattern
 from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.studio_state import LARGEST_ORDER, MESSAGES_A_SECOND, Page, StudioState
@@ -479,8 +479,6 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form = SaveForm(name="tap", pattern=pattern, drive=True)
     assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
     assert panel.open(None, one) == pattern
-    assert asyncio.run(panel.save(None, form.model_copy(update={"adaptics": True}))) == {"saved": ["tap.adaptics"]}
-    assert load_adaptics(studio.folder.path / "tap.adaptics", {}, pressure=20.0).foci().pressure.max() == 20
     assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 13
     louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
     asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()

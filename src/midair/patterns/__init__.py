@@ -4,8 +4,6 @@ from .adaptics import AdapticsPattern as AdapticsPattern
 from .adaptics import Evaluated as Evaluated
 from .adaptics import load_adaptics as load_adaptics
 from .adaptics import read_adaptics as read_adaptics
-from .adaptics_writer import adaptics_text as adaptics_text
-from .adaptics_writer import save_adaptics as save_adaptics
 from .drawing import Foci as Foci
 from .drawing import check_reach as check_reach
 from .drawing import draw as draw

@@ -5,7 +5,6 @@ The files are JSON, "MidAirHapticsAnimationFileFormat", revisions 0.0.10-alpha.1
 numbers are computed. Times are in ms and lengths in mm here, as there.
 """
 
-import json
 import os
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -93,8 +92,6 @@ class AdapticsPattern:
     """What holds before and after each time between two key frames."""
     transform: tuple[float, ...]
     """Scales along x, y, z; rotation in deg; translation along x, y, z; intensity factor; playback speed."""
-    text: str
-    """Its file in the last of `REVISIONS`, with the values of its parameters as defaults."""
     pressure: float = 50.0
     """Radiation pressure in Pa at intensity 1."""
     rate: float = 4000.0
@@ -221,14 +218,9 @@ def _pattern_of(content: Any, values: Values, pressure: float) -> AdapticsPatter
     moved = whole["geometric_transforms"]
     numbers = [*(moved["scale"][axis] for axis in "xyz"), moved["rotation"]]
     numbers += [*(moved["translate"][axis] for axis in "xyz"), whole["intensity_factor"], whole["playback_speed"]]
-    for name, value in chosen.items():
-        known[name] = {"step": 1.0} | known.get(name, {}) | {"default": value}
-    text = json.dumps(content | {"$REVISION": REVISIONS[-1]}, indent=1)
     spans, transform = zip(before, reversed(after), strict=True), (_number(each, chosen) for each in numbers)
     name = str(content["name"])
-    return AdapticsPattern(
-        name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), text=text, pressure=pressure
-    )
+    return AdapticsPattern(name=name, keys=keys, spans=tuple(spans), transform=tuple(transform), pressure=pressure)
 
 
 def check_count(count: int, most: int, name: str) -> None:

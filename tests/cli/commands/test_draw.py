@@ -139,13 +139,6 @@ def test_a_pattern_of_the_adaptics_designer_is_drawn_with_its_parameters(answer)
     made = load_solution("rain.drive.h5").drive.provenance.last("draw")
     assert (made["parameter droplet_strength"], made["parameter rainfall_amount"]) == (1.0, 0.5)
     assert made["pattern"] == rain.read_text(encoding="utf-8")
-    # With the values as defaults, as a pattern of the Designer again.
-    answer("draw", str(rain), "again.adaptics", *chosen[:4])
-    again = answer("draw", "again.adaptics", "again.drive.h5", "--duration", "0.05s", "--pressure", "80Pa")
-    assert again["reach_used"] == drawn["reach_used"]
-    Path("tap.toml").write_text("duration_s = 0.1\n[[spot]]\npressure_pa = 70\n", encoding="utf-8")
-    assert answer("draw", "tap.toml", "tap.adaptics") == {"pattern": "tap.adaptics", "intensity_1_pa": 70.0}
-    assert run(["draw", "tap.toml", "x.adaptics", "--wanted", "x.h5"]) == 1
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ from midair.cli.output import as_recording, may_write, parameter_values, reserve
 from midair.errors import InputError
 from midair.files import load_placement, load_solution, load_target, save
 from midair.model import Calibration, Medium
-from midair.patterns import draw_file, load_pattern, save_adaptics, wanted_pressure
+from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.rig import ArrayKind, array_calibration_for, array_of_kind
 
 
@@ -42,7 +42,7 @@ def draw_command(
     source
         Pattern to draw, NAME.toml, or NAME.adaptics of the AdapTics Designer.
     output
-        Drive to write, NAME.drive.h5; or NAME.adaptics for the AdapTics Designer. [default: drive named as the source]
+        Drive to write, NAME.drive.h5. [default: named as the source]
     duration
         Length of the drive; a loop needs one. [default: one pass]
     parameter
@@ -63,23 +63,15 @@ def draw_command(
     $ midair draw circle.toml
     $ midair draw circle.toml circle.drive.h5 --duration 2s --wanted circle.h5
     $ midair draw rain.adaptics --duration 0.5s --parameter droplet_strength=0.5
-    $ midair draw circle.toml circle.adaptics
     """
     if placement is not None and array != "autd3":
         raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
-    may_write(target, force, ".drive.h5", ".adaptics")
+    may_write(target, force, ".drive.h5")
     if wanted is not None:
         may_write(wanted, force, ".h5")
     values = parameter_values(parameter)
     pattern = load_pattern(source, values, pressure=pressure)
-    if target.suffix.lower() == ".adaptics":
-        if wanted is not None:
-            raise InputError("--wanted: expected a drive as output, got an .adaptics file; leave it out")
-        loudest = save_adaptics(pattern, target, duration)
-        if json:
-            return print_json({"pattern": str(target), "intensity_1_pa": loudest})
-        return print_rows([("pattern", str(target)), ("intensity 1", f"{loudest:g} Pa")])
     foci = pattern.foci(duration)
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     known = array_calibration_for(device, array_calibration)

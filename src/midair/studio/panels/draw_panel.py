@@ -21,7 +21,7 @@ from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, SkinModel, band_levels
 from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
 from midair.model import Acoustics, Medium, Palm, Solution, TransducerArray
-from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure, save_adaptics
+from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
 from midair.physics import SKINS, SkinMotion
 from midair.rig import array_calibration_for, array_of_kind
 from midair.studio.jobs import Progressed
@@ -137,10 +137,7 @@ def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:
     pattern, source = Pattern.from_plain(request.pattern), Path(request.files[0])
     if tuple(map(stamp_of, request.files)) != request.replaces:
         raise InputError("save: expected the files as they were when it was asked, one has changed; save again")
-    if source.suffix == ".adaptics":
-        save_adaptics(pattern, source, None if pattern.duration_s else LOOP)
-    else:
-        write_file(source, request.text)
+    write_file(source, request.text)
     for drive in request.files[1:]:
         foci, stage = pattern.foci(None if pattern.duration_s else LOOP), partial(progress, "drawing")
         draw_file(foci, source, drive, request.array(), medium=request.room, progress=stage)
@@ -154,11 +151,10 @@ class PatternForm(Arguments):
 
 
 class SaveForm(PatternForm):
-    """A pattern, the name of its file without ending, and what is written: its drive too, or an AdapTics file alone."""
+    """A pattern, the name of its file without ending, and whether its drive is written too."""
 
     name: str = Field(min_length=1, max_length=100, pattern=r"^\w[\w -]*$")
     drive: bool = False
-    adaptics: bool = False
     replaces: str = Field(default="", max_length=200)
 
 
@@ -197,7 +193,7 @@ class DrawPanel(Panel):
 
         If a file exists, the answer is a question instead; `replaces` with its stamp is the consent.
         """
-        endings = (".adaptics",) if order.adaptics else (".toml", ".drive.h5")[: 1 + order.drive]
+        endings = (".toml", ".drive.h5")[: 1 + order.drive]
         files = [self._takes.folder.place(order.name + ending) for ending in endings]
         request = self._request(order, files)
         stamps = "-".join(request.replaces)

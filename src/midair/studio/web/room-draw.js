@@ -93,7 +93,7 @@ export default class Draw {
     this.play.textContent = this.looping ? "Stop the loop" : player?.device === "virtual" ? "Play on the virtual array" : "Play …";
     this.loops.disabled = this.looping;
     if (!this.looping && this.played.textContent.startsWith("playing in a loop")) this.played.textContent = "stopped";
-    for (const one of [this.save, this.saveDrive, this.saveOther]) one.disabled = !controls;
+    for (const one of [this.save, this.saveDrive]) one.disabled = !controls;
   }
   /** Whether this pattern plays in a loop, in which it can be changed. */
   get looping() { const { player } = this.link.state; return player?.state === "plays" && player.loop; }
@@ -156,7 +156,6 @@ export default class Draw {
     this.fileName.onchange = () => this.edit(() => { this.pattern.name = this.fileName.value; }, "name", false);
     this.save = button("Save", "draw-save", () => this._save(false), "Writes NAME.toml");
     this.saveDrive = button("Save with drive", "draw-save-drive", () => this._save(true), "Writes NAME.drive.h5 too, which studies can use");
-    this.saveOther = button("Save .adaptics", "draw-save-adaptics", () => this._save(false, true), "Writes NAME.adaptics for the AdapTics Designer, which has one spot at a time");
     this.opens = choice([], "", () => this._open(this.opens.value));
     this.opens.id = "draw-open";
     this.said = make("p.quiet", { id: "draw-said", role: "status" });
@@ -183,7 +182,7 @@ export default class Draw {
     this.studio.main.append(make("div.draw", {},
       make("div.column.left", {}, panel("Start from", null, this.palette, make("p.quiet", {}, "Replaces the pattern; Undo brings it back.")),
         this.sliders,
-        panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive, this.saveOther),
+        panel("File", null, this._row("Name", this.fileName, "Name of the files in the folder."), make("div.buttons", {}, this.save, this.saveDrive),
           make("p.quiet", {}, "Save writes NAME.toml; the drive, NAME.drive.h5, can be played and used in a study."), this._row("Open", this.opens, "A pattern of the folder."), this.said)),
       make("div.column", {}, panel("Palm", make("span", {}, simulated(), " ", this.mapWords), make("div.buttons", {}, this.undoes, this.redoes, make("label", { htmlFor: "draw-snap" }, this.snaps, " Snap to 1 mm"), this.spots),
         make("div.palm-picture", {}, this.map, this.view), make("p.quiet", {}, "Drag on the palm: a new path. Drag a handle, or press arrow keys, with Shift by 5 mm; Delete removes it. All spots press at once.")), this.line.box),
@@ -442,8 +441,8 @@ export default class Draw {
     this.edit(() => { this.pattern = { ...found, name: found.name || file.replace(/\.toml$/, "") }; this.spot = this.corner = 0; });
     this.said.textContent = `opened ${file}`;
   }
-  async _save(drive, adaptics = false) {
-    const given = { name: this.fileName.value.trim(), pattern: { ...this.pattern, name: this.fileName.value.trim() }, drive, adaptics };
+  async _save(drive) {
+    const given = { name: this.fileName.value.trim(), pattern: { ...this.pattern, name: this.fileName.value.trim() }, drive };
     if (!given.name) { this.fileName.focus(); this.said.textContent = "Give it a name first."; return; }
     this.said.textContent = drive ? "drawing …" : "saving …";
     let answer = await tried(this.link.order("draw", "save", given));
