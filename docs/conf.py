@@ -12,7 +12,7 @@ from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
 from midair.cli.commands.solve_play import PlayOptions
-from midair.datasets import PUBLIC_SETS, TOUCHES
+from midair.datasets import TOUCHES
 from midair.files.native.schema import HEADER, TABLE
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
 
@@ -69,7 +69,6 @@ myst_substitutions = {
     "live_table": reference.declared_table(LiveSettings),
     "header_table": reference.as_markdown(HEADER),
     "touches_table": reference.touches_table(TOUCHES),
-    "sets_list": reference.sets_list(PUBLIC_SETS),
     **{f"{kind}_table": reference.as_markdown(entries) for kind, entries in TABLE.items()},
 }
 myst_heading_anchors = 3

@@ -201,17 +201,6 @@ def touches_table(touches):
     return "\n".join(rows)
 
 
-def sets_list(sets):
-    """List of public sets of recordings."""
-    lines = []
-    for name, one in sets.items():
-        fetched = "fetched on request" if one.archive else "not fetched"
-        reader = f"`{one.reader}`" if one.reader.startswith("midair") else one.reader
-        lines.append(f"- [{one.title}]({one.place}) (`{name}`): {one.holds}. Size: {one.size}.")
-        lines.append(f"  Licence: {one.licence}; {fetched}. Reader: {reader}")
-    return "\n".join(lines)
-
-
 def commands():
     """Every command as typed by the user, and its help."""
     from midair.cli import app, run

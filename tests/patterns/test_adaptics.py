@@ -14,7 +14,7 @@ import pytest
 from benchmarks.adaptics import EXAMPLES, HERE, compared, evaluated
 
 from midair.errors import BrokenFileError, InputError
-from midair.patterns import load_adaptics
+from midair.patterns import Pattern, load_adaptics
 
 PACKAGE = os.environ.get("MIDAIR_ADAPTICS", "")
 

@@ -1,8 +1,6 @@
 """Example data: synthetic strokes and stimuli with seeds, real recordings, and a gallery of touches."""
 
-from .gallery import PUBLIC_SETS as PUBLIC_SETS
 from .gallery import TOUCHES as TOUCHES
-from .gallery import PublicSet as PublicSet
 from .gallery import Touch as Touch
 from .gallery import TouchView as TouchView
 from .stimuli import Probe as Probe

@@ -1,11 +1,7 @@
-"""A gallery of touches to start from, and larger public sets of recordings with what their owners permit."""
+"""A gallery of touches to start from."""
 
-import hashlib
-import urllib.error
-import urllib.request
-import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +10,6 @@ import tomli_w
 
 from midair.array_types import Array
 from midair.datasets.strokes import SAMPLES, STORED, sample
-from midair.errors import BrokenFileError, FileError, InputError
 from midair.files import atomic_file, save, write_file
 from midair.model import Acoustics, Palm, TransducerArray
 from midair.patterns import PALETTE, Pattern, palm_pressure
@@ -99,64 +94,6 @@ class Touch:
         return TouchView(title=self.name, simulated=simulated, pictures=pictures, pitch=pitch, sound=sound)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PublicSet:
-    """Recordings that others publish; midair contains none of them."""
-
-    title: str
-    holds: str
-    licence: str
-    """Licence of the data, and how far it is known."""
-    reader: str
-    """Command that reads one of its files."""
-    doi: str = ""
-    size_mb: int = 0
-    """Size of the download in MB; 0 if its owners do not state it."""
-    archive: str = ""
-    """Address of a ZIP file; empty if the licence was not read, so that it is not fetched."""
-    licence_sha256: str = field(default="", repr=False)
-    """SHA-256 of the file LICENSE in it."""
-
-    @property
-    def size(self) -> str:
-        """Size with its unit, for people."""
-        return f"{self.size_mb} MB" if self.size_mb else "not stated"
-
-    def fetch(self, target: Path) -> None:
-        """Write the archive to a file, after its licence was compared with the one that was read.
-
-        Raises InputError if it is not to be fetched; BrokenFileError if the archive is too large, damaged, or has
-        another licence; FileError if there is no answer.
-        """
-        if not self.archive:
-            raise InputError(f"{self.title}: expected a licence that was read, got: {self.licence}; see {self.place}")
-        most = 2 * self.size_mb * 1_000_000
-        with atomic_file(target) as partial:
-            try:
-                with urllib.request.urlopen(self.archive, timeout=30) as answer, partial.open("wb") as file:
-                    while (block := answer.read(1 << 16)) and file.tell() <= most:
-                        file.write(block)
-            except (urllib.error.URLError, OSError) as wrong:
-                raise FileError(f"{self.archive}: expected an archive, got: {wrong}; try again later") from wrong
-            if partial.stat().st_size > most:
-                raise BrokenFileError(f"{self.archive}: expected about {self.size}, got more; it was not kept")
-            try:
-                with zipfile.ZipFile(partial) as archive:
-                    name = next(one for one in archive.namelist() if one.count("/") == 1 and one.endswith("/LICENSE"))
-                    found = hashlib.sha256(archive.read(name)).hexdigest()
-            except (zipfile.BadZipFile, StopIteration) as wrong:
-                raise BrokenFileError(f"{self.archive}: expected a ZIP file with a LICENSE, got none") from wrong
-            if found != self.licence_sha256:
-                raise BrokenFileError(
-                    f"{self.archive}: expected the licence that was read, got another; it was not kept"
-                )
-
-    @property
-    def place(self) -> str:
-        """Address of the publication."""
-        return f"https://doi.org/{self.doi}" if self.doi else self.archive.partition("/zip/")[0]
-
-
 TOUCHES: Mapping[str, Touch] = {
     name: Touch(name=name, says=says, licence=SAMPLES[name].licence)
     if name in SAMPLES
@@ -164,6 +101,3 @@ TOUCHES: Mapping[str, Touch] = {
     for name, says in STORED["touch"].items()
 }
 """Touches by name, in the order in which they are shown."""
-
-PUBLIC_SETS: Mapping[str, PublicSet] = {name: PublicSet(**about) for name, about in STORED["set"].items()}
-"""Public sets by name."""

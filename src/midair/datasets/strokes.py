@@ -235,7 +235,7 @@ class Sample:
 
 
 STORED = read_toml(Path(__file__).with_name("gallery.toml"), "a gallery")
-"""The tables ``sample``, ``touch`` and ``set`` of the gallery."""
+"""The tables ``sample`` and ``touch`` of the gallery."""
 
 SAMPLES: Mapping[str, Sample] = {name: Sample(name=name, **about) for name, about in STORED["sample"].items()}
 """By name."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from midair.datasets import PUBLIC_SETS, TOUCHES
+from midair.datasets import TOUCHES
 from midair.studio.jobs import Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -29,8 +29,7 @@ class GalleryPanel(Panel):
         context.store.offer("gallery", "view", self.view, TouchNamed, watchers=True)
         context.store.offer("gallery", "take", self.take, TouchNamed)
         touches = [{"name": name, "says": one.says, "licence": one.licence} for name, one in TOUCHES.items()]
-        keys = ("title", "holds", "licence", "size", "place", "reader")
-        self._show(touches=touches, sets=[{key: getattr(one, key) for key in keys} for one in PUBLIC_SETS.values()])
+        self._show(touches=touches)
 
     async def view(self, _: Page, order: TouchNamed) -> dict[str, Any]:
         """Return pictures as bytes in base64, their highest pressure, and a WAV file."""

@@ -1,6 +1,6 @@
-/* Panel Gallery: a card for each touch with picture, film and sound; public sets with what their owners permit. */
+/* Panel Gallery: a card for each touch with picture, film and sound. */
 
-import { make, panel, rows, tried } from "/web/dom.js";
+import { make, panel, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
 
 const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -11,17 +11,15 @@ export default class Gallery {
     this.studio = studio;
     this.link = studio.link;
     this.cards = make("div.cards");
-    this.sets = make("div.column");
-    this.studio.main.append(make("div.gallery", {}, panel("Touches to start from", "picture: rms pressure; sound: the place that vibrates most", this.cards), panel("Public sets, not with midair", null, this.sets)));
+    this.studio.main.append(make("div.gallery", {}, panel("Touches to start from", "picture: rms pressure; sound: the place that vibrates most", this.cards)));
     this._offs = [this.link.on("gallery", (state) => this._build(state)), this.link.on("control", () => this.control())];
   }
   leave() { this.left = true; for (const off of this._offs) off(); this._still(); this.sounds?.close(); }
   control() { for (const button of this.cards.querySelectorAll("button.main")) button.disabled = !this.link.controls; }
-  async _build({ touches, sets }) {
+  async _build({ touches }) {
     if (this.cards.children.length) return;
     const made = touches.map((touch) => this._card(touch));
     this.cards.append(...made.map((card) => card.root));
-    this.sets.append(...sets.map((one) => make("details", {}, make("summary", {}, one.title), rows([["holds", one.holds], ["licence", one.licence], ["size", one.size], ["where", one.place], ["reader", one.reader]]))));
     this.control();
     for (const card of made) { // one after another: the worker process has other things to read
       const view = await tried(this.link.order("gallery", "view", { touch: card.name }));
