@@ -19,6 +19,7 @@ from .footprint import Shape as Shape
 from .footprint import Turn as Turn
 from .footprint import footprint_field as footprint_field
 from .quality import at_limit as at_limit
+from .quality import clipped_channels as clipped_channels
 from .quality import dead_channels as dead_channels
 from .quality import suspicious as suspicious
 from .quality import unreproduced as unreproduced

@@ -14,6 +14,11 @@ def dead_channels(recording: Recording) -> NDArray[np.bool_]:
     return found.least == found.greatest
 
 
+def clipped_channels(recording: Recording) -> NDArray[np.integer]:
+    """Numbers of the channels that reach their maximum or minimum repeatedly."""
+    return np.flatnonzero(_flat_tops(recording.samples, moments(recording.samples)))
+
+
 def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
     """True for samples at the limit of their converter, same shape; all checks for clipping use this rule.
 
@@ -53,7 +58,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(found, recording.frames)
         if names := ", ".join(map(str, np.flatnonzero(floor))):
             report.append(f"Channels that hold only white noise, more than ten times below the others: {names}.")
-    if names := ", ".join(map(str, np.flatnonzero(_flat_tops(recording.samples, found)))):
+    if names := ", ".join(map(str, clipped_channels(recording))):
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
     if outliers := _outliers(recording, found):
         report.append(

@@ -195,6 +195,42 @@ def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tu
     return np.where(heard, -slope, 0.0), np.where(heard, 1 / np.sqrt(spread), np.inf)
 
 
+def clock_drift(x: Array, y: Array, rate: float) -> tuple[float, float]:
+    """Relative drift of the clock of y (frame, channel) against that of the input x (frame,), and its standard error.
+
+    The delay between the halves of a recording changes by half of its length times the drift. It is the slope of the
+    phase of the product of both halves' cross spectra, in bands of eight frequencies. Noise is needed in both halves; a
+    sweep has each frequency in one half only, so that nothing is found.
+    """
+    half = len(x) // 2
+    cross: list[Complex] = []
+    inputs: list[Array] = []
+    for part in (slice(0, half), slice(half, 2 * half)):
+        one = _spectrum(x[part, None], rate)
+        rows = (
+            each[1 : 1 + (half // 2) // 8 * 8].reshape(-1, 8, each.shape[1])
+            for each in (_spectrum(y[part], rate) * one.conj(), np.abs(one) ** 2)
+        )
+        for kept, each in zip((cross, inputs), rows, strict=True):
+            kept.append(each.mean(axis=1))
+    least, most = np.minimum(*inputs)[:, 0], np.maximum(*inputs)[:, 0]
+    excited = least > np.maximum(most / 10, most.max(initial=0.0) / 1000)
+    product = (cross[1] * cross[0].conj()).sum(axis=1) * excited
+    weight, step = np.abs(product), 8 * rate / half
+    if np.count_nonzero(weight) < max(16, len(weight) / 4):
+        return 0.0, np.inf
+    turn = 2 * np.pi * rate / half * (8 * np.arange(len(product)) + 4.5)
+    # The highest peak of the correlation, then a straight line through the phases that are left.
+    found = np.abs(np.fft.fft(product / np.maximum(weight, 1e-300), 16 * len(product)))
+    peak = np.fft.fftfreq(len(found), step)[found.argmax()]
+    left = np.angle(product * np.exp(-1j * turn * peak))
+    whole = (weight * turn**2).sum()
+    delay = peak + (weight * turn * left).sum() / whole
+    error = np.sqrt((weight**2 * turn**2 * (left - turn * (delay - peak)) ** 2).sum()) / whole
+    # A later clock has a negative slope.
+    return float(-delay * rate / half), float(error * rate / half)
+
+
 def upper_half(frequency: Array) -> slice:
     """Upper half of the bins, where a delay is most visible and a high-pass filter least; all bins if few."""
     first = int(np.searchsorted(frequency, (frequency[0] + frequency[-1]) / 2))

@@ -14,6 +14,7 @@ from midair.calibration.measure.frequency_response import (
     bend_uncertainty,
     channel_delay,
     check_resolution,
+    clock_drift,
     distinct,
     fit_levels,
     predicted_share,
@@ -28,7 +29,7 @@ from midair.calibration.measure.referenced_take import ReferencedTake, check_ali
 from midair.errors import BandError, MismatchError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, Setting
 from midair.progress import report_progress
-from midair.recordings import dead_channels
+from midair.recordings import clipped_channels, dead_channels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +66,10 @@ class TakeSums:
     reference: str
     reference_uncertainty: float
     """Relative standard uncertainty."""
+    delay_uncertainty: float = 0.0
+    """Standard uncertainty of the delay between sensor and reference whose clocks drift apart, in s."""
+    clipped: str = ""
+    """Takes that are clipped, and their channels, as text."""
 
     def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
         """Compute the calibration."""
@@ -107,6 +112,7 @@ class TakeSums:
         random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
         magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
         frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)
+        late = 2 * np.pi * frequency[:, None] * self.delay_uncertainty
         delay, delay_error = np.zeros(len(alive)), np.zeros(len(alive))
         if len(frequency) >= 3:
             upper = upper_half(frequency)
@@ -114,9 +120,9 @@ class TakeSums:
         found = {
             "coherence": np.where(alive, fit.coherence[counts], 0),
             "magnitude_uncertainty": np.where(alive, magnitude, 1),
-            "phase_uncertainty": np.where(alive, np.hypot(random, other[1]), np.pi),
+            "phase_uncertainty": np.where(alive, np.minimum(np.hypot(np.hypot(random, other[1]), late), np.pi), np.pi),
             "delay": delay,
-            "delay_uncertainty": np.where(alive, delay_error, 0),
+            "delay_uncertainty": np.where(alive, np.hypot(delay_error, self.delay_uncertainty), 0),
         }
         return {
             name: values.reshape(*values.shape[:-1], *self.recording.sensor.shape) for name, values in found.items()
@@ -137,7 +143,7 @@ class TakeSums:
             found = counts.sum() if alive.any() else 0
             raise BandError(
                 f"response: expected two bins or more with a coherence of {self.settings.coherence:g} on every live "
-                f"channel, got {found}; press harder, longer, or with a wider band"
+                f"channel, got {found}; " + (self.clipped or "press harder, longer, or with a wider band")
             )
         return counts
 
@@ -293,6 +299,8 @@ def measure_calibration(
         for take in report_progress(takes, len(takes))
     )
     alone = _pressed_alone(takes)
+    used = [take for take in takes if not alone or take.cell is not None]
+    drift, late = _drift(used)
     own = tuple(
         # Takes on all cells contain crosstalk, so they are left out if there are takes on single cells.
         part.only(take.presses())
@@ -310,12 +318,17 @@ def measure_calibration(
         reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
         # For several references, use the largest uncertainty.
         reference_uncertainty=max(take.reference.uncertainty for take in takes),
+        delay_uncertainty=late,
+        clipped=_clipped(takes),
     )
     where = "each cell alone" if alone else "all cells at once"
     levels = len(distinct(np.array([take.level for take in takes])))
     method = f"{len(takes)} takes on {where}, {levels} levels, {'a' if quiet else 'no'} quiet recording"
     if np.sum([part.points > 0 for part in own], axis=0).min() < 2:
         method += "; one take on a cell, so that repeatability is not known"
+    if late:
+        method += f"; the clocks of sensor and reference are {1e6 * drift:.2g} ppm apart, so that phases are uncertain"
+    method += f"; {found.clipped}" if found.clipped else ""
     simulated = first.provenance.simulated or any(take.reference.simulated for take in takes)
     history = Provenance(
         source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes
@@ -333,6 +346,34 @@ def measure_calibration(
     }
     history = history.then("measure calibration", details)
     return found.calibration(date=date, version=version, provenance=history, method=method)
+
+
+def _drift(takes: Sequence[ReferencedTake]) -> tuple[float, float]:
+    """Largest drift between the clocks of sensor and reference, and the delay that it adds to half of its take, in s.
+
+    Both are 0 if no drift is above four times its standard error.
+    """
+    found = [(0.0, 0.0)]
+    for take in takes:
+        flat = take.recording.samples.reshape(take.recording.frames, -1)
+        drift, error = clock_drift(take.reference.pressure, flat[:, take.presses()], take.recording.rate)
+        if abs(drift) > 4 * error:
+            found.append((abs(drift), abs(drift) * take.recording.duration / 2))
+    return max(found, key=lambda one: one[1])
+
+
+def _clipped(takes: Sequence[ReferencedTake]) -> str:
+    """Names of the takes that are clipped, with their channels and advice; empty if none is."""
+    named: list[str] = []
+    for number, take in enumerate(takes, 1):
+        if (channels := clipped_channels(take.recording)).size:
+            which = (
+                "all channels"
+                if channels.size == take.recording.sensor.count
+                else f"channel {', '.join(map(str, channels))}"
+            )
+            named.append(f"take {number} ({which})")
+    return f"clipped, which lowers the response: {'; '.join(named)}; press less hard there" if named else ""
 
 
 def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:
