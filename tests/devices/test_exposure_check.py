@@ -3,6 +3,7 @@
 import re
 import tracemalloc
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from midair.devices import (
     amplitude_of,
     check_exposure,
     check_exposure_level,
+    check_exposure_steered,
     felt_pressure_text,
     intensity_bytes,
     measure_exposure,
@@ -23,7 +25,15 @@ from midair.devices.exposure_check import ExposureClearance, with_checked_readin
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
-from midair.physics import airs_of_room, exposure, focus_phase, searched_points, sound_level, transfer_matrix
+from midair.physics import (
+    PoseBox,
+    airs_of_room,
+    exposure,
+    focus_phase,
+    searched_points,
+    sound_level,
+    transfer_matrix,
+)
 from midair.streaming import LazyFrames
 
 ARRAY = TransducerArray.autd3()
@@ -430,3 +440,30 @@ def test_a_drive_on_disk_is_cleared_as_one_in_memory(choices):
     np.testing.assert_array_equal(one.exposure.level, other.exposure.level)
     np.testing.assert_array_equal(one.drive.phase, other.drive.phase)
     np.testing.assert_array_equal(one.drive.level, other.drive.level)
+
+
+def test_heat_counts_repeats_and_a_minute_of_what_never_ends():
+    """Whoever plays it: 1.6 s at full level, 60 times or for ever, are a duty of 1."""
+    profile = replace(PROFILE, places=tuple(replace(each, limit=200.0, reach=0.0) for each in PROFILE.places))
+    drive, choices = replace(focus(frames=2), rate=1.25), replace(CHOICES, profile=profile)
+    how = {"box": PoseBox(), "solved": np.zeros(3), "samples": drive}
+    for check in (check_exposure, partial(check_exposure_steered, **how)):
+        assert check(drive, Loud(ARRAY), choices).exposure.duty.max() == pytest.approx(1.6 / 60)
+        for long in ({"repeats": 60}, {"endless": True}, {"repeats": 2, "endless": True}):
+            with pytest.raises(ExposureError, match="at 1 of full drive over a minute"):
+                check(drive, Loud(ARRAY), choices, **long)
+    assert check_exposure(drive, VirtualArray(ARRAY), choices, repeats=2, endless=True).repeats == 2
+
+
+def test_steered_frames_stay_below_what_a_person_answered_for():
+    """Frames of the same level that are loud at an ear: 8 dB above the excess that was signed."""
+    drive, ear = focus(0.3), np.array(PROFILE.places[0].position)
+    choices = replace(CHOICES, override="A Person")
+    how = {"box": PoseBox(), "solved": np.zeros(3), "samples": drive}
+    cleared = check_exposure_steered(drive, Loud(ARRAY), choices, **how)
+    own = cleared.steered(drive, None)
+    loud = cleared.steered(replace(drive, phase=np.tile(focus_phase(ARRAY, ear), (3, 1))), None)
+    excess = [measure_exposure(each, ARRAY, PROFILE).excess for each in (own, loud)]
+    assert (own.level == drive.level).all()
+    assert excess[1] > excess[0]
+    assert cleared.exposure.excess - 0.5 < excess[1] <= cleared.exposure.excess

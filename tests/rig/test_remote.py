@@ -41,7 +41,7 @@ from midair.files import save_palm_path
 from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
-from midair.rig import default_exposure, dose_report, remote
+from midair.rig import PlaySettings, default_exposure, dose_report, remote
 from midair.rig.remote import MESSAGES
 
 ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
@@ -313,6 +313,16 @@ def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
     assert places[:, 1:] == pytest.approx(np.column_stack([2 * places[:, 0], 200 + 0 * places[:, 0]]), abs=1e-3)
     assert (seen[0]["palm"]["normal"]["z"], seen[0]["palm"]["direction"]["y"]) == (-1, 1)
     assert [len(digit["bones"]) for digit in seen[0]["digits"]] == 5 * [4]
+
+
+def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_level():
+    """A pattern is not known ahead, and plays without an end: 128 frames of it were a duty of .0004."""
+    array = virtual_immediate(units=VirtualUnits(kept=1))
+    with array, array.drives_to_come() as (quiet, begin):
+        player = remote.player.FramePlayer(array, PlaySettings(), quiet, begin)
+        cleared = remote.adaptics.Stream(player, 50.0, None, print)._admission
+    assert cleared.exposure.duty == pytest.approx(cleared.level, rel=0.05)
+    assert cleared.level > 0.1
 
 
 @pytest.mark.long

@@ -7,6 +7,7 @@ an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only 
 import hashlib
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
+from math import ceil
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from midair.errors import DeviceStateError, ExposureError, InputError, MismatchE
 from midair.evaluate import SkinModel
 from midair.model import Drive, Medium, PalmPath, TransducerArray
 from midair.physics import (
+    MINUTE,
     Exposure,
     ExposureProfile,
     PoseBox,
@@ -168,9 +170,9 @@ class ExposureClearance:
     def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
         """Clear frames that were steered to these poses; None for silent ones.
 
-        Unless a person is responsible, or the device has no sound, each frame is measured in the air of the room, or
-        bounded by those beside it (`exposure_excess`), and weakened to the profile if it exceeds it. Raises
-        ExposureError if a pose is outside the box, or a frame above the cleared level.
+        Unless the device has no sound, each frame is measured in the air of the room, or bounded by those beside it
+        (`exposure_excess`), and weakened if it exceeds the profile, or the excess for which a person is responsible.
+        Raises ExposureError if a pose is outside the box, or a frame above the cleared level.
         """
         if self.box is None or self.solved is None:
             raise ExposureError("steered frames: expected the clearance of check_exposure_steered(), got another one")
@@ -182,14 +184,15 @@ class ExposureClearance:
             raise ExposureError(
                 f"steered frames: expected at most {self.level:g} of full drive, got {own.level.max():g}"
             )
-        if self.outcome == "overridden" or not self.gated or not own.level.any():
+        if not self.gated or not own.level.any():
             return own
+        answered = max(0.0, self.exposure.sound_excess) if self.outcome == "overridden" else 0.0
         played = replace(own, level=actual_level(own.level))
         # One frame of each millisecond is measured, and those between if the bound for them exceeds the profile.
         excess = exposure_excess(
             played, self.exposure.profile, self.exposure.airs, steps=self.steps, stride=max(1, round(1e-3 * own.rate))
         )
-        loud = excess > 0
+        loud = (excess := excess - answered) > 0
         if not loud.any():
             return own
         # Rounded down to the firmware's steps; a tenth of a decibel covers the rounding of the search.
@@ -252,22 +255,26 @@ def measure_exposure(
     )
 
 
-def check_exposure(drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1) -> ExposureClearance:
+def check_exposure(
+    drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, repeats: int = 1, endless: bool = False
+) -> ExposureClearance:
     """Check a drive against a profile before it is played.
 
     The array is that of the device that will play the drive; the source strength and air stored in a file are ignored.
     `choices` holds the profile, the air in the room, and the action if a drive exceeds the profile; `repeats` is the
-    number of consecutive repeats, 1 or more. Raises MismatchError if the drive is for another array, ExposureError if
+    number of consecutive repeats, 1 or more; a drive that is played again until a stop is `endless`, and its heat that
+    of a minute. Raises MismatchError if the drive is for another array, ExposureError if
     it exceeds the profile and there is no override, InputError if `repeats` is below 1.
     """
     _check_repeats(repeats)
     drive = with_checked_reading(drive)
-    found = _measured(drive, device, choices, repeats)
+    passes = _passes(drive, repeats, endless)
+    found = _measured(drive, device, choices, passes)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
     while outcome == "attenuated" and found.excess > 0:
         own = _weakened(replace(drive, array=device.array), factor, choices.profile.name)
-        found = _measured(own, device, choices, repeats)
+        found = _measured(own, device, choices, passes)
         # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
         factor *= 10 ** (-(max(found.excess, 0) + 0.1) / 20)
     return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
@@ -368,17 +375,28 @@ def _joined(parts: list[Exposure]) -> Exposure:
 
 
 def check_exposure_steered(
-    drive: Drive, device: ArrayInfo, choices: ExposureChoices, *, box: PoseBox, solved: Array, samples: Drive
+    drive: Drive,
+    device: ArrayInfo,
+    choices: ExposureChoices,
+    *,
+    box: PoseBox,
+    solved: Array,
+    samples: Drive,
+    repeats: int = 1,
+    endless: bool = False,
 ) -> ExposureClearance:
     """Check a drive whose frames will be steered to the poses of a box while it plays.
 
     The drive is measured as it was solved, and `samples`: some of its frames, steered to poses of the box. Every frame
-    is measured again once it was steered, by `ExposureClearance.steered`, before it sounds.
+    is measured again once it was steered, by `ExposureClearance.steered`, before it sounds. The heat is that of the
+    drive as it was solved.
 
     `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
     errors are those of `check_exposure`.
     """
-    own, others = (_measured(each, device, choices, 1) for each in (drive, samples))
+    _check_repeats(repeats)
+    own = _measured(drive, device, choices, _passes(drive, repeats, endless))
+    others = _measured(samples, device, choices, 1)
     found = replace(
         own,
         level=np.concatenate([own.level, others.level + UNSAMPLED]),
@@ -423,6 +441,11 @@ def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats
     return measure_exposure(
         drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room
     )
+
+
+def _passes(drive: Drive, repeats: int, endless: bool) -> int:
+    """Number of passes whose heat counts: those of a minute, over which heat is averaged, if they never end."""
+    return max(repeats, ceil(MINUTE * drive.rate / drive.frames)) if endless else repeats
 
 
 def _check_repeats(repeats: int) -> None:

@@ -9,6 +9,7 @@ from .exposure_level import greatest_exposure as greatest_exposure
 from .exposure_level import heat_so_far as heat_so_far
 from .exposure_level import level_if_unlike as level_if_unlike
 from .exposure_level import sound_level as sound_level
+from .exposure_places import MINUTE as MINUTE
 from .exposure_places import MOST_PROTECTION as MOST_PROTECTION
 from .exposure_places import ExposureProfile as ExposureProfile
 from .exposure_places import Place as Place

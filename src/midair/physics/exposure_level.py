@@ -86,8 +86,12 @@ class Exposure:
     @property
     def excess(self) -> float:
         """Sound above an enforced limit in dB, negative when all are kept; duty or warming if that is further above."""
-        sound = max((margin for margin, _ in self._margins), default=-np.inf)
-        return max(sound, self._heat_excess) if self._heat_excess > 0 else sound
+        return max(self.sound_excess, self._heat_excess) if self._heat_excess > 0 else self.sound_excess
+
+    @property
+    def sound_excess(self) -> float:
+        """Sound above an enforced limit in dB, negative when all are kept."""
+        return max((margin for margin, _ in self._margins), default=-np.inf)
 
     @property
     def _margins(self) -> list[tuple[float, int]]:

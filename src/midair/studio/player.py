@@ -281,7 +281,7 @@ class _Player:
             self._open()
         array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
         # The virtual array re-records what is felt while the poses of a file are followed, faster than in real time.
-        simulated, repeats = True, order["repeats"]
+        simulated, repeats, endless = True, order["repeats"], bool(order.get("loop"))
         if follow := order.get("follow"):
             tracker, grid = tracker_name(follow, order.get("latency")), grid_of(drive)
             opened, simulated = open_tracker(tracker), self.device == "virtual" and follow.startswith("replay:")
@@ -292,10 +292,11 @@ class _Player:
         choices = _choices(order)
         try:
             if simulated:
-                admission = check_exposure(drive, array, choices, repeats=repeats)
+                admission = check_exposure(drive, array, choices, repeats=repeats, endless=endless)
             else:
                 how = PlaySettings(device=self.device, exposure=choices, repeats=repeats)
-                admission, self.followed = clear_followed(drive, array, how, grid_of(drive)), (drive, how)
+                admission = clear_followed(drive, array, how, grid_of(drive), endless=endless)
+                self.followed = (drive, how)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
             found = measure_exposure(drive, array.array, choices.profile, room=room)

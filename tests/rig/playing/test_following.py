@@ -303,6 +303,15 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
     assert assert_bytes(sent, steered, drive, 1_000_000, first) > 400
 
 
+def test_the_repeats_of_a_followed_play_count_as_heat() -> None:
+    """0.6 s at half of full drive, 100 times: a duty of half, against .005 for one pass."""
+    array = virtual_immediate(Placement.grid(columns=1, rows=1))
+    for repeats, endless, duty in ((1, False, 0.005), (100, False, 0.5), (1, True, 0.5)):
+        how = {"samples": 1, "endless": endless}
+        cleared = clear_followed(focus(), array, PlaySettings(repeats=repeats, steer_only=True), GRID, **how)
+        assert cleared.exposure.duty == pytest.approx(duty, rel=0.01)
+
+
 class Silenced(AllFrames):
     """Units whose failsafe acts at some frames."""
 

@@ -70,7 +70,7 @@ def log_order(
             "drive": str(source),
             "file_sha256": _hash_of_file(source) if isinstance(source, Path) else None,
             "rate_hz": found.rate,
-            "repeats": admission.repeats,
+            "repeats": found.repeats,
             "room": None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity},
             "profile": found.profile.name,
             "profile_sha256": hash_of_profile(found.profile),

@@ -289,11 +289,18 @@ def immediate_array(settings: PlaySettings, rate: float, *, hold: float | None =
 
 
 def clear_followed(
-    drive: Drive, array: ArrayInfo, settings: PlaySettings, grid: ControlGrid, *, samples: int = 2048, seed: int = 0
+    drive: Drive,
+    array: ArrayInfo,
+    settings: PlaySettings,
+    grid: ControlGrid,
+    *,
+    samples: int = 2048,
+    seed: int = 0,
+    endless: bool = False,
 ) -> ExposureClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses.
 
-    An eighth of them are fitted, too.
+    An eighth of them are fitted, too. `endless` is that of `check_exposure`.
     """
     box, solved, rng = FollowRules().box, middle_of(grid), np.random.default_rng(seed)
     frames = np.sort(rng.integers(0, drive.frames, samples))
@@ -317,7 +324,16 @@ def clear_followed(
         fit.move(pose_of(poses, number))
         phase[number] += np.angle(fit(some.phase[[number]], phase[[number]])[0])
     steered = replace(some, phase=phase)
-    return check_exposure_steered(drive, array, settings.exposure, box=box, solved=solved, samples=steered)
+    return check_exposure_steered(
+        drive,
+        array,
+        settings.exposure,
+        box=box,
+        solved=solved,
+        samples=steered,
+        repeats=settings.repeats,
+        endless=endless,
+    )
 
 
 def play_followed(

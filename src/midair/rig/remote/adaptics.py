@@ -92,9 +92,10 @@ class Stream:
             rng.uniform(MIDDLE[0], MIDDLE[1], (128, 3)), np.full(128, positive(pressure, "pressure", "Pa"))
         )
         self._most = float(samples.level.max())
-        self._admission = check_exposure_steered(
-            samples, player.array, player.settings.exposure, box=PoseBox(), solved=np.zeros(3), samples=samples
-        )
+        # Nothing is known of the frames to come: heat is that of a still focus on the palm at the highest level.
+        still = replace(self._drawn(MIDDLE.mean(axis=0)[None], np.full(1, pressure)), level=np.full(1, self._most))
+        how: dict[str, Any] = {"box": PoseBox(), "solved": np.zeros(3), "samples": samples, "endless": True}
+        self._admission = check_exposure_steered(still, player.array, player.settings.exposure, **how)
         made: dict[str, Any] = {"about": {"file": NAME}, "frames": self.frames, "block": BLOCK}
         player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK)
 

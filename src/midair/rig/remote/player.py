@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +34,9 @@ from midair.rig.names import TRACKERS, array_calibration_for
 from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, wait_until
 
-LEASE, REPEATED, FADE, WORD = 0.5, 60.0, 0.005, 0.008
-"""Times in s: without a sign of life until the client in control loses the array; for which the check repeats a drive;
-of a change of the level from 0 to 1; between silent frames."""
+LEASE, FADE, WORD = 0.5, 0.005, 0.008
+"""Times in s: without a sign of life until the client in control loses the array; of a change of the level from 0 to 1;
+between silent frames."""
 
 
 def leave_realtime() -> None:
@@ -124,10 +123,10 @@ class FramePlayer:
         follower = None
         if follow:
             grid = grid_of(drive)
-            admission = clear_followed(drive, array, replace(how, steer_only=True), grid)
+            admission = clear_followed(drive, array, replace(how, steer_only=True), grid, endless=True)
             follower = Follower(self.tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
         else:
-            admission = check_exposure(drive, array, how.exposure, repeats=ceil(REPEATED * drive.rate / drive.frames))
+            admission = check_exposure(drive, array, how.exposure, endless=True)
             drive = admission.check_for(array)
         phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
 

@@ -197,7 +197,7 @@ class PlayPanel:
         self._busy()
         return await self._admit(order)
 
-    async def _admit(self, order: CheckExposure, up_to: float = inf) -> Any:
+    async def _admit(self, order: CheckExposure, up_to: float = inf, *, loop: bool = False) -> Any:
         drive = self._takes.beside(order.take, ".drive.h5")
         solve = None
         if not drive.exists():
@@ -220,6 +220,7 @@ class PlayPanel:
             up_to=up_to,
             protection=order.protection_db,
             repeats=order.repeats,
+            loop=loop,
             room=room,
             correct=order.correct_air,
             follow=self._tracker(order.follow),
@@ -247,7 +248,7 @@ class PlayPanel:
         self._seen(page)
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
-        self.newest, stops, number = "", self.permit.stops, order.admission
+        self.newest, stops, number, stamp = "", self.permit.stops, order.admission, None
         # A person answered for the drive that was checked, not for a louder one.
         up_to = self._store.state["exposure"]["excess_db"] + 0.01 if order.loop else inf
         while True:
@@ -259,23 +260,26 @@ class PlayPanel:
             if not order.loop:
                 del self._checked[number]
                 return await self._once(page, check.take, solved, number)
-            drive = self._takes.beside(check.take, ".drive.h5")
-            stamp, how = stamp_of(drive), {"output": "", "masked": False, "waits": True, "keep": True}
-            await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
             newer = self.newest if take_of(self.newest) == take_of(check.take) else check.take
-            if newer != check.take or stamp_of(drive) != stamp:
-                # Nothing else may play while the new drive is checked.
-                self._show(state="plays", said="checks the exposure of the new drive")
+            drive = self._takes.beside(newer, ".drive.h5")
+            # A drive is checked as a loop before its first pass; one that is not solved yet, after that pass.
+            if drive.exists() and (newer, stamp_of(drive)) != stamp:
+                stamp = newer, stamp_of(drive)
+                # Nothing else may play while the drive is checked.
+                self._show(state="plays", said="checks the exposure of the loop")
                 try:
-                    found = await self._admit(check.model_copy(update={"take": newer}), up_to)
+                    found = await self._admit(check.model_copy(update={"take": newer}), up_to, loop=True)
                 finally:
                     self._show(state="ready")
                 if not found["number"]:
                     raise ExposureError(found["refused"])
                 number = found["number"]
+                check, solved, room = self._checked[number]
             if self.permit.stops != stops:
                 raise StoppedError("play: stopped on request")
             self._seen(page)
+            how = {"output": "", "masked": False, "waits": True, "keep": True}
+            await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
 
     async def _once(self, page: Page, take: str, solved: float, number: int) -> dict[str, Any]:
         """Play a checked drive, and replace the re-recording beside it if the array is virtual."""
