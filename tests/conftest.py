@@ -1,21 +1,13 @@
+import contextlib
 import gc
 import itertools
 import os
 import shutil
 import signal
 import sys
+import time
 
 import pytest
-from hypothesis import HealthCheck, settings
-from tests.simulators.udp_proxy import UdpProxy
-
-# Machines are noisy: a deadline would make the clock part of the law. The same examples each time, so that a red run
-# stays red.
-settings.register_profile(
-    "midair", deadline=None, derandomize=True, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
-)
-settings.load_profile("midair")
-
 
 # Bytecode is kept, here and in the programs that tests start, also where the environment says otherwise: to compile it
 # anew takes half of the time of a collection and a third of that of each `midair`.
@@ -25,6 +17,16 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # A shell starts what runs in the background with Ctrl-C ignored; tests of it begin as a terminal would.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure():
+    """No deadline, for machines are noisy; the same examples each time, so that a red run stays red."""
+    from hypothesis import HealthCheck, settings  # here: its bytecode is kept from now on
+
+    settings.register_profile(
+        "midair", deadline=None, derandomize=True, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
+    )
+    settings.load_profile("midair")
 
 
 def pytest_collection_finish():
@@ -46,10 +48,79 @@ def _own_state(_states, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", next(_states))
 
 
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory):
+    """Return the folder of a name, which `fill` fills in one worker; the others wait until it has."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def made(name, fill):
+        folder, part = shared / name, shared / f"{name}.part"
+        while not folder.exists():
+            try:
+                part.mkdir()
+            except FileExistsError:
+                time.sleep(0.05)
+                continue
+            try:
+                fill(part)
+                part.rename(folder)
+            finally:
+                shutil.rmtree(part, ignore_errors=True)
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def _towel(made_once):
+    def fill(folder):
+        from midair.cli import run
+
+        take, drive = str(folder / "towel.h5"), str(folder / "towel.drive.h5")
+        solve = "--mode paper --method naive --points 6 --pitch 11mm --lead 0s --start-at 0.55s --duration 0.02s"
+        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+            assert run(["record", "virtual:towel", take, "--duration", "0.7s"]) == 0
+            assert run(["solve", take, drive, *solve.split()]) == 0
+
+    return made_once("towel", fill)
+
+
+@pytest.fixture(scope="session")
+def take_file(_towel):
+    """0.7 s of the virtual towel, to read alone: a test that changes or plays it copies it."""
+    return _towel / "towel.h5"
+
+
+@pytest.fixture(scope="session")
+def drive_file(_towel):
+    """20 frames of `take_file` for 6 x 6 points above four units, to read alone."""
+    return _towel / "towel.drive.h5"
+
+
+@pytest.fixture(scope="session")
+def live_kernel(made_once):
+    """The compiled loops of the live solver: one worker compiles them for ten seconds, the others load its file."""
+    pytest.importorskip("numba")
+
+    def fill(folder):
+        import numpy as np
+
+        from midair.solvers import Problem
+        from midair.solvers.live import Live
+
+        G = np.random.default_rng(0).normal(size=(3, 8)) + 0j
+        Live().begin(Problem(G=G, amplitude=np.ones((1, 3)), psi=np.zeros(3), position=np.zeros((8, 3))))
+
+    made_once("live_kernel", fill)
+
+
 @pytest.fixture
 def tap():
     """A proxy in front of four emulated units."""
     pytest.importorskip("autd3")
+    from tests.simulators.udp_proxy import UdpProxy
+
     one = UdpProxy(4)
     yield one
     one.close()

@@ -7,7 +7,7 @@ from midair.model import ControlGrid
 from midair.solvers import Live, Problem, error_of
 from midair.solvers.phases import spreading_phase
 
-pytest.importorskip("numba")
+pytestmark = pytest.mark.usefixtures("live_kernel")
 
 
 @pytest.fixture(scope="module")

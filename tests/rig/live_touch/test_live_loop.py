@@ -23,9 +23,8 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
 
-pytest.importorskip("numba")
 # The loop keeps to the clock of this machine, which a busy one does not.
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("live_kernel")]
 
 ONE = Placement.grid(columns=1, rows=1)
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3)

@@ -16,7 +16,7 @@ KNOWN = calibration_of(SensorModel().with_spread(seed=3))
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 SMALL = ControlGrid(rows=8, columns=8, pitch=22e-3 / 3)
 
-pytest.importorskip("numba")
+pytestmark = pytest.mark.usefixtures("live_kernel")
 
 
 def touch(calibration=KNOWN, **settings):
