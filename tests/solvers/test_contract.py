@@ -110,19 +110,42 @@ POINTS = {"guard", "smooth", "amplitudes"}
 NEEDED = {"windows": {"cells"}, "all": POINTS | {"cells"}, "all, robust": POINTS | {"robust"}}
 """Terms that a method needs for those that are not terms themselves."""
 
-TAKEN = [(method, term) for method in METHODS for term in WITH if NEEDED.get(term, {term}) <= takes(method)]
+TAKERS = {term: [name for name in METHODS if NEEDED.get(term, {term}) <= takes(name)] for term in WITH}
+"""The methods that take each term."""
+
+TAKEN = [(taker, term) for taker in METHODS for term in WITH if taker in TAKERS[term]]
 
 
-@pytest.fixture(scope="module", params=list(METHODS), ids=str)
-def method(request):
-    if request.param == "live":
-        pytest.importorskip("numba")
+def on_each(names, check):
+    """Call the check with each problem and raise all failures, each with the name of its problem."""
+    failures = []
+    for name in names:
+        try:
+            check(PROBLEMS[name])
+        except Exception as failure:  # noqa: BLE001 - it is raised below
+            failure.add_note(f"on the problem {name!r}")
+            failures.append(failure)
+    if failures:
+        raise ExceptionGroup("some problems fail", failures)
+
+
+@pytest.fixture
+def able(request):
+    """Call it with a method: "live" needs its compiled loops."""
+    return lambda name: request.getfixturevalue("live_kernel") if name == "live" else None
+
+
+@pytest.fixture(params=list(METHODS), ids=str)
+def method(request, able):
+    able(request.param)
     return request.param
 
 
-@pytest.mark.parametrize("name", list(PROBLEMS), ids=str)
-def test_never_fails_and_never_gives_nan(method, name):
-    problem = PROBLEMS[name]
+def test_never_fails_and_never_gives_nan(method):
+    on_each(PROBLEMS, lambda problem: solve_and_check(method, problem))
+
+
+def solve_and_check(method, problem):
     with one_blas_thread():
         answer = solver(method).solve(problem)
     frames = len(problem.amplitude)
@@ -136,12 +159,23 @@ def test_never_fails_and_never_gives_nan(method, name):
     assert (answer.iterations[~silent] >= 0).all()
 
 
-@pytest.mark.parametrize("name", list(PROBLEMS), ids=str)
 @pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
-def test_no_term_makes_it_fail_or_give_nan(taker, term, name):
-    if taker == "live":
-        pytest.importorskip("numba")
-    plain = PROBLEMS[name]
+def test_no_term_makes_it_fail_or_give_nan(taker, term, able):
+    """Each problem with each term, and each method with each term that it takes: the problems are shared out."""
+    able(taker)
+    takers = TAKERS[term]
+    shared = [name for number, name in enumerate(PROBLEMS) if takers[number % len(takers)] == taker]
+    on_each(shared, lambda plain: solve_with_term(taker, term, plain))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
+def test_no_term_makes_any_method_fail_on_any_problem(taker, term, able):
+    able(taker)
+    on_each(PROBLEMS, lambda plain: solve_with_term(taker, term, plain))
+
+
+def solve_with_term(taker, term, plain):
     problem = WITH[term](plain)
     iterations = 6 if taker == "lm" else None
     answer = solver(taker, iterations=iterations).solve(problem)
@@ -202,18 +236,16 @@ def test_progress_reaches_the_end(method):
         ("greedy", 0.6),
     ],
 )
-def test_how_close_each_comes_to_a_field_that_exists(name, worst):
+def test_how_close_each_comes_to_a_field_that_exists(name, worst, able):
     problem = PROBLEMS["reachable"]
-    if name == "live":
-        pytest.importorskip("numba")
+    able(name)
     answer = solver(name).solve(problem)
     assert error_of(problem, answer.phase, answer.level).max() < worst
 
 
 @pytest.mark.parametrize("name", ["lm", "exact", "fast", "live", "greedy"])
-def test_one_point_is_met_by_all_that_fit_amplitudes(name):
+def test_one_point_is_met_by_all_that_fit_amplitudes(name, able):
     """One point with a twentieth of the possible field: every phase pattern with the right sum is a solution."""
-    if name == "live":
-        pytest.importorskip("numba")
+    able(name)
     problem = PROBLEMS["one point"]
     assert error_of(problem, solver(name).solve(problem).phase)[0] < 0.02
