@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,10 @@ PRESENTS = """void studio.link.on('session', session =>
 ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
 
 
+HEEDED = "performance.now() - studio.room.asked > 200"
+"""The page takes keys."""
+
+
 def answers(study, folder="sessions"):
     return [event for event in read_events(study.path / folder / "sub-01.jsonl") if event["event"] == "answer"]
 
@@ -48,8 +53,10 @@ def trials(page, count):
     """Answer some trials with the keyboard only."""
     for _ in range(count):
         page.until("!!document.querySelector('#next') && studio.link.state.session.step.kind === 'present'")
+        page.until(HEEDED)
         page.page.keyboard.press("Enter")
         page.until("studio.link.state.session.step.kind === 'ask' && !!document.querySelector('#question')")
+        page.until(HEEDED)
         number = page.page.evaluate("studio.link.state.session.step.number")
         page.page.keyboard.press("2")
         page.until(
@@ -68,7 +75,7 @@ def texts(page):
         page.until("studio.link.state.session.step.kind !== 'show' || !!document.querySelector('#next')")
         if page.page.evaluate("studio.link.state.session.step.kind") == "show":
             shown = page.page.evaluate("studio.link.state.session.step.text")
-            page.page.keyboard.press("Enter")
+            page.page.locator("#next").click()
             page.until(f"studio.link.state.session.step.text !== {json.dumps(shown)}")
 
 
@@ -104,25 +111,42 @@ def test_a_study_of_27_trials_by_keyboard_survives_a_reload_and_a_kill(study, st
     assert second.wrong == []
 
 
-def test_pilot_is_marked_and_stored_apart_and_can_be_stopped(study, look):
+def test_pilot_is_marked_and_stored_apart_and_keys_choose_only_what_they_name(study, look, tmp_path):
     studio, study = study
     page = look(studio)
     begin(page, pilot=True)
     assert page.page.evaluate("document.body.classList.contains('pilot')")
     assert "PILOT" in page.page.locator("#transport").inner_text()
+    page.until(HEEDED)
+    for _ in range(5):
+        page.page.keyboard.press("Space")
+        page.page.keyboard.press("Enter")
+    assert page.page.evaluate("studio.link.state.session.step.consent") == "take part", "a key is no consent"
     texts(page)
     # After a reload, nobody answers for the experimenter, who finds the way to the button from this page.
     page.page.reload()
     page.until("globalThis.studio?.link?.page > 0 && !!document.querySelector('#next')")
     page.page.evaluate("studio.link.controls || studio.link.order('control', 'take')")
     page.until("studio.link.controls")
+    page.until(HEEDED)
     page.page.keyboard.press("Enter")
     page.page.locator("#to-confirm").click()
     page.page.locator("#presented").click()
     page.until("studio.link.state.session.step.kind === 'ask'")
     page.go("#study/participant")
     page.page.locator("#question").wait_for()
+    assert page.page.evaluate("document.activeElement.id") == "question", "no answer has the focus"
+    page.page.screenshot(path=os.environ.get("MIDAIR_PICTURES", str(tmp_path)) + "/participant-question.png")
+    page.page.evaluate("studio.room.asked = performance.now(); dispatchEvent(new KeyboardEvent('keydown', {key: '2'}))")
+    page.until(HEEDED)
+    for _ in range(5):
+        page.page.keyboard.press("Space")
+        page.page.keyboard.press("Enter")
+    assert page.page.evaluate("studio.link.state.session.step.kind") == "ask"
+    assert answers(study, "pilot") == []
     page.page.keyboard.press("2")
+    page.until("studio.link.state.session.step.kind === 'present'")
+    assert page.page.evaluate("studio.link.state.session.log") == ["trial 1 presented", "trial 1: answered"]
     assert not (study.path / "sessions" / "sub-01.jsonl").exists()
     assert len(answers(study, "pilot")) == 1
     page.page.keyboard.press("Escape")
@@ -130,6 +154,13 @@ def test_pilot_is_marked_and_stored_apart_and_can_be_stopped(study, look):
     events = read_events(study.path / "pilot" / "sub-01.jsonl")
     assert events[-1]["event"] == "stop"
     assert next(event for event in events if event["event"] == "open")["pilot"] is True
+    assert [event["by"] for event in events if event["event"] == "answer"] == ["page"]
+    assert [event["to"] for event in events if event["event"] == "consent"] == ["take part"]
+    page.go("#study")
+    page.page.locator("#end-session").click()
+    page.until("!studio.link.state.session")
+    begin(page, pilot=True)
+    assert page.page.locator("#next").inner_text() == "I agree to go on"
 
 
 def drive_of(folder):

@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
 from midair.errors import InputError, MidairError
 from midair.files import read_text
-from midair.study.design import Plan, answers_table, excluded_participants, thresholds_of
+from midair.study.design import Plan, answers_table, consent_notes, excluded_participants, thresholds_of
 from midair.study.drives import digest_of_file
 from midair.study.findings import StudyData, data_of_answers
 from midair.study.folder import StudyFolder, withdrawn
@@ -103,7 +103,7 @@ def data_of_study(folder: StudyFolder) -> StudyData:
     """
     plan, sessions = folder.plan(), folder.sessions()
     verified = verify_study(folder)
-    return data_of_answers(
+    data = data_of_answers(
         answers_table(plan, sessions),
         plan.design.analysis,
         thresholds=thresholds_of(plan, sessions),
@@ -111,6 +111,7 @@ def data_of_study(folder: StudyFolder) -> StudyData:
         files=" ".join(part for part in (verified.summary, verified.unfinished_words) if part),
         design=plan.design,
     )
+    return replace(data, notes=consent_notes(plan, sessions))
 
 
 def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted: Sequence[str]) -> tuple[str, str, str]:

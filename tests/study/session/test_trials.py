@@ -1,16 +1,18 @@
 import threading
+from dataclasses import replace
+from hashlib import sha256
 
 import pytest
 
 from midair.errors import DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
 from midair.study.design.plan import draw_plan
-from midair.study.design.session_state import answers_table, replay
+from midair.study.design.session_state import answers_table, consent_notes, replay
 from midair.study.folder import read_design, template_text
 from midair.study.session.event_log import read_events
 from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
 from midair.study.session.presenters import SilentPresenter
-from midair.study.session.trials import AGAIN, Reply, Session, run
+from midair.study.session.trials import AGAIN, GO_ON, Reply, Session, run
 
 
 @pytest.fixture(scope="module")
@@ -305,3 +307,30 @@ def test_calls_in_the_wrong_order(plan, tmp_path):
         one.present()
     with one, pytest.raises(DeviceStateError, match="expected the step ask, got show"):
         one.answer(Reply(text="brush"))
+
+
+def test_consent_and_stops_are_logged_and_a_stopped_person_agrees_to_go_on(tmp_path):
+    plan = draw_plan(read_design(template_text("paper"), participants=3))
+    words = sha256(plan.design.consent.encode()).hexdigest()
+    for number, reason in ((1, "the participant"), (2, "")):
+        log = tmp_path / f"log{number}"
+        with Session(plan, number, log, SilentPresenter()) as one:
+            assert one.step.consent == "take part"
+            one.acknowledge()
+            one.stop(reason or "left by the experimenter")
+    consent = [event for event in read_events(tmp_path / "log1") if event["event"] == "consent"]
+    assert [(event["to"], event["sha256"]) for event in consent] == [("take part", words)]
+    with Session(plan, 1, tmp_path / "log1", SilentPresenter()) as one:
+        assert (one.step.text, one.step.consent) == (GO_ON, "go on")
+        one.acknowledge()
+        assert one.step.consent == "take part"
+        assert not one.standing().stopped
+        one.stop("the participant")
+    with Session(plan, 1, tmp_path / "log1", SilentPresenter()) as one:
+        one.acknowledge()
+        before = [replay(read_events(tmp_path / f"log{n}", chained=True), plan, n) for n in (1, 2)]
+    assert consent_notes(plan, [*before, replace(before[0], stops=(), answers={})]) == (
+        f"2 of 2 people agreed to the text of the plan (SHA-256 {words[:16]}).",
+        "The sessions of 2 of 2 people were stopped: sub-01 (the participant, the participant; agreed to go on), "
+        "sub-02 (left by the experimenter).",
+    )

@@ -134,6 +134,10 @@ ASKED = ("text", "kind", "answers", "low_label", "high_label", "low", "high")
 """Attributes of a question that the page shows."""
 
 
+SHOWN = ("kind", "text", "code", "number", "total", "rest_s", "consent")
+"""Attributes of a step that the page shows."""
+
+
 class StudyPanel(Panel):
     """Studies of the folder, and the running session."""
 
@@ -273,7 +277,6 @@ class StudyPanel(Panel):
             "cue": "",
             "media": None,
             "solved_c": solved,
-            "consent": plan.design.consent,
             "busy": False,
             "log": [],
             "error": "",
@@ -314,7 +317,8 @@ class StudyPanel(Panel):
         self._show(busy=True, error="")
         try:
             await self._do(lambda: session.present(lambda text: self._later(lambda: self._show(cue=text))))
-            self._note(f"trial {number} presented")
+            if result := {"ask": "presented", "show": "failed, to be repeated"}.get(session.step.kind):
+                self._note(f"trial {number} {result}")
         except MidairError as wrong:
             self._show(error=str(wrong))
             raise
@@ -328,8 +332,9 @@ class StudyPanel(Panel):
         session = self._open()
         if order.turn != self._turn:
             raise DeviceStateError("study: expected an answer to the current question, got one to an earlier question")
-        await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s)))
-        self._note(f"trial {session.step.number or '–'}: answered")
+        asked = f"trial {session.step.number}" if session.step.number else "form"
+        await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s, by="page")))
+        self._note(f"{asked}: answered")
         self._show()
         return True
 
@@ -440,11 +445,10 @@ class StudyPanel(Panel):
             self._turn, self._shown_step = self._turn + 1, step
         self._store.put(
             session={
-                **{name: value for name, value in self._about.items() if name != "consent"},
+                **self._about,
                 "step": {
-                    **{name: getattr(step, name) for name in ("kind", "text", "code", "number", "total", "rest_s")},
+                    **{name: getattr(step, name) for name in SHOWN},
                     "turn": self._turn,
-                    "consent": bool(step.text) and step.text == self._about["consent"],
                     "question": question and {name: getattr(question, name) for name in ASKED},
                 },
             }

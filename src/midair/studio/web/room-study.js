@@ -113,7 +113,7 @@ export default class Study {
     const main = make("div.participant", { lang: "en" }), next = (words, act) => make("button.main", { type: "button", id: "next", onclick: act }, words);
     const stop = make("button.stop", { type: "button", id: "want-stop", onclick: () => this._stop() }, "I want to stop ", make("kbd", {}, "Esc"));
     if (!session) main.append(make("p", {}, "Please wait."), make("a", { href: "#study" }, "experimenter's page"));
-    else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next(step.consent ? "I have read this, and take part" : "Next", () => tried(this.link.order("study", "acknowledge"))));
+    else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next({ "take part": "I have read this, and take part", "go on": "I agree to go on" }[step.consent] ?? "Next", () => tried(this.link.order("study", "acknowledge"))));
     else if (step.kind === "present") main.append(...(session.media ? [this._medium(session)] : []), make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Please put your hand in place."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
     else if (step.kind === "rest") {
       const go = next(`A break of ${Math.ceil(step.rest_s)} s`, () => tried(this.link.order("study", "acknowledge")));
@@ -129,7 +129,10 @@ export default class Study {
     this.studio.footer.hidden = false;
     this.studio.footer.replaceChildren(foot);
     this.studio.main.replaceChildren(main);
-    (main.querySelector("input") ?? main.querySelector("button") ?? this.studio.main).focus();
+    // No answer and no consent has the focus: a key that was meant for the step before must not choose it.
+    const chooses = step?.consent || this.answers.length, words = main.querySelector("h2, p");
+    words.tabIndex = -1;
+    (chooses ? words : main.querySelector("input") ?? main.querySelector("button") ?? words).focus();
     this.asked = performance.now();
   }
   /** The text, picture or sound that is presented now. */
@@ -157,8 +160,10 @@ export default class Study {
   }
   /** The participant's keys: the number selects an answer, Escape stops. */
   _key(event) {
-    if (!this.participant || event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
+    if (!this.participant || event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.key === "Escape") { this._stop(); return; }
+    // Keys are ignored while they repeat, and for 0.2 s after a step appears.
+    if (!event.target.closest?.("input") && event.key !== "Tab" && (event.repeat || performance.now() - this.asked < 200)) { event.preventDefault(); return; }
     if (event.target.closest?.("input")) return;
     const numbers = this.answers?.every((each) => /^\d+$/.test(each.textContent)), wanted = this.answers?.find((each, i) => (numbers ? each.textContent === event.key : String(i + 1) === event.key)) ;
     if (wanted) { event.preventDefault(); wanted.click(); }

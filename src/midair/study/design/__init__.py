@@ -19,6 +19,7 @@ from .question import right_answer as right_answer
 from .session_state import Policy as Policy
 from .session_state import SessionState as SessionState
 from .session_state import answers_table as answers_table
+from .session_state import consent_notes as consent_notes
 from .session_state import excluded_participants as excluded_participants
 from .session_state import markers_table as markers_table
 from .session_state import replay as replay

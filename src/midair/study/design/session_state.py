@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from hashlib import sha256
 from typing import Any, Literal
 
 from pandas import DataFrame
@@ -76,6 +77,12 @@ class SessionState:
     """Sent event markers, also of discarded trials."""
     broken_off: bool = False
     """Whether the program ended before the session did."""
+    stops: tuple[str, ...] = ()
+    """Reasons of all stops."""
+    stopped: bool = False
+    """Whether the session was stopped and the participant has not agreed to go on."""
+    consents: tuple[str, ...] = ()
+    """SHA-256 of each text with which the participant agreed to take part."""
 
     @property
     def next_trial(self) -> int:
@@ -140,8 +147,9 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
     answers: dict[tuple[str, str], GivenAnswer] = {}
     chosen, form, began = dict[str, str](), dict[str, str](), dict[int, str]()
     failed, markers = dict[str, int](), list[SentMarker]()
+    stops, consents = list[str](), list[str]()
     interruptions = withdrawn = 0
-    opened = simulated = broken_off = False
+    opened = simulated = broken_off = stopped = False
     for event in events:
         kind = event["event"]
         if not opened and kind not in ("open", "repair"):
@@ -164,6 +172,13 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
                     began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
             case "done":
                 broken_off = False
+            case "stop":
+                stops.append(_field(event, "reason", str))
+                stopped = True
+            case "consent" if event["to"] == "go on":
+                stopped = False
+            case "consent":
+                consents.append(_field(event, "sha256", str))
             case "resume":
                 again, before = set(event["redo"]), len(answers)
                 answers = {key: answer for key, answer in answers.items() if key[0] not in again}
@@ -218,7 +233,28 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
         began=began,
         markers=tuple(markers),
         broken_off=broken_off,
+        stops=tuple(stops),
+        stopped=stopped,
+        consents=tuple(consents),
     )
+
+
+def consent_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ...]:
+    """Sentences on people who agreed to take part, and on people whose session was stopped."""
+    people = [one for one in sessions if any(given.by != "model" for given in one.answers.values()) or one.stops]
+    notes: list[str] = []
+    if plan.design.consent and people:
+        words = sha256(plan.design.consent.encode()).hexdigest()
+        agreed = sum(words in one.consents for one in people)
+        notes.append(f"{agreed} of {len(people)} people agreed to the text of the plan (SHA-256 {words[:16]}).")
+    stopped = [one for one in people if one.stops]
+    if stopped:
+        named = ", ".join(
+            f"sub-{one.trials[0].participant:02d} ({', '.join(one.stops)}; {'' if one.stopped else 'agreed to go on'})"
+            for one in stopped
+        ).replace("; )", ")")
+        notes.append(f"The sessions of {len(stopped)} of {len(people)} people were stopped: {named}.")
+    return tuple(notes)
 
 
 def _training_result(

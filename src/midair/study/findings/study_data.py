@@ -60,7 +60,7 @@ class StudyData:
     files: str = ""
     """Result of the check of plan, drives and logs (`verify_study`); empty for imported tables."""
     notes: tuple[str, ...] = ()
-    """Sentences on an imported table: rows that are left out, rows and people that may be counted twice."""
+    """Sentences on consent and stops; of an imported table on rows that are left out or may be counted twice."""
 
 
 def data_of_answers(

@@ -7,6 +7,7 @@ it. `run` is a loop that drives it with a `Screen`. No step reveals the conditio
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from threading import Event, RLock
@@ -72,6 +73,8 @@ class TrialStep:
     question: Question | None = None
     rest_s: float = 0.0
     """Shortest break, in s."""
+    consent: Literal["", "take part", "go on"] = ""
+    """Agreement that a participant gives by continuing after the text; the log records it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,14 +119,19 @@ class Screen(Protocol):
         ...
 
 
+GO_ON = "The session was stopped. Continue only if you agree to go on."
+
+
 def steps_of(plan: Plan, progress: Callable[[], SessionState]) -> Iterator[TrialStep]:
     """Steps from the current state of a session to its end; `progress` returns the state at any time."""
     design, begun = plan.design, progress()
     first, trials = begun.next_trial, begun.trials
     if first == len(trials):
         return
+    if begun.stopped:
+        yield TrialStep(kind="show", text=GO_ON, consent="go on")
     if design.consent:
-        yield TrialStep(kind="show", text=design.consent)
+        yield TrialStep(kind="show", text=design.consent, consent="take part")
     for name in design.form:
         if name not in begun.form:
             yield TrialStep(kind="ask", question=design.question(name))
@@ -273,8 +281,10 @@ class Session:
         return replay(read_events(self._log.path, chained=self.plan.chain), self.plan, self.participant)
 
     def acknowledge(self) -> None:
-        """Continue after a text was read or a break is over."""
-        self._expect("show", "rest")
+        """Continue after a text was read, which is logged if it asks for consent, or a break is over."""
+        step = self._expect("show", "rest")
+        if step.consent:
+            self._write("consent", to=step.consent, sha256=sha256(step.text.encode()).hexdigest())
         self._advance()
 
     def present(self, cue: Callable[[str], None] | None = None) -> None:
