@@ -58,7 +58,6 @@ SLOW = (
     "midair calibrate beam",
     "midair calibrate bench",
     "midair calibrate measure",
-    "midair calibrate tone",
     "midair doctor",
     "midair identify",
     "midair live",
@@ -131,8 +130,6 @@ def made(tmp_path_factory):
     samples = rng.normal(size=(1000, 4, 4)) * np.hanning(1000)[:, None, None]
     with chdir(folder):
         save(Recording(samples=samples, rate=1000), "take.h5")
-        tone = np.sqrt(2) * 0.2 * np.sin(2 * np.pi * 250 * np.arange(2000) / 2000)
-        save(Recording(samples=np.tile(tone[:, None, None], (1, 4, 4)), rate=2000), "tone.h5")
         rows = np.column_stack([np.arange(1000) / 1000, samples.reshape(1000, 16)])
         rows[500:503, 4] = np.nan
         names = ",".join(["time", *(f"ch{n}" for n in range(16))])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from midair.calibration import measure_calibration, measure_tone
+from midair.calibration import measure_calibration
 from midair.calibration.measure.referenced_take import noise_signal
 from midair.figures import png_bytes
 from midair.figures.calibration_sheet import calibration_figure
@@ -13,7 +13,6 @@ from midair.physics import SensorModel
 from midair.rig.bench.calibration_page import CalibrationBench
 
 BENCH = CalibrationBench(model=SensorModel(grid=SensorGrid(rows=1, columns=3)).with_spread(seed=1))
-TONE = np.sqrt(2) * 10 * np.sin(np.pi / 2 * np.arange(2000))
 
 
 def everything():
@@ -25,7 +24,6 @@ def everything():
 
 CALIBRATIONS = {
     "everything": everything,
-    "a tone": lambda: measure_tone(BENCH.recordings(TONE)[0], frequency=250, pressure=10),
     "deaf": lambda: Calibration(
         sensor=SensorGrid(rows=1, columns=1),
         frequency=np.array([1.0, 2.0]),

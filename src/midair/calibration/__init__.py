@@ -1,6 +1,6 @@
 """Convert recordings in V or counts to pressure in Pa within the sensor's band, and measure calibrations.
 
-A calibration is measured against a reference (`measure_calibration`, `measure_tone`) or with a focused beam
+A calibration is measured against a reference (`measure_calibration`) or with a focused beam
 (`midair.calibration.measure.beam`). `fit_array` measures the transducers of an array.
 """
 
@@ -34,12 +34,10 @@ from .measure import focus_position as focus_position
 from .measure import known_noise as known_noise
 from .measure import measure_beam as measure_beam
 from .measure import measure_calibration as measure_calibration
-from .measure import measure_tone as measure_tone
 from .measure import noise_equivalent_pressure as noise_equivalent_pressure
 from .measure import noise_signal as noise_signal
 from .measure import scale_of_drop as scale_of_drop
 from .measure import scale_of_tone as scale_of_tone
-from .measure import scale_to_tone as scale_to_tone
 from .measure import split_channel as split_channel
 from .measure import sweep_signal as sweep_signal
 from .measure import tone_amplitudes as tone_amplitudes

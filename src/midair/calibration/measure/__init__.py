@@ -1,4 +1,4 @@
-"""Measure a calibration against a reference, with a tone of known pressure, or with a focused beam."""
+"""Measure a calibration against a reference or with a focused beam, and the scale of a microphone."""
 
 from .array_field import ArrayCodes as ArrayCodes
 from .array_field import ArrayField as ArrayField
@@ -27,8 +27,6 @@ from .referenced_take import sweep_signal as sweep_signal
 from .take_sums import MeasureSettings as MeasureSettings
 from .take_sums import measure_calibration as measure_calibration
 from .tone import MicrophoneScale as MicrophoneScale
-from .tone import measure_tone as measure_tone
 from .tone import scale_of_drop as scale_of_drop
 from .tone import scale_of_tone as scale_of_tone
-from .tone import scale_to_tone as scale_to_tone
 from .unit_poses import fit_tracker as fit_tracker

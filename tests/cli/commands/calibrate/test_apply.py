@@ -106,19 +106,6 @@ def test_a_force_cell_has_a_face(bench):
 
 
 @pytest.mark.long
-def test_a_pistonphone_and_the_shape_of_another(known):
-    tone = np.sqrt(2) * 10.0237 * np.sin(np.pi / 2 * np.arange(4000))
-    save(BENCH.recordings(tone)[0], Path("tone.h5"))
-    tone = ["calibrate", "tone", "tone.h5", "--pressure", "114dB", "--uncertainty", "0.01"]
-    assert run([*tone, "--output", "tone.calibration.h5"]) == 0
-    found = load_calibration("tone.calibration.h5")
-    true = np.abs(channel_response(MODEL, found.frequency))
-    assert np.abs(found.response) == pytest.approx(true, rel=2e-3)
-    assert run([*tone, "--shape", "palm.calibration.h5", "--output", "both.calibration.h5"]) == 0
-    assert len(load_calibration("both.calibration.h5").frequency) > 400
-
-
-@pytest.mark.long
 def test_a_recording_names_its_calibration(known, capsys):
     assert run(["calibrate", "take.h5", "--calibration", "palm.calibration.h5"]) == 0
     capsys.readouterr()
@@ -163,9 +150,6 @@ WRONG = {
     "a file that is there": (["measure", *PAIR, *MEASURE, "--output", "all-a.h5"], 1, "--force"),
     "unrelated": (["measure", "all-a.h5", "--reference", "all-b-ref.h5", *MEASURE], 1, "coherence"),
     "no such take": (["measure", "x.h5", "--reference", "all-a-ref.h5", *MEASURE], 1, "x.h5"),
-    "no tone": (["tone", "all-a.h5", "--pressure", "114dB"], 1, "tone"),
-    "no pressure": (["tone", "all-a.h5"], 2, "pressure"),
-    "a pressure without a unit": (["tone", "all-a.h5", "--pressure", "10"], 1, "--pressure"),
     "nothing to show": (["show", "all-a.h5"], 1, "none"),
     "unknown crosstalk": (["all-a.h5", "--sensitivity", "20mV/Pa", "--crosstalk", "undo"], 1, "press on each"),
     "air that is none": (["beam", "--temperature", "60C"], 1, "0 to 50 degrees"),

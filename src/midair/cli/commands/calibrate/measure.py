@@ -1,4 +1,4 @@
-"""Commands of a calibration of a sensor: `calibrate` (apply it), `show`, `measure`, `tone`, `beam`, `bench`."""
+"""Commands of a calibration of a sensor: `calibrate` (apply it), `show`, `measure`, `beam`, `bench`."""
 
 import re
 from collections.abc import Sequence
@@ -16,8 +16,6 @@ from midair.calibration import (
     MeasureSettings,
     calibrate,
     measure_calibration,
-    measure_tone,
-    scale_to_tone,
 )
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
@@ -290,53 +288,6 @@ def measure_command(
     options.write(calibration, notes)
 
 
-def tone_command(
-    recording: Path,
-    /,
-    *,
-    frequency: Frequency = 250.0,
-    pressure: str,
-    uncertainty: float = 0.0,
-    reference_name: str = "pistonphone",
-    shape: Path | None = None,
-    options: OutputOptions | None = None,
-) -> None:
-    """Measure the sensitivity of every channel with a tone of known level, such as that of a pistonphone.
-
-    Parameters
-    ----------
-    recording
-        Recording of the sensor with the tone on all cells.
-    frequency
-        Frequency of the tone.
-    pressure
-        Rms pressure of the tone, such as 10Pa or 114dB (re 20 µPa).
-    uncertainty
-        Relative uncertainty (k = 2) of the pressure from its certificate: 0.02 for 2 %.
-    reference_name
-        Make, model and serial number of the source.
-    shape
-        Calibration over frequency of the same sensor, such as one by beam; it is scaled to the level of the tone.
-
-    Examples
-    --------
-    $ midair calibrate tone tone.h5 --frequency 250Hz --pressure 114dB
-    """
-    options = options or OutputOptions()
-    said = open_take(recording).recording
-    options.path(said.sensor)
-    calibration = measure_tone(
-        said,
-        frequency=frequency,
-        pressure=_tone_pressure(pressure),
-        uncertainty=uncertainty / 2,
-        reference=reference_name,
-        date=options.day,
-        version=options.version(said.sensor),
-    )
-    options.write(calibration if shape is None else scale_to_tone(require_calibration(shape), calibration), [])
-
-
 def beam_command(
     sensor: str = "virtual",
     /,
@@ -356,7 +307,7 @@ def beam_command(
     """Measure a calibration with a focused beam on every cell, without a reference (the paper's section 5.2).
 
     Differences between channels are accurate; the overall level relies on the model of the array.
-    To correct the level with a pistonphone, use midair calibrate tone --shape.
+    To correct the level, measure one cell with midair calibrate measure.
 
     Parameters
     ----------
@@ -454,11 +405,3 @@ def _sensitivity(text: str | None, diameter: float | None) -> float | None:
     if diameter is None:
         return stated_sensitivity(text, "V/Pa", "--reference-sensitivity")
     return stated_sensitivity(text, "V/N", "--reference-sensitivity") * np.pi * diameter**2 / 4
-
-
-def _tone_pressure(text: str) -> float:
-    """Rms pressure in Pa; decibels are re 20 µPa."""
-    level = re.fullmatch(r"\s*([-+]?\d+(?:\.\d*)?)\s*dB\s*", text)
-    if level is not None:
-        return 20e-6 * 10 ** (float(level[1]) / 20)
-    return stated_sensitivity(text, "Pa", "--pressure")
