@@ -266,7 +266,7 @@ def classifier() -> Any:
 def check_classifier() -> None:
     """Raise a MissingExtraError early if scikit-learn is not installed."""
     if find_spec("sklearn") is None:
-        raise MissingExtraError("materials: expected scikit-learn: pip install 'midair[analysis]'")
+        raise MissingExtraError("materials: expected scikit-learn: pip install scikit-learn")
 
 
 def share_between(right: int, count: int) -> tuple[float, float]:
