@@ -5,12 +5,14 @@ import sys
 
 import numpy as np
 import pytest
+from tests.drives import save_drive
 from tests.simulators.openmpd import OpenMpdSimulator, measured_board
 from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import load_solution, load_target
-from midair.physics import quantise_phase, transfer_matrix
+from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.rig import array_of_kind
 
 pytest.importorskip("serial")
 pytestmark = pytest.mark.usefixtures("own_state")
@@ -78,19 +80,17 @@ def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, cap
     assert played.mean() <= solution.error.mean() + 0.03
 
 
-@pytest.mark.long
-def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, capsys):
-    solved(tmp_path / "x.drive.h5", "--array", "openmpd", *FEW)
-    capsys.readouterr()
+def test_a_loud_drive_is_refused_before_the_board_is_opened(board, capsys):
+    array = array_of_kind("openmpd")
+    save_drive("x.drive.h5", np.tile(focus_phase(array, np.array([0, 0, 0.12])), (2, 1)), 1.0, array=array)
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
     assert "limit 110 dB" in capsys.readouterr().err
     board.settle()
     assert len(board.frames) == 1
 
 
-@pytest.mark.long
-def test_a_drive_for_another_array_is_refused(board, tmp_path, capsys):
-    solved(tmp_path / "x.drive.h5", *FEW)
+def test_a_drive_for_another_array_is_refused(board, capsys):
+    save_drive("x.drive.h5")
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
     assert "expected one for OpenMPD (256 transducers), got one for AUTD3 2 x 2" in capsys.readouterr().err
     assert board.heard == []

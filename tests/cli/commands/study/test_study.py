@@ -2,7 +2,6 @@ import io
 import json
 import re
 import shlex
-import shutil
 
 import numpy as np
 import pytest
@@ -369,13 +368,17 @@ def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
     assert not (folder / "sessions").exists()
 
 
-@pytest.mark.long
-def test_every_command_reports_an_edited_log(tmp_path, done, capsys):
-    folder = shutil.copytree(done, tmp_path / "edited")
-    log = folder / "sessions" / "sub-03.jsonl"
-    log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))
+def test_every_command_reports_an_edited_log(tmp_path, capsys):
+    folder = tmp_path / "edited"
+    study("new", folder, "--template", "detection", "--drives", "none", "--participants", 2)
+    assert study("run", folder, "--simulate") == 0
+    capsys.readouterr()
+    study("analyse", folder, "--draws", 20, "--json")
+    assert json.loads(capsys.readouterr().out)["simulated"] is True
+    log = folder / "sessions" / "sub-02.jsonl"
+    log.write_bytes(log.read_bytes().replace(b'"answer": "first"', b'"answer": "later"', 1))
     for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
-        with pytest.raises(BrokenFileError, match=r"sub-03\.jsonl: .* changed after it was written"):
+        with pytest.raises(BrokenFileError, match=r"sub-02\.jsonl: .* changed after it was written"):
             study(*words)
 
 
