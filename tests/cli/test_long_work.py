@@ -155,7 +155,7 @@ def check_stopped(line, capsys):
     said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
     assert said == [f"midair: stopped; {LINES[line]}"]
     kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
-    # A sweep keeps its results; the state folder keeps the measured speeds.
+    # A sweep keeps its results.
     ours = {path for path in files_here() if not {".zarr", ".report"} & {each.suffix for each in path.parents}}
     assert ours - set(before) == kept
     assert {path: when for path, when in files_here().items() if path in before} == before

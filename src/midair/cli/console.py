@@ -1,16 +1,12 @@
-"""Console output of the commands: tables, JSON, verbosity (-q, -v), progress bars, time estimates by earlier runs."""
+"""Console output of the commands: tables, JSON, verbosity (-q, -v), progress bars."""
 
 import json
-import os
 import shlex
 import sys
-import time
-import tomllib
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -30,92 +26,10 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from midair.errors import FileError
 from midair.progress import report_to
 
 if TYPE_CHECKING:
     from midair.model import Progress as Report
-    from midair.settings import Settings
-
-
-LONG = 10.0
-"""Work shorter than this gets no estimate, in s."""
-
-MEASURED = 0.5
-"""Work shorter than this does not update the stored speed, in s."""
-
-
-KEPT = 5
-"""Number of runs whose speed is stored."""
-
-
-def estimate_text(kind: str, frames: int) -> str:
-    """Line to print before work of a kind, such as ``solve glide windows 256 points``; empty for short work."""
-    speeds = _speeds().get(kind)
-    if not speeds:
-        return "no time estimate yet on this machine; the progress bar shows the time left"
-    short, long = (duration_text(frames / speed) for speed in (max(speeds), min(speeds)))
-    if frames / min(speeds) < LONG:
-        return ""
-    how = f"about {long}, by the last run" if short == long else f"{short} to {long}, by the last {len(speeds)} runs"
-    busy = os.getloadavg()[0] > (os.cpu_count() or 1) if hasattr(os, "getloadavg") else False
-    return f"this takes {how} on this machine{'; longer now, since other programs use the processors' if busy else ''}"
-
-
-def is_speed_known(kind: str) -> bool:
-    """Whether `estimate_text` can estimate the time of a kind of work."""
-    return kind in _speeds()
-
-
-def remember_speed(kind: str, frames: int, seconds: float) -> None:
-    """Store the speed of finished work; errors are ignored, since only the next estimate is lost."""
-    import tomli_w
-
-    from midair.files import write_file
-
-    if not frames or seconds < MEASURED:
-        return
-    known = _speeds()
-    speeds = {**known, kind: [*known.get(kind, []), float(f"{frames / seconds:.4g}")][-KEPT:]}
-    with suppress(OSError, FileError):
-        path = _file()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, tomli_w.dumps(speeds))
-
-
-def workload_of(settings: "Settings", transducers: int) -> str:
-    """Settings that decide the time per frame: method, iterations, error measure, points, transducers, threads."""
-    solver, grid = settings.solver, settings.target.grid
-    parts = [solver.name, str(solver.fit), f"{grid.rows}x{grid.columns} points", f"{transducers} transducers"]
-    parts += [] if solver.iterations is None else [f"iterations {solver.iterations}"]
-    parts += [] if solver.guard is None else ["guard"]
-    return " ".join([*parts, f"jobs {solver.jobs or 1}"])
-
-
-def duration_text(seconds: float) -> str:
-    """A duration in at most two digits: 40 s, 3 min, 2.5 h."""
-    if seconds < 90:
-        return f"{float(f'{seconds:.1g}' if seconds < 10 else f'{seconds:.2g}'):g} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.2g} min"
-    return f"{seconds / 3600:.2g} h"
-
-
-def _speeds() -> dict[str, list[float]]:
-    """Frames per second of the last runs of each kind of work; none if the file cannot be read."""
-    with suppress(OSError, ValueError):
-        stored = tomllib.loads(_file().read_text(encoding="utf-8"))
-        # Early versions stored one number.
-        runs = {kind: rates if isinstance(rates, list) else [rates] for kind, rates in stored.items()}
-        return {kind: [float(rate) for rate in rates if float(rate) > 0] for kind, rates in runs.items()}
-    return {}
-
-
-def _file() -> Path:
-    """Stored speeds; importing devices here keeps the help fast."""
-    from midair.devices import state_folder
-
-    return state_folder() / "speeds.toml"
 
 
 SILENT = 2.0
@@ -311,11 +225,8 @@ def confirmed(question: str) -> bool:
 
 
 @contextmanager
-def progress_bars(kind: str = "", frames: int = 0, *, estimated: bool = False) -> Generator[Callable[[str], "Report"]]:
-    """Progress bars on stderr: the function inside starts that of a stage; a `kind` of work gets an estimate before."""
-    if kind and not estimated and (line := estimate_text(kind, frames)) and not verbosity().quiet:
-        err().print(line, style="dim")
-    began = time.monotonic()
+def progress_bars() -> Generator[Callable[[str], "Report"]]:
+    """Progress bars on stderr: the function inside starts that of a stage."""
     with bars() as shown:
 
         def begin(name: str, /) -> "Report":
@@ -330,8 +241,6 @@ def progress_bars(kind: str = "", frames: int = 0, *, estimated: bool = False) -
         for task in shown.tasks:
             if task.total is None:
                 shown.remove_task(task.id)
-    if kind:
-        remember_speed(kind, frames, time.monotonic() - began)
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:

@@ -7,7 +7,7 @@ from typing import Any, cast
 from rich.table import Table
 
 from midair.cli.comparisons import calibrated_part, print_laboratory, print_palm, print_ratios, with_array_calibration
-from midair.cli.console import banner, out, print_json, print_rows, progress_bars, workload_of
+from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import (
     ArrayCalibration,
@@ -101,12 +101,11 @@ def budget_command(
     )
     banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
     if levels:
-        with progress_bars(f"trade {workload_of(settings, measured.count)}", frames) as stage:
+        with progress_bars() as stage:
             rows = list(level_trade(original, plan, levels, stage=stage))
         return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
-    with progress_bars(f"budget {workload_of(settings, measured.count)}", frames) as stage:
+    with progress_bars() as stage:
         made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
     if figure is not None:
         write_file(figure, png_bytes(budget_figure([(source.name, made)])))

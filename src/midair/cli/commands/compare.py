@@ -16,7 +16,7 @@ from midair.cli.comparisons import (
     print_ratios,
     settings_of_rerecording,
 )
-from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity, workload_of
+from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
 from midair.errors import InputError
@@ -215,8 +215,7 @@ def _played(
     band = settings.calibration.band
     rig = replace(rig, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
-    kind = f"compare {workload_of(settings, drive.array.count)}{'' if film is None else ' film'}"
-    with progress_bars(kind, drive.frames) as stage:
+    with progress_bars() as stage:
         if film is not None:
             lead = (asked.frames - piece.frames) // 2 / piece.rate
             judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
-from midair.cli.console import banner, confirmed, out, print_rows, progress_bars, workload_of
+from midair.cli.console import banner, confirmed, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
 from midair.cli.output import level_rows
@@ -17,7 +17,7 @@ from midair.evaluate import LaboratoryLoss
 from midair.files import OpenedTake, check_not_recording, save, save_solution, write_file
 from midair.headroom import level_of
 from midair.model import Palm, Progress
-from midair.pipeline import calibrated_pressure, required_lead
+from midair.pipeline import calibrated_pressure
 from midair.rig import (
     FIELD_TITLE,
     PALM_TITLE,
@@ -102,9 +102,7 @@ def demo_command(
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     paper = paper_options(options)
     ways = [options] if paper is None else [options, paper]
-    frames = round((duration + 2 * required_lead(settings)) * settings.target.rate)
-    kind = " and ".join(["demo", *(workload_of(each.settings(), rig.array.count) for each in ways)])
-    with progress_bars(kind, frames) as stage:
+    with progress_bars() as stage:
         with touched_by as touched:
             notes = {"object": object_name}
             take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))

@@ -78,7 +78,7 @@ def draw_command(
     transducers = transducers if known is None else known.known.applied(transducers)
     room = (air or AirOptions()).medium()
     print_air(medium := room or Medium.at(), stated=room is not None)
-    with reserved(target), progress_bars("draw", foci.frames) as stage:
+    with reserved(target), progress_bars() as stage:
         used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))
     solution, stored = load_solution(target, streamed=True), load_target(target, streamed=True)
     if wanted is not None and stored is not None:

@@ -133,7 +133,7 @@ def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
 def _film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     film, kind = Film(shown), path.suffix.lower()
     out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
-    with progress_bars(f"film {kind}", len(film)) as stage, atomic_file(path) as partial:
+    with progress_bars() as stage, atomic_file(path) as partial:
         (write_mp4 if kind == ".mp4" else write_gif)(film, partial, progress=stage("film"))
     return []
 

@@ -1,24 +1,18 @@
 """The commands `solve` and `play`."""
 
-import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
 from midair.cli.console import (
     banner,
-    duration_text,
-    is_speed_known,
     print_json,
     print_note,
     print_rows,
     progress_bars,
-    workload_of,
 )
 from midair.cli.exposure_options import (
     AirOptions,
@@ -55,16 +49,13 @@ from midair.files import (
     save_solutions,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, Drive, Medium, PressureFrames, TransducerArray
+from midair.model import Acoustics, Drive, Medium, PressureFrames
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pipeline import (
     Reproduction,
-    check_size,
     reproduce_stream,
     required_lead,
-    target_amplitude,
     weaker_settings,
-    with_fitted_gain,
 )
 from midair.rig import (
     ArrayKind,
@@ -88,7 +79,6 @@ from midair.rig import (
     tracker_name,
 )
 from midair.settings import Settings
-from midair.solvers import solve
 from midair.targets import add_lead, frames_without_lead
 
 
@@ -142,15 +132,10 @@ def solve_command(
     )
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    frames = round(pressure.frames / pressure.rate * settings.target.rate)
-    kind = f"solve {workload_of(settings, transducers.count)}"
-    tried = settings.solver.name in ("lm", "exact") and not is_speed_known(kind) and frames > TRIAL
-    if tried:
-        _estimate(pressure, transducers, settings, frames)
     used = settings
     with reserved(target):
         while True:
-            with progress_bars(kind, frames, estimated=tried) as stage:
+            with progress_bars() as stage:
                 wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
                 save_solutions(parts, target, frames=wanted.frames, target=wanted)
             # Read back from the file: the lazy frames would be computed again.
@@ -200,27 +185,6 @@ def _led_pressure(
     piece = calibrated_part(source, settings, start_at, duration, streamed=True)
     piece = with_unreproduced(source, piece, settings.calibration.band)
     return add_lead(piece, required_lead(settings) if lead is None else lead)
-
-
-TRIAL = 8
-"""Frames that a slow method solves before the start, to estimate its time."""
-
-
-def _estimate(pressure: PressureFrames, array: TransducerArray, settings: Settings, frames: int) -> None:
-    """Print the time that solving takes, by a trial of frames from the whole recording."""
-    check_size(pressure.frames, array, settings, parts=True)
-    settings = with_fitted_gain(pressure, array, settings)
-    target = target_amplitude(pressure, settings)
-
-    def seconds(count: int) -> float:
-        chosen = np.asarray(target.amplitude[np.linspace(0, target.frames - 1, count + 2)[1:-1].astype(int)])
-        began = time.monotonic()
-        solve(replace(target, amplitude=chosen), array, settings.solver, acoustics=settings.acoustics)
-        return time.monotonic() - began
-
-    # The second time is that of the matrices.
-    each = max(seconds(TRIAL) - seconds(1), 0.0) / (TRIAL - 1)
-    print_note(f"this takes about {duration_text(each * frames)}, by a trial of {TRIAL} frames")
 
 
 def _ears_rows(settings: Settings) -> list[tuple[str, str]]:
@@ -370,7 +334,7 @@ def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
         known = array_calibration_for(settings.device)
         array = array if known is None else known.known.applied(array)
     foci, target = load_pattern(source).foci(), folder / f"{source.stem}.drive.h5"
-    with progress_bars("draw", foci.frames) as stage:
+    with progress_bars() as stage:
         draw_file(foci, source, target, array, medium=settings.exposure.room, progress=stage("draw"))
     return target
 
@@ -385,10 +349,8 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
     drive = _corrected(drive, source, room) if correct else drive
     _print_room_air(drive, source, room, simulated=True)
     drive, settings = follow_as_set(drive, settings, print_note)
-    known = Settings.of(drive.provenance) or Settings()
-    kind = f"play and re-record {workload_of(known, drive.array.count)}"
     watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
-    with watched, progress_bars(kind, drive.frames) as stage, rig:
+    with watched, progress_bars() as stage, rig:
         admission = _admitted(drive, rig.array, settings)
         sensor: Any = rig.sensor
         sensor.streamed = True

@@ -1,8 +1,6 @@
 """The commands `sweep patterns`, `sweep recordings` and `sweep report`: solve many targets in parallel."""
 
 import itertools
-import os
-import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 from rich.table import Table as Shown
 
-from midair.cli.console import banner, bars, err, estimate_text, out, print_json, remember_speed, verbosity
+from midair.cli.console import banner, bars, err, out, print_json
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.help_text import add_command, epilogue
 from midair.cli.options import Json, OptionalTime, SolveOptions, Time, quantity
@@ -50,10 +48,7 @@ def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: in
     if not where.rstrip("/").endswith(".zarr"):
         raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
     try:
-        # Everything that decides the speed.
-        method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
-        workload = f"{sweep.kind}{method} {os.cpu_count()} cores"
-        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", workload) as progress:
+        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         err().print("midair: stopped; the results so far are stored; run the same command again to resume")
@@ -62,26 +57,18 @@ def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: in
 
 
 @contextmanager
-def sweep_bar(items: str, workload: str) -> Generator[Advance]:
-    """A progress bar on stderr, with a time estimate before; the measured speed is stored afterwards."""
-    kind, begun, last = f"sweep {workload}", (0, 0.0), (0, 0.0)
+def sweep_bar(items: str) -> Generator[Advance]:
+    """A progress bar on stderr."""
     with bars(items, width=24, name="", digits=1, period=120) as shown:
         task = shown.add_task("sweep", total=None, start=False)
 
         def report(done: int, total: int) -> None:
-            nonlocal begun, last
-            last = (done, time.monotonic())
             if shown.tasks[0].total is None:
-                begun = last
-                line = estimate_text(kind, total - done)
-                if line and total > done and not verbosity().quiet:
-                    shown.console.print(line, style="dim")
                 shown.reset(task, total=total, completed=done)
             else:
                 shown.update(task, completed=done)
 
         yield report
-    remember_speed(kind, last[0] - begun[0], last[1] - begun[1])
 
 
 def _table(texts: Sequence[str], figures: Sequence[str]) -> Shown:

@@ -26,7 +26,6 @@ from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, load_pressure, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, Medium, SensorGrid
 from midair.rig import (
-    PRACTICE_RECORDINGS,
     ReferenceChoice,
     VirtualRig,
     array_named,
@@ -385,7 +384,7 @@ def bench_command(
     --------
     $ midair calibrate bench bench --kind sweep
     """
-    with progress_bars(f"simulate {kind} of {duration:g} s", PRACTICE_RECORDINGS) as stage:
+    with progress_bars() as stage:
         progress = stage("simulate")
         command = write_practice_recordings(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")

@@ -123,7 +123,7 @@ def array_command(
     work = WORK * count * frames
     cpu = f"{work:.0f} to {3 * work:.0f} s of CPU, the more the transducers differ"
     print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then {cpu}")
-    with progress_bars(f"calibrate array {count} transducers", frames) as stage, array, source:
+    with progress_bars() as stage, array, source:
         found = calibrate_array(
             array,
             source,
