@@ -21,10 +21,10 @@ def test_mark_is_not_covered():
     assert axis.title.get_window_extent().y1 <= mark.get_window_extent().y0 + 1
 
 
-@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize("simulated", ["SIMULATED: no person was asked", "SIMULATED array: nothing could be felt", ""])
 def test_says_simulated_when_it_is(simulated):
     page = render_page("study/report.html.j2", title="A <b>", simulated=simulated, pictures=[], findings=[], notes="n")
-    assert ("SIMULATED: no person was asked" in page) is simulated
+    assert (f'banner">{simulated}<' in page) is bool(simulated)
     assert "<title>midair: A &lt;b&gt;</title>" in page
 
 

@@ -36,7 +36,10 @@ def reported():
     }
     names = {"participant": "participant", "presented": "object", "answered": "answer", "condition": "surface"}
     within = ("surface", "object", "rated")
-    report = analyse(data_of_columns(table, rating="rating", within=within, simulated=True, **names), draws=50)
+    report = analyse(
+        data_of_columns(table, rating="rating", within=within, simulated="SIMULATED: no person was asked", **names),
+        draws=50,
+    )
     return report, report_page(report, title="Touch", within=within)
 
 

@@ -287,7 +287,7 @@ def banner(simulated: bool) -> None:
         err().print("SIMULATED: no sensor, array or skin was involved", style="bold red")
 
 
-def warn_simulated(simulated: bool) -> None:
-    """Print a warning if the answers are simulated."""
-    if simulated:
-        err().print("SIMULATED: no person was asked", style="bold red")
+def warn_simulated(mark: str) -> None:
+    """Print the mark of simulated answers, if there is one."""
+    if mark:
+        err().print(mark, style="bold red")

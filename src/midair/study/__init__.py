@@ -32,11 +32,14 @@ from .drives import prepare_media as prepare_media
 from .drives import sound_duration as sound_duration
 from .event_markers import EventMarkers as EventMarkers
 from .event_markers import measure_markers as measure_markers
+from .findings import NO_PERSON as NO_PERSON
+from .findings import NO_TOUCH as NO_TOUCH
 from .findings import Report as Report
 from .findings import StudyData as StudyData
 from .findings import analyse as analyse
 from .findings import data_of_answers as data_of_answers
 from .findings import data_of_columns as data_of_columns
+from .findings import simulation_of as simulation_of
 from .folder import StudyFolder as StudyFolder
 from .folder import Template as Template
 from .folder import check_not_withdrawn as check_not_withdrawn

@@ -44,7 +44,7 @@ def report_text(report: Report) -> str:
 def report_json(report: Report) -> str:
     """Texts and tables as JSON; undefined numbers are null."""
     content: Mapping[str, Any] = {
-        "simulated": report.simulated,
+        "simulated": bool(report.simulated),
         "seed": report.seed,
         "findings": [
             {
@@ -71,23 +71,24 @@ class PictureRow:
 def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[PictureRow]:
     """Figures like the paper's 6, 7 and 8, as far as the answers allow."""
     found: list[PictureRow] = []
+    marked = bool(report.simulated)
     if report.choices:
         panels = tuple(
-            Picture(title=f"Answers: {one.name}", data=png_bytes(confusion_figure([one], simulated=report.simulated)))
+            Picture(title=f"Answers: {one.name}", data=png_bytes(confusion_figure([one], simulated=marked)))
             for one in report.choices
         )
         caption = "Number of answers (columns) to each object (rows); the diagonal contains the correct answers."
         found.append(PictureRow(title="Confusion matrices", caption=caption, panels=panels))
     compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
     if compared:
-        panel = Picture(title="F-measures", data=png_bytes(f_figure(compared, simulated=report.simulated)))
+        panel = Picture(title="F-measures", data=png_bytes(f_figure(compared, simulated=marked)))
         limited = any(one.f_limits is not None for one in compared)
         whiskers = "Whiskers: 95 % limits over people." if limited else "Fewer than five people: no limits."
         caption = f"F of each object. {whiskers} Dotted: mean by guessing; single studies vary around it."
         found.append(PictureRow(title="F-measure of each object", caption=caption, panels=(panel,)))
     if report.ratings is not None and 1 <= len(within) <= 3:
         caption = "Mean ratings; whiskers: within-subject 95 % limits, for these people."
-        panels = tuple(_rating_panels(report.ratings, within, simulated=report.simulated))
+        panels = tuple(_rating_panels(report.ratings, within, simulated=marked))
         found.append(PictureRow(title="Ratings", caption=caption, panels=panels))
     return found
 
@@ -283,7 +284,7 @@ def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 
     `seed` and `draws` as for `analyse`.
     """
     code = render_page("study/notebook.py.j2", data=data, loading=loading, seed=seed, draws=draws)
-    said = "**SIMULATED: no person was asked.** " if data.simulated else ""
+    said = f"**{data.simulated}.** " if data.simulated else ""
     cells = [_cell(f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}.")]
     for part in code.split("# %%")[1:]:
         heading, _, lines = part.partition("\n")

@@ -15,7 +15,7 @@ from pandas import DataFrame, concat
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_file, atomic_folder, no_formula, read_toml
 from midair.study.design import Design
-from midair.study.findings import Finding
+from midair.study.findings import Finding, simulation_of
 from midair.study.statistics import typed
 from midair.version import __version__
 
@@ -102,7 +102,7 @@ def _dataset(
     markers: DataFrame | None,
 ) -> list[Path]:
     simulated = bool(answers["simulated"].any())
-    written = [write_text(folder / "README", readme_of(design, simulated, files))]
+    written = [write_text(folder / "README", readme_of(design, simulation_of(answers), files))]
     written.append(write_json(folder / "dataset_description.json", _description(design, simulated, files)))
     written += _participants(answers, design, folder, unfinished)
     in_folders = design.sessions > 1
@@ -201,9 +201,9 @@ def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
     } | {name: value for name, value in stated.items() if value}
 
 
-def readme_of(design: Design, simulated: bool, files: str) -> str:
+def readme_of(design: Design, simulated: str, files: str) -> str:
     """Text of the README of a dataset."""
-    first = "SIMULATED: no person took part. These answers come from a model.\n\n" if simulated else ""
+    first = f"{simulated}.\n\n" if simulated else ""
     return (
         f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row per answer. The plan"
         f" was drawn before the first participant with seed {design.seed} for {design.participants} participants.\n"
@@ -280,7 +280,7 @@ def _psych_ds(answers: DataFrame, design: Design, folder: Path, files: str) -> l
     simulated = bool(answers["simulated"].any())
     written = [
         write_json(folder / "dataset_description.json", _psych_ds_description(table, design, simulated)),
-        write_text(folder / "README.md", readme_of(design, simulated, files)),
+        write_text(folder / "README.md", readme_of(design, simulation_of(answers), files)),
     ]
     for person, rows in table.groupby("participant_id", sort=False):
         number = str(person).removeprefix("sub-")

@@ -7,7 +7,7 @@ from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.rating_findings import cumulative
-from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
+from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns, simulation_of
 from midair.study.tables import legend_of, read_csv
 
 PEOPLE = ["1"] * 4
@@ -316,6 +316,20 @@ def test_few_wrong_answers_are_reported():
 def test_the_mixed_model_states_when_there_are_too_few_people(people, too_few):
     report = analyse(data_of_columns(choices(people=people), **NAMES), draws=20)
     assert ("too few people for this test" in found(report, "Mixed model").words) == too_few
+
+
+@pytest.mark.parametrize(
+    ("marked", "by", "words"),
+    [
+        ([True, True], ["model", "model"], "SIMULATED: no person was asked"),
+        ([True, True], ["model", "page"], "SIMULATED array: nothing could be felt"),
+        ([False, False], ["page", "key"], ""),
+    ],
+)
+def test_answers_of_people_on_a_simulated_array_are_not_those_of_a_model(marked, by, words):
+    assert simulation_of(pd.DataFrame({"simulated": marked, "reaction_by": by})) == words
+    assert simulation_of(pd.DataFrame({"simulated": marked})) == (words and "SIMULATED: no person was asked")
+    assert simulation_of(pd.DataFrame({"reaction_by": by})) == ""
 
 
 PSYCHOPY = """\

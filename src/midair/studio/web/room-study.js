@@ -14,7 +14,7 @@ export default class Study {
     this.link = studio.link;
     this.shown = "";
     this.participant = studio.address.take === "participant";
-    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show()), ...["takes", "draw"].map((name) => this.link.on(name, () => this._show()))];
+    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show()), this.link.on("air", () => this._show()), ...["takes", "draw", "player"].map((name) => this.link.on(name, () => this._show()))];
     this._keys = (event) => this._key(event);
     addEventListener("keydown", this._keys);
     this.reopened();
@@ -41,7 +41,7 @@ export default class Study {
     const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
     const drifted = (session?.solved_c ?? []).map((solved) => drift(this.link, solved)).filter(Boolean).join("; ");
     const own = (this.link.state.takes ?? []).filter((row) => !row.sample && row.name.endsWith(".h5")).map((row) => row.name).concat(this.link.state.draw?.files ?? []);
-    const key = JSON.stringify([session, studies, controls, drifted, own]);
+    const key = JSON.stringify([session, studies, controls, drifted, own, this.link.state.player?.simulated]);
     if (key === this.shown) return;
     this.shown = key;
     const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
@@ -88,6 +88,7 @@ export default class Study {
         ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
         ...(study.drives ? [field("Person responsible for playing above the exposure profile", answers, "Empty: drives above the profile are refused")] : []),
         ...(study.noise ? [field("Noise in the headphones", noise, "Masks the sound of the array, which would give the stimulus away"), make("p.quiet", {}, `During each presentation: ${study.noise}.`)] : []),
+        ...(study.drives && this.link.state.player?.simulated ? [make("div.warning", { id: "no-touch", role: "note" }, "SIMULATED array: nothing can be felt. Choose a real array before a participant begins.")] : []),
         make("div.buttons", {}, make("button", { type: "button", id: "simulate", disabled: !controls || study.participants.some((each) => each.done), title: "answers of a model for everyone, to try plan and analysis before people come; all that is made of them is marked SIMULATED", onclick: () => tried(this.link.order("study", "simulate", { study: study.name })) }, "Simulate participants"),
           make("button", { type: "button", id: "analyse", disabled: !controls || !study.participants.some((each) => each.done), title: "needs an answer", onclick: () => tried(this.link.order("study", "analyse", { study: study.name })) }, "Analyse"),
           ...(study.report ? [make("a", { id: "to-report", target: "_blank", rel: "noopener", href: `/file/${encodeURI(study.name)}/report.html?${study.report}` }, "Open the report")] : [])),

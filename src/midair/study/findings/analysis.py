@@ -146,8 +146,8 @@ class Report:
     """Confusion matrices, for the figures."""
     ratings: DataFrame | None
     """Mean rating of each cell with 95 % limits over participants: one column per factor, mean, low, high."""
-    simulated: bool
-    """Whether any answer comes from a simulated participant."""
+    simulated: str
+    """Mark of simulated answers; empty if there are none."""
     seed: int
     """Seed of the resampling."""
 
@@ -216,6 +216,6 @@ def _participants_finding(data: StudyData) -> Finding:
         words += " With one person there are no limits and no tests over people."
     elif len(people) < 5:
         words += " With fewer than five people there are no limits over people: their coverage would be below 95 %."
-    title = ("SIMULATED: no person was asked. " if data.simulated else "") + words
+    title = (f"{data.simulated}. " if data.simulated else "") + words
     excluded = data.excluded if data.excluded is not None and len(data.excluded) else None
     return Finding(title="Participants", words=title, table=excluded)

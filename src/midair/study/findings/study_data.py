@@ -19,6 +19,19 @@ _SINGLE = ("yes-no", "same-different", "magnitude")
 """Kinds of questions that always get their own part of the report."""
 
 
+NO_PERSON = "SIMULATED: no person was asked"
+NO_TOUCH = "SIMULATED array: nothing could be felt"
+
+
+def simulation_of(answers: DataFrame) -> str:
+    """Mark of the simulated answers of a table: those of a model, or of people on a simulated array; empty if none."""
+    if "simulated" not in answers:
+        return ""
+    marked = (answers["simulated"].astype(str).str.lower() == "true").to_numpy(bool)
+    model = (answers["reaction_by"] == "model").to_numpy(bool) if "reaction_by" in answers else marked
+    return NO_TOUCH if (marked & ~model).any() else NO_PERSON if marked.any() else ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyData:
     """Answers prepared for `analyse`."""
@@ -53,8 +66,8 @@ class StudyData:
     """Possible answers of the identification; those that were given if empty."""
     analysed: int | None = None
     """Number of answers in any part of the report; None counts those of all parts."""
-    simulated: bool = False
-    """Whether any answer comes from a simulated participant."""
+    simulated: str = ""
+    """Mark of simulated answers, see `simulation_of`; empty if there are none."""
     left_out: int = 0
     """Number of answers that are not analysed: familiarisation, and exclusions by the plan."""
     files: str = ""
@@ -117,7 +130,7 @@ def data_of_answers(
         margin=analysis.margin,
         options=design.question(analysis.choice).options if design is not None and analysis.choice else (),
         analysed=int((named | listed | (scored["kind"] != "text").to_numpy(bool)).sum()),
-        simulated=bool(scored["simulated"].any()),
+        simulated=simulation_of(scored),
         left_out=len(answers) - len(scored),
         files=files,
     )
@@ -136,7 +149,7 @@ def data_of_columns(
     incomplete: Incomplete = "leave out",
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
-    simulated: bool = False,
+    simulated: str = "",
     where: Sequence[tuple[str, str]] = (),
 ) -> StudyData:
     """Answers from the named columns of any table, such as the data of another program or of earlier studies.

@@ -12,6 +12,8 @@ from midair.errors import InputError
 from midair.model import Drive, Medium
 from midair.rig import PlaySettings
 from midair.study import (
+    NO_PERSON,
+    NO_TOUCH,
     InstantClock,
     Plan,
     Policy,
@@ -138,6 +140,7 @@ def run_command(
             about=rig.about,
             markers=rig.markers,
         )
+        warn_simulated(NO_TOUCH if rig.simulated else "")
         try:
             with session:
                 step = run(session, screen)
@@ -224,5 +227,5 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=InstantClock()) as session:
                 run(session, screen)
         out().print(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
-    warn_simulated(True)
+    warn_simulated(NO_PERSON)
     return 0

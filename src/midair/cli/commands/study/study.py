@@ -29,6 +29,7 @@ from midair.study import (
     report_json,
     report_page,
     report_text,
+    simulation_of,
     verify_study,
     write_bids,
     write_csv,
@@ -124,7 +125,7 @@ def analyse_command(
             "foils": foils,
             "margin": margin,
             "where": selected,
-            "simulated": "simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
+            "simulated": simulation_of(table),
         }
         data = data_of_columns(table, **columns)
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
@@ -177,7 +178,7 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "ps
         write_csv(answers, output, files=files)
     out().print(f"{output}: {told}{len(answers)} answers.")
     out().print(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
-    warn_simulated(bool(answers["simulated"].any()))
+    warn_simulated(simulation_of(answers))
 
 
 def verify_command(study: Study, /, *, seal: Path | None = None) -> int:
