@@ -154,6 +154,24 @@ def test_a_store_that_workers_cannot_access_is_written_by_the_command(tmp_path, 
         np.testing.assert_allclose(load_sweep(tmp_path / name).error, expected(SWEEP), rtol=1e-9)
 
 
+def test_a_local_cluster_starts_again_if_a_worker_ends_at_its_start(monkeypatch):
+    """Before, it was an error of midair to report."""
+    tried = []
+
+    def started(**_):
+        tried.append(None)
+        if len(tried) != 3:
+            raise RuntimeError("Nanny failed to start.")
+        return "started"
+
+    monkeypatch.setattr(distributed, "LocalCluster", started)
+    assert module._local_cluster(2) == "started"
+    with pytest.raises(
+        ClusterError, match=r"got one that ended \(Nanny failed to start\.\) in each of 3 tries.*repeat"
+    ):
+        module._local_cluster(2)
+
+
 def test_an_address_without_a_scheduler_is_one_line():
     with pytest.raises(MidairError, match=r"tcp://127\.0\.0\.1:1"), cluster("tcp://127.0.0.1:1", patience=0.5):
         pass

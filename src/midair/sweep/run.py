@@ -34,9 +34,11 @@ class WorkerMonitor:
     computer or a wrong clock does not count as a failure.
     """
 
-    def __init__(self, client: "Client", *, patience: float = 20.0) -> None:
+    def __init__(
+        self, client: "Client", *, patience: float = 20.0, advice: str = "start workers (dask worker) and repeat"
+    ) -> None:
         self._client = client
-        self._patience = patience
+        self._patience, self._advice = patience, advice
         self._latest: object = None
         self._since = time.monotonic()
         self._threads, self._asked = 0, -np.inf
@@ -64,7 +66,7 @@ class WorkerMonitor:
         elif time.monotonic() - self._since > self._patience:
             raise ClusterError(
                 f"sweep: expected running workers, got no heartbeat for {self._patience:.0f} s; all results so far "
-                "are stored; start workers (dask worker) and repeat the command to continue"
+                f"are stored; {self._advice} the command to continue"
             )
 
     def _identity(self) -> Any:
@@ -110,7 +112,13 @@ def run_sweep(
         if not missing:
             return 0
         with cluster(scheduler, workers=workers) as client:
-            for result in _results(client, sweep, missing, store.address):
+            # A local cluster starts lost workers again, which takes long on a busy computer.
+            monitor = (
+                WorkerMonitor(client, patience=120.0, advice="free memory and processors, and repeat")
+                if scheduler is None
+                else WorkerMonitor(client)
+            )
+            for result in _results(client, sweep, missing, store.address, monitor):
                 store.write(result)
                 done += result.task.count
                 if progress is not None:
@@ -132,20 +140,35 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
         return
     with (
         safe_path(),
-        distributed.LocalCluster(
-            n_workers=workers,
-            # A solve limits BLAS to one thread temporarily, which affects the whole process.
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-            scheduler_kwargs={"dashboard": False},
-            memory_limit=None,
-            silence_logs="CRITICAL",
-        ) as local,
+        _local_cluster(workers) as local,
         distributed.Client(local, set_as_default=False) as client,
     ):
         client.run(_leave_ctrl_c_to_the_client)
         yield client
+
+
+def _local_cluster(workers: int | None, *, tries: int = 3) -> Any:
+    """A started local cluster; it is started again if one of its workers ends meanwhile."""
+    distributed = sweep_package("distributed")
+    for left in reversed(range(tries)):
+        try:
+            return distributed.LocalCluster(
+                n_workers=workers,
+                # A solve limits BLAS to one thread temporarily, which affects the whole process.
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+                memory_limit=None,
+                silence_logs="CRITICAL",
+            )
+        except (RuntimeError, TimeoutError) as wrong:
+            if not left:
+                raise ClusterError(
+                    f"sweep: expected workers that start, got one that ended ({wrong}) in each of {tries} tries; all "
+                    "results so far are stored; free memory and processors, and repeat the command to continue"
+                ) from wrong
+    return None
 
 
 def do(job: Job, task: Task) -> Result:
@@ -205,10 +228,12 @@ def _leave_ctrl_c_to_the_client() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress) -> Iterator[Result]:
+def _results(
+    client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress, watch: WorkerMonitor
+) -> Iterator[Result]:
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
-    coming, watch = enumerate(tasks), WorkerMonitor(client)
+    coming = enumerate(tasks)
     while True:
         # A task may hold several megabytes, so submit only as many as keep the workers busy.
         for number, task in islice(coming, max(0, 2 * watch.threads() + 2 - len(waiting))):
