@@ -408,6 +408,8 @@ def check_exposure_steered(
     loudest = np.rint(255 * (most if factor == 1 else _strongest_below(most * factor))).astype(np.uint8)
     # A level between two steps is played as the nearest one.
     level = float(np.max([loudest / 255, amplitude_of(loudest), most if factor == 1 else 0 * most]))
+    # The clearance states what will be played; no factor ends above the limit for its last bit.
+    found = found if factor == 1 else found.weakened(min(factor * (1 - 1e-9), level / float(most[0])))
     cleared = _clearance(device, choices, found, outcome, level=level, factor=factor)
     return replace(cleared, box=box, solved=solved, steps=device.steps_a_turn, _key=_KEY)
 

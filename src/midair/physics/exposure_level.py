@@ -58,6 +58,17 @@ class Exposure:
     def __post_init__(self) -> None:
         object.__setattr__(self, "level", frozen_array(self.level, "level", ("frame", len(self.profile.places))))
 
+    def weakened(self, factor: float) -> "Exposure":
+        """Exposure to the same frames at a part of their level, 0 to 1; pressure and warming go with its square."""
+        return replace(
+            self,
+            level=self.level + 20 * np.log10(max(factor, 1e-9)),
+            nonlinearity=self.nonlinearity * factor,
+            pressure=self.pressure * factor**2,
+            duty=self.duty * factor,
+            warming=self.warming * factor**2,
+        )
+
     @property
     def duration(self) -> float:
         """Total time of all repeats, in s."""
