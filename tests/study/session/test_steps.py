@@ -236,3 +236,33 @@ def test_a_restart_in_the_second_session_leaves_the_first_alone(tmp_path):
 def test_invalid_settings_are_refused(changes, why):
     with pytest.raises(InputError, match=why):
         block(**changes)
+
+
+def test_options_and_questions_are_shuffled_by_the_seed_and_logged(tmp_path):
+    options = ("brush", "sponge", "towel")
+    asked = (
+        Question(name="which", kind="choice", text="?", options=options, truth="object", shuffle=True),
+        Question(name="how", kind="rating", text="?"),
+    )
+    things = tuple(Stimulus(name=n, kind="object", source=n, levels={"object": n}) for n in options)
+    one = Block(name="b", stimuli=options, questions=("which", "how"), repetitions=8, shuffle_questions=True)
+    design = Design(name="s", participants=1, seed=3, stimuli=things, questions=asked, blocks=(one,))
+    plan = draw_plan(design)
+    assert plan == draw_plan(design)
+    assert {trial.questions for trial in plan.trials} == {("which", "how"), ("how", "which")}
+    orders = []
+    with Session(plan, 1, tmp_path / "log", SilentPresenter(), clock=InstantClock()) as session:
+        while session.step.kind != "done":
+            if session.step.kind == "present":
+                session.present()
+                continue
+            if session.step.question.name == "which":
+                orders.append(session.step.question.options)
+            session.answer(Reply(text="2"))
+    assert len(set(orders)) > 3
+    logged = [event for event in read_events(tmp_path / "log") if event.get("question") == "which"]
+    assert [tuple(event["options"]) for event in logged] == orders
+    assert [event["answer"] for event in logged] == [order[1] for order in orders]
+    assert orders[0] == asked[0].in_order_of(plan.trials[0].code, seed=3).options
+    with pytest.raises(InputError, match="expected shuffle for a choice only, got a rating"):
+        Question(name="how", kind="rating", text="?", shuffle=True)

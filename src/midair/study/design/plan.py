@@ -335,7 +335,7 @@ def _draw_session(design: Design, participant: int) -> list[Trial]:
                     repetition=seen[place.stimulus],
                     stimulus=place.stimulus,
                     levels={**levels, **block.levels},
-                    questions=place.questions,
+                    questions=_questions_order(block, place.questions, rng),
                     scored=block.scored and _is_scored(design, block, place),
                     role=place.role,
                     variant=place.variant,
@@ -370,6 +370,10 @@ def _draw_positions(design: Design, block: Block, rng: np.random.Generator) -> l
     for index in rng.permutation(len(extras)) if extras else ():
         places.insert(int(rng.integers(1, len(places) + 1)), extras[index])
     return places
+
+
+def _questions_order(block: Block, questions: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
+    return tuple(questions[i] for i in rng.permutation(len(questions))) if block.shuffle_questions else questions
 
 
 def _draw_variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:

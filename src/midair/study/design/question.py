@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from typing import Literal
+
+import numpy as np
 
 from midair.errors import InputError
 from midair.validation import one_of, within
@@ -40,6 +43,8 @@ class Question:
     """Time limit for an answer, in s; 0 for no limit."""
     private: bool = False
     """Whether the answer stays in the log and is left out of all tables."""
+    shuffle: bool = False
+    """Whether the options of a choice are in a random order in each trial; see `in_order_of`."""
 
     def __post_init__(self) -> None:
         one_of(self.kind, QuestionKind, f"question {self.name!r}: kind")
@@ -50,8 +55,18 @@ class Question:
         within(self.timeout_s, f"question {self.name!r}: timeout_s", 0, unit="s")
         if self.kind == "choice" and (len(set(self.options)) < 2 or len(set(self.options)) < len(self.options)):
             raise InputError(f"question {self.name!r}: expected two or more different options, got {self.options}")
+        if self.shuffle and self.kind != "choice":
+            raise InputError(f"question {self.name!r}: expected shuffle for a choice only, got a {self.kind}")
         if self.kind in ("rating", "slider") and not self.low < self.high:
             raise InputError(f"question {self.name!r}: expected low below high, got {self.low} and {self.high}")
+
+    def in_order_of(self, trial: str, *, seed: int) -> "Question":
+        """The question with its options in the random order of a trial (its code), the same for the same seed."""
+        if not self.shuffle:
+            return self
+        words = sha256(f"{trial} {self.name}".encode()).digest()
+        order = np.random.default_rng([seed, int.from_bytes(words[:8], "big")]).permutation(len(self.options))
+        return replace(self, options=tuple(self.options[place] for place in order))
 
     @property
     def answers(self) -> tuple[str, ...]:

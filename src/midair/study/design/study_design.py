@@ -155,6 +155,8 @@ class Block:
     repetitions: int = 1
     """Trials of each stimulus; in an adaptive block the number of all trials; with a criterion the maximum."""
     order: BlockOrder = "shuffle"
+    shuffle_questions: bool = False
+    """Whether the questions are in a random order in each trial; the plan has the order."""
     longest_run: int = 0
     """Largest number of trials with the same stimulus in a row; 0 for no limit."""
     group: str = ""

@@ -166,13 +166,14 @@ def _trial(
     place: dict[str, Any] = {"code": trial.code, "number": trial.number, "total": total}
     yield TrialStep(kind="present", text=design.cue, **place)
     for name in now.open_questions(trial):
-        yield TrialStep(kind="ask", question=design.question(name), **place)
+        yield TrialStep(kind="ask", question=design.question(name).in_order_of(trial.code, seed=design.seed), **place)
     if design.block(trial.block).feedback:
         yield TrialStep(kind="show", text=_feedback(plan, trial, progress()), **place)
 
 
 def _feedback(plan: Plan, trial: Trial, now: SessionState) -> str:
-    name = trial.questions[0]
+    # The first question of the block, in any order of the trial.
+    name = min(trial.questions, key=(*plan.design.block(trial.block).questions, *trial.questions).index)
     right = right_answer_of_trial(plan, trial, now.chosen, name)
     if not right:
         return "This question has no correct answer."
@@ -332,6 +333,7 @@ class Session:
             raise DeviceStateError("session: expected a current question, got none")
         reaction = self._clock.elapsed() - self._since if reply.reaction_s is None else reply.reaction_s
         how: dict[str, Any] = {"reaction_s": round(reaction, 4), "by": reply.by}
+        how |= {"options": list(question.options)} if question.shuffle else {}
         if question.timeout_s and (reply.late or reaction > question.timeout_s):
             self._write_marked("late", trial=step.code, question=question.name, said=reply.text, **how)
             self._advance()
