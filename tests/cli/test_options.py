@@ -177,6 +177,10 @@ def test_typed_options_name_the_palm(tmp_path):
         ("20mV/Pa", "V/Pa", 0.02),
         ("2count/Pa", "count/Pa", 2),
         ("50mm/s", "m/s", 0.05),
+        ("2g", "kg", 0.002),
+        ("1.5 min", "s", 90),
+        ("250µm", "m", 250e-6),
+        ("3cm/min", "m/s", 0.0005),
         ("-0.5s", "s", -0.5),
         ("22C", "C", 22),
         ("22", "C", 22),
@@ -222,6 +226,8 @@ def test_any_text_is_read_or_refused(text):
 @pytest.mark.parametrize(
     ("text", "unit", "says"),
     [
+        ("22Pa", "m", "the unit measures another quantity"),
+        ("22xm", "m", "unknown unit"),
         ("22", "K", "got '22'; add the unit"),
         ("22mm", "C", "possible units: C, °C, K, F"),
         ("2m", "K", "such as 2C"),

@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, field, fields, make_dataclass
-from functools import cache, reduce
+from functools import reduce
 from operator import or_
 from pathlib import Path
 from types import MappingProxyType, UnionType
@@ -36,9 +36,6 @@ from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
 from midair.solvers import QuietPalm, check_terms
 from midair.validation import Declared
 
-if TYPE_CHECKING:
-    import pint
-
 EXAMPLES = {
     "m": "200mm",
     "Hz": "20Hz",
@@ -61,7 +58,29 @@ _BY_HAND: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
         "dB": {"dB": (1, 0)},
     }
 )
-"""Factor and offset of units that pint reads differently: C is coulomb, F is farad, % is unknown."""
+"""Factor and offset of the units of temperatures, shares and levels."""
+
+_UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {name: (name, 1.0) for name in ("m", "s", "Hz", "Pa", "V", "N", "count", "rad")}
+    | {"g": ("kg", 1e-3), "min": ("s", 60.0), "h": ("s", 3600.0), "bar": ("Pa", 1e5), "deg": ("rad", math.pi / 180)}
+)
+"""SI unit and factor of the units that may have a prefix."""
+
+_PREFIXES: Mapping[str, float] = MappingProxyType(
+    {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6}
+)
+
+
+def _in_si(written: str) -> tuple[str, float]:
+    """SI unit and factor of a unit such as mm, kHz or mV/Pa; KeyError if it is unknown."""
+    above, slash, below = written.partition("/")
+    if slash:
+        (unit, factor), (per, divisor) = _in_si(above), _in_si(below)
+        return f"{unit}/{per}", factor / divisor
+    if written in _UNITS:
+        return _UNITS[written]
+    unit, factor = _UNITS[written[1:]]
+    return unit, _PREFIXES[written[0]] * factor
 
 
 def parse_quantity(text: str, unit: str) -> float:
@@ -81,15 +100,13 @@ def parse_quantity(text: str, unit: str) -> float:
         if not math.isfinite(value):
             raise ValueError(f"{advice}; it must be finite")
         return value
-    # The import of pint takes a quarter of a second.
-    prefix = {"": 1.0, "k": 1e3, "m": 1e-3}.get(written.removesuffix(unit)) if written.endswith(unit) else None
     try:
-        value = float(parts[1]) * (prefix or float(_units().Quantity(1.0, written).to(unit).magnitude))
-    # All errors of pint are one of these.
-    except TypeError:
-        raise ValueError(f"{advice}; the unit measures another quantity") from None
-    except (AttributeError, ValueError):
+        measured, factor = _in_si(written)
+    except KeyError:
         raise ValueError(f"{advice}; unknown unit") from None
+    if measured != unit:
+        raise ValueError(f"{advice}; the unit measures another quantity")
+    value = float(parts[1]) * factor
     if not math.isfinite(value):
         raise ValueError(f"{advice}; it must be finite")
     return value
@@ -124,13 +141,6 @@ def format_quantity(value: float, unit: str) -> str:
     if unit in _BY_HAND:
         return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}{'dB' if unit == 'dB' else 'C'}"
     return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"
-
-
-@cache
-def _units() -> "pint.UnitRegistry[Any]":
-    import pint
-
-    return pint.UnitRegistry()
 
 
 T = TypeVar("T")
