@@ -4,7 +4,6 @@ import sys
 import time
 from contextlib import contextmanager
 
-import distributed
 import pytest
 
 from midair.sweep.run import do
@@ -25,6 +24,7 @@ def finished():
 @pytest.fixture(scope="session")
 def threads():
     """A scheduler that clients reach over TCP, with one worker in a thread of this process."""
+    import distributed
 
     @contextmanager
     def started():

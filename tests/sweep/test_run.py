@@ -13,11 +13,9 @@ from dataclasses import replace
 from http.client import HTTPException
 from pathlib import Path
 
-import distributed
 import numpy as np
 import psutil
 import pytest
-import zarr
 from tests.waiting import wait_until
 
 import midair
@@ -156,6 +154,8 @@ def test_a_store_that_workers_cannot_access_is_written_by_the_command(tmp_path, 
 
 def test_a_local_cluster_starts_again_if_a_worker_ends_at_its_start(monkeypatch):
     """Before, it was an error of midair to report."""
+    import distributed
+
     tried = []
 
     def started(**_):
@@ -178,6 +178,8 @@ def test_an_address_without_a_scheduler_is_one_line():
 
 
 def test_a_scheduler_without_workers_is_one_line():
+    import distributed
+
     with (
         distributed.LocalCluster(
             n_workers=0, protocol="tcp", host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs="CRITICAL"
@@ -218,6 +220,8 @@ def test_a_killed_sweep_continues_without_losing_or_repeating_anything(tmp_path)
 
 
 def _stored(path):
+    import zarr
+
     group = zarr.open_group(path, mode="r")
     return group["seconds"][:], group["done"][:]
 

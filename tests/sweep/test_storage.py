@@ -3,10 +3,8 @@
 import sys
 from dataclasses import replace
 
-import fsspec
 import numpy as np
 import pytest
-import zarr
 
 from midair.errors import FileError, InputError, MismatchError, MissingExtraError, MissingFileError
 from midair.sweep.pattern_sweep import PatternSweep
@@ -20,6 +18,8 @@ SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_h
 @pytest.fixture
 def bucket():
     """An address in an object store in the memory of this process."""
+    import fsspec
+
     yield "memory://bucket/all.zarr"
     fsspec.filesystem("memory").rm("/bucket", recursive=True)
 
@@ -51,6 +51,8 @@ def test_an_object_store_equals_a_folder(bucket, tmp_path, finished, threads):
 @pytest.fixture
 def s3(monkeypatch):
     """An address in a bucket of a loopback server; requires extra packages."""
+    import fsspec
+
     pytest.importorskip("s3fs")
     server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
@@ -83,6 +85,8 @@ def test_s3_equals_a_folder_when_workers_write_and_continue(s3, tmp_path, finish
 
 @pytest.mark.long
 def test_an_interrupted_creation_is_completed(bucket, monkeypatch, finished):
+    import zarr
+
     create = zarr.Group.create_array
 
     def dies(group, name, **layout):
@@ -122,6 +126,8 @@ def test_a_file_address_is_a_folder(tmp_path, finished):
     "place", [SweepFolder(path=storage_of("x").path), storage_of("memory://bucket/n.zarr")], ids=str
 )
 def test_names_of_chunks_are_read_and_others_do_not_count(place, tmp_path, monkeypatch):
+    import fsspec
+
     monkeypatch.chdir(tmp_path)
     files, root = fsspec.url_to_fs(str(place))
     assert place.chunks("done") == set()

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import zarr
 
 from midair.errors import BrokenFileError, DeviceStateError, InputError, MidairError, MismatchError, MissingFileError
 from midair.files.native.provenance_json import from_json
@@ -51,6 +50,8 @@ def test_what_is_written_is_read_and_no_longer_missing(tmp_path):
 
 def test_results_without_a_flag_do_not_count(tmp_path):
     """As if the program had been killed between a task's results and its flag."""
+    import zarr
+
     path = tmp_path / "s.zarr"
     task = SWEEP.tasks()[0]
     with open_sweep(path, SWEEP) as store:
@@ -127,6 +128,8 @@ def test_a_shape_that_does_not_fit_into_memory_is_refused_before_reading(tmp_pat
 
 
 def test_other_files_are_rejected(tmp_path):
+    import zarr
+
     with pytest.raises(MissingFileError):
         load_sweep(tmp_path / "none.zarr")
     (tmp_path / "file.zarr").write_text("text")

@@ -10,7 +10,6 @@ import numpy as np
 import psutil
 import pytest
 import xarray
-import zarr
 from tests.waiting import wait_until
 
 from midair.datasets import am_stimulus
@@ -75,6 +74,8 @@ def test_pieces_are_tasks_and_give_the_bits_of_one_process(finished, tmp_path):
 
 @pytest.mark.long
 def test_workers_give_the_same_bits_and_write_their_own_regions(tmp_path, threads):
+    import zarr
+
     with threads() as scheduler:
         assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) == 81
     check(load_sweep(tmp_path / "s.zarr"))
@@ -163,6 +164,8 @@ def test_two_workers_give_the_bits_of_midair_solve(stroke, tmp_path):
 @pytest.mark.slow
 def test_a_killed_worker_loses_only_its_own_piece(stroke, tmp_path, programs):
     """The other worker solves that piece, and stored results are unchanged."""
+    import zarr
+
     path = tmp_path / "s.zarr"
     with programs(2) as (address, workers):
         command = ["sweep", "recordings", str(path), str(stroke), "--mode", "paper", *OPTIONS, "--blocks", "1"]

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from midair.datasets import probe_signal
-from midair.model import ControlGrid, PressureFrames, SensorGrid
+from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.rig import record
 from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
 from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
-RIG = VirtualRig()
+RIG = VirtualRig(array=TransducerArray.autd3(columns=1, rows=1))
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
 PAPER = Settings().but(grid=COARSE, method="fast")
 BEST = Settings().but(

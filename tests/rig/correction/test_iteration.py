@@ -28,7 +28,7 @@ def original(settings, duration=0.08):
         )
 
 
-def loop(settings, iterate, virtual=RIG, **others):
+def looped(settings, iterate, virtual=RIG, **others):
     skin = virtual.skin()
     with OpenRig(array=virtual.array_device(skin), sensor=virtual.sensor(skin)) as rig:
         return run_loop(original(settings), settings, rig, iterate=iterate, lead=required_lead(settings) / 2, **others)
@@ -36,13 +36,13 @@ def loop(settings, iterate, virtual=RIG, **others):
 
 @pytest.fixture(scope="module")
 def corrected():
-    return loop(COARSE, 2, SMALL)
+    return looped(COARSE, 2, SMALL)
 
 
 @pytest.mark.long
 def test_each_of_more_than_five_passes_is_better_than_the_one_before():
     """Half a wave becomes 6 dB better: on the paper's grid it starts at 6 dB, with six points a side lower."""
-    long = loop(COARSE, 6)
+    long = looped(COARSE, 6)
     errors = [one.comparison.waveform_error for one in long.passes[1:]]
     assert len(errors) == 7
     assert (np.diff(errors) < 0).all()
@@ -67,6 +67,7 @@ def test_the_delay_does_not_drift(corrected):
     assert np.ptp(delays) < 1e-4
 
 
+@pytest.mark.long
 def test_the_provenance_of_a_corrected_pass_has_its_steps(corrected):
     stages = [step.stage for step in corrected.passes[-1].asked.provenance.steps]
     assert stages.count("correct") == 2
@@ -77,14 +78,14 @@ def test_the_provenance_of_a_corrected_pass_has_its_steps(corrected):
 @pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
 def test_five_passes_at_the_paper_s_grid(mapping):
     settings = Settings().but(method="fast", mapping=mapping, interpolate="pressure")
-    errors = [one.comparison.waveform_error for one in loop(settings, 5).passes[1:]]
+    errors = [one.comparison.waveform_error for one in looped(settings, 5).passes[1:]]
     assert len(errors) == 6
     assert (np.diff(errors) < 0).all()
 
 
-def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(corrected, monkeypatch):
+def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(loop, monkeypatch):
     """On a rig where every correction increases the error: three steps, each smaller, none kept."""
-    start, tried = corrected.passes[1], []
+    start, tried = loop.passes[1], []
 
     def worse(original, asked, rig, settings, name, stage, *, step, made):
         tried.append(step)
@@ -93,17 +94,15 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(cor
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", worse)
     skin = RIG.skin()
     with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
-        further = run_iterations(
-            corrected.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15)
-        )
+        further = run_iterations(loop.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15))
     assert tried == [0.8, 0.4, 0.2]
     assert further.passes == ()
     assert further.taken_back == 3
     assert further.end == "no step makes it better"
 
 
-def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
-    start = corrected.passes[1]
+def test_it_stops_when_it_no_longer_helps(loop, monkeypatch):
+    start = loop.passes[1]
 
     def hardly(original, asked, rig, settings, name, stage, *, step, made):
         better = start.comparison.waveform_error * 0.9999
@@ -112,7 +111,7 @@ def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", hardly)
     skin = RIG.skin()
     with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
-        further = run_iterations(corrected.original, start, rig, COARSE, 9)
+        further = run_iterations(loop.original, start, rig, COARSE, 9)
     assert len(further.passes) == 1
     assert "less than 0.2 %" in further.end
 
@@ -125,7 +124,7 @@ def test_the_target_is_limited_to_playable_pressure():
 
 def test_numbers_below_zero_are_refused():
     with pytest.raises(InputError, match="0 to 100"):
-        loop(COARSE, -1)
+        looped(COARSE, -1)
     with pytest.raises(InputError, match="lead"):
         run_loop(original(COARSE), COARSE, open_rig(), lead=-1.0)
 
@@ -134,7 +133,7 @@ def test_numbers_below_zero_are_refused():
 def test_where_all_cells_sound_the_drive_itself_is_corrected():
     """The second pass is the last that is solved: those after it play its drive, a little turned."""
     grid = ControlGrid(rows=12, columns=12, pitch=5e-3)
-    lifted = loop(COARSE.but(mapping="slow-bias", grid=grid), 2)
+    lifted = looped(COARSE.but(mapping="slow-bias", grid=grid), 2)
     errors = [one.comparison.waveform_error for one in lifted.passes[1:]]
     assert errors[2] < errors[1] < 0.8 * errors[0]
     first, last = (one.reproduction.solution.drive for one in (lifted.passes[1], lifted.passes[-1]))
