@@ -80,7 +80,6 @@ def test_live():
     assert LiveSettings().exposure.room is None
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
 def test_a_loop(words, expected, monkeypatch):
     found = []

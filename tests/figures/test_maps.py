@@ -20,8 +20,7 @@ from midair.physics import exposure
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize("simulated", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_maps_have_millimetres_and_a_quantity(check_figure, simulated):
     rng = np.random.default_rng(0)
     values = [("target", rng.random(256)), ("reproduced", rng.random((16, 16)))]
@@ -50,8 +49,7 @@ def test_cells_are_marked_where_they_lie():
     assert sorted(set(marks.get_xdata())) == pytest.approx(1e3 * np.sort(sensor.x))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize("simulated", [pytest.param(True, marks=pytest.mark.long), False])
 def test_phases_are_those_of_the_frame_within_a_turn(check_figure, simulated):
     phase = np.random.default_rng(1).uniform(-9, 9, (4, ARRAY.count))
     figure = phase_figure(Drive(phase=phase, level=np.ones(4), rate=1000.0, array=ARRAY), 1, simulated=simulated)
@@ -61,8 +59,7 @@ def test_phases_are_those_of_the_frame_within_a_turn(check_figure, simulated):
     assert circles.get_clim() == (0, 2 * np.pi)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
+@pytest.mark.parametrize("simulated", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_maps_with_units(tones, check_figure, simulated):
     card = perceptual_metrics(tones(simulated=simulated), tones(0.5, simulated=simulated))
     check_figure(card_figure(card), "dB", "ST-SIM", "SPQI", simulated=simulated)

@@ -82,7 +82,6 @@ def test_play_recommends_a_check_and_warns_of_a_drive_for_the_model(capsys):
     assert "solved without" not in told
 
 
-@pytest.mark.long
 def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
     assert run(["play", make("loud.drive.h5", level=1.0), "--device", NOWHERE]) == 1
     (line,) = said(capsys)
@@ -171,7 +170,6 @@ def test_exposure_in_the_air_of_the_room(capsys):
     assert excess["unknown"] > excess["room"] + 0.1
 
 
-@pytest.mark.long
 def test_exposure_as_json(capsys):
     small = make("a.drive.h5", level=0.0015, frames=20, array=TransducerArray.autd3(columns=1, rows=1))
     assert run(["exposure", small, "--json", "--profile", "public-100"]) == 0

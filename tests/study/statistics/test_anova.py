@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import ncf, nct
 
 from midair.errors import InputError, NonFiniteError
 from midair.study import ordinal_check, rm_anova
@@ -187,12 +186,16 @@ def test_too_few_people_for_mauchly_has_a_note():
 
 @pytest.mark.parametrize(("t", "df"), [(2.5, 9), (-5.0, 7), (0.0, 5), (40.0, 30), (900.0, 1), (3.0, 1000)])
 def test_limits_of_t_have_the_tails_of_the_noncentral_t(t, df):
+    from scipy.stats import nct
+
     low, high = noncentral_t_limits(t, df)
     assert nct.cdf(t, df, low) == pytest.approx(0.975, abs=1e-6)
     assert nct.cdf(t, df, high) == pytest.approx(0.025, abs=1e-6)
 
 
 def test_limits_of_eta_squared_have_the_tails_of_the_noncentral_f():
+    from scipy.stats import ncf
+
     low, high = eta_squared_limits(6.0, 2, 18)
     for limit, tail in ((low, 0.95), (high, 0.05)):
         assert ncf.cdf(6.0, 2, 18, 18 * limit / (1 - limit)) == pytest.approx(tail, abs=1e-6)

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit, logit
-from scipy.stats import t
 
 from midair.errors import InputError
 from midair.study import (
@@ -131,6 +130,8 @@ def counts():
 def test_the_share_by_hand(counts):
     right = np.trace(counts, axis1=1, axis2=2)
     without = logit((right.sum() - right + 1) / (60 + 2))
+    from scipy.stats import t
+
     half = t.ppf(0.975, 5) * np.sqrt(5 / 6 * ((without - without.mean()) ** 2).sum())
     found = share_limits(counts)
     assert float(found.value) == right.sum() / 72

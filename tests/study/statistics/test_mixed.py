@@ -30,8 +30,9 @@ def answers_of(trials):
     return table | {"correct": correct.astype(float)}
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
+@pytest.mark.parametrize(
+    "trials", ["48", *(pytest.param(count, marks=pytest.mark.long) for count in ("200", "400", "1000"))]
+)
 def test_equals_lme4_from_few_trials_to_many(trials):
     # mixed/sizes.R. With quadrature that does not follow the people, 6 x 1000 gave a spread of .76 for 1.07.
     reference = next(row for row in sizes("sizes_r.csv") if row["trials"] == trials and row["model"] == "slopes")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from benchmarks.thresholds import after
-from scipy.stats import norm
 
 from midair.errors import InputError, ShapeError
 from midair.study.statistics import ThresholdModel
@@ -31,6 +30,8 @@ def test_yes_and_no_has_false_alarms_and_lapses():
 
 
 def test_two_sides_are_those_of_signal_detection_theory():
+    from scipy.stats import norm
+
     found = model("two sides")
     index, rise, lapse, bias = observer(found)
     d = 2**0.5 * norm.ppf(0.5 + rise / 2)

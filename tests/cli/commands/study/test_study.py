@@ -152,7 +152,6 @@ def test_six_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path,
     assert "Detection threshold of my &#34;wool&#34; in midair" in report
 
 
-@pytest.mark.long
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
@@ -370,13 +369,14 @@ def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
 
 def test_every_command_reports_an_edited_log(tmp_path, capsys):
     folder = tmp_path / "edited"
-    study("new", folder, "--template", "detection", "--drives", "none", "--participants", 2)
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    study("new", folder, "--source", tmp_path / "hand.toml", "--participants", 2)
     assert study("run", folder, "--simulate") == 0
     capsys.readouterr()
     study("analyse", folder, "--draws", 20, "--json")
     assert json.loads(capsys.readouterr().out)["simulated"] is True
     log = folder / "sessions" / "sub-02.jsonl"
-    log.write_bytes(log.read_bytes().replace(b'"answer": "first"', b'"answer": "later"', 1))
+    log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))
     for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
         with pytest.raises(BrokenFileError, match=r"sub-02\.jsonl: .* changed after it was written"):
             study(*words)
