@@ -259,7 +259,9 @@ def test_options_and_questions_are_shuffled_by_the_seed_and_logged(tmp_path):
             if session.step.question.name == "which":
                 orders.append(session.step.question.options)
             session.answer(Reply(text="2"))
+        session.stop("the studio was ended")
     assert len(set(orders)) > 3
+    assert standing(plan, tmp_path / "log").stops == ()
     logged = [event for event in read_events(tmp_path / "log") if event.get("question") == "which"]
     assert [tuple(event["options"]) for event in logged] == orders
     assert [event["answer"] for event in logged] == [order[1] for order in orders]

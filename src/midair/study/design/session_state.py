@@ -172,7 +172,7 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
                     began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
             case "done":
                 broken_off = False
-            case "stop":
+            case "stop" if broken_off:  # not after the end, when the program closes
                 stops.append(_field(event, "reason", str))
                 stopped = True
             case "consent" if event["to"] == "go on":
