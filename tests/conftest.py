@@ -73,29 +73,16 @@ def made_once(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def _towel(made_once):
+def take_file(made_once):
+    """0.7 s of the virtual towel, to read alone: a test that changes or plays it copies it."""
+
     def fill(folder):
         from midair.cli import run
 
-        take, drive = str(folder / "towel.h5"), str(folder / "towel.drive.h5")
-        solve = "--mode paper --method naive --points 6 --pitch 11mm --lead 0s --start-at 0.55s --duration 0.02s"
         with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
-            assert run(["record", "virtual:towel", take, "--duration", "0.7s"]) == 0
-            assert run(["solve", take, drive, *solve.split()]) == 0
+            assert run(["record", "virtual:towel", str(folder / "towel.h5"), "--duration", "0.7s"]) == 0
 
-    return made_once("towel", fill)
-
-
-@pytest.fixture(scope="session")
-def take_file(_towel):
-    """0.7 s of the virtual towel, to read alone: a test that changes or plays it copies it."""
-    return _towel / "towel.h5"
-
-
-@pytest.fixture(scope="session")
-def drive_file(_towel):
-    """20 frames of `take_file` for 6 x 6 points above four units, to read alone."""
-    return _towel / "towel.drive.h5"
+    return made_once("towel", fill) / "towel.h5"
 
 
 @pytest.fixture(scope="session")
