@@ -67,7 +67,7 @@ _UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
 """SI unit and factor of the units that may have a prefix."""
 
 _PREFIXES: Mapping[str, float] = MappingProxyType(
-    {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6}
+    {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 )
 
 

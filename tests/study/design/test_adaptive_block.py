@@ -46,7 +46,10 @@ def session(plan, number, path, stop_after=None):
         while one.step.kind != "done" and stop_after != 0:
             if one.step.kind == "ask" and stop_after is not None:
                 stop_after -= 1
-            one.present() if one.step.kind == "present" else one.answer(screen.ask(one.step))
+            if one.step.kind == "show":
+                one.acknowledge()
+            else:
+                one.present() if one.step.kind == "present" else one.answer(screen.ask(one.step))
         if stop_after is None:
             assert run(one, screen).kind == "done"
     return replay(read_events(path), plan, number)
