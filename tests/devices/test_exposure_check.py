@@ -203,6 +203,7 @@ def hiding(airs, air, point):
     return Drive(phase=phase[None], level=amplitude_of(steps)[None], rate=1000.0, array=ARRAY)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "known", ["the paper's air", pytest.param("all airs that are measured", marks=pytest.mark.long)]
 )

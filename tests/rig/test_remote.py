@@ -126,6 +126,7 @@ def osc_bundle(ahead, *messages):
     return builder.build()
 
 
+@pytest.mark.long
 def test_every_osc_packet_that_can_be_answered_is_answered_and_values_keep_their_places(served):
     def load(*values):
         return osc.ask(build_msg("/midair/load", [KEY, "tap.toml", *values]).dgram)

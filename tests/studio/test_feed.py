@@ -62,6 +62,7 @@ def test_slow_page_gets_one_joined_message_and_delays_no_other_page():
     asyncio.run(run())
 
 
+@pytest.mark.long
 def test_hanging_page_delays_no_other_page_and_at_most_a_minute_is_kept():
     async def run():
         feed, quick, stuck = Feed(), Page(1, Wire()), Page(2, Wire())

@@ -206,6 +206,7 @@ def everything(folder):
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.long
 def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     before = everything(tmp_path)
     assert midair(["study", "withdraw", "s", "2", "--force"]) == 0

@@ -43,6 +43,7 @@ def reported():
     return report, report_page(report, title="Touch", within=within)
 
 
+@pytest.mark.long
 def test_every_column_is_explained_in_the_page(reported):
     report, page = reported
     for finding in report.findings:

@@ -56,6 +56,7 @@ def test_a_single_key_answers_with_its_reaction_time(terminal):
     assert "Press 1, 2" in shown
 
 
+@pytest.mark.long
 def test_no_key_within_the_time_limit_is_late(terminal):
     reply, _ = asked(terminal, Question(name="w", kind="yes-no", text="?", timeout_s=0.1))
     assert (reply.late, reply.text, reply.reaction_s) == (True, "", 0.1)

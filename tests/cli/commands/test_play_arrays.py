@@ -58,6 +58,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     assert list(Path("state").glob("playing-*")) == []
 
 
+@pytest.mark.long
 def test_a_play_with_gaps_begins_with_them_and_ends_with_status_1(capsys, monkeypatch):
     """Before, 543 ms of silence in 600 ms of touch were one row of many, with exit status 0."""
     found = PlayReport(frames=2400, duration=0.6, gap=0.543, late=1000)

@@ -341,6 +341,7 @@ def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_ha
         assert device.play(clear_any_exposure(noise(20), device)).units == "not too hot, no errors"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("tap", "rate"), [(2, 1000.0), pytest.param(1, 0.625, marks=pytest.mark.long)], indirect=["tap"]
 )

@@ -78,6 +78,7 @@ def test_an_order_has_the_level_and_the_responsible_person():
     assert (second["override_by"], second["exposure"]) == ("", "kept")
 
 
+@pytest.mark.long
 def test_an_order_has_the_stated_air_of_the_room():
     admission = admitted(0.01)
     log_order("x.drive.h5", "autd3", admission)

@@ -211,6 +211,7 @@ def test_a_source_at_a_lower_rate_keeps_the_contract(live):
 
 
 # The last test: the senders are gone after it.
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["lsl", "serial", "ni"])
 def test_unplugging_gives_what_came_and_then_an_error_in_time(kind, live):
     sensor, unplug = live[kind]()

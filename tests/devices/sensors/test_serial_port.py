@@ -79,6 +79,7 @@ def test_volts_follow_from_the_full_scale(serial_line):
     np.testing.assert_allclose(np.diff(samples.reshape(3, 16)), 2.5 / 2**23)
 
 
+@pytest.mark.long
 def test_a_sensor_that_falls_silent_is_an_error_in_time(serial_line):
     line = serial_line()
     with source_sensor(f"serial:{line.port}?timeout=0.3") as sensor:

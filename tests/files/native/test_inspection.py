@@ -35,6 +35,7 @@ def test_a_file_that_crashes_the_inspector_does_not_end_this_process(path, recor
     alike(load(path), recording)
 
 
+@pytest.mark.long
 def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, monkeypatch):
     alike(load(path), recording)
     monkeypatch.setattr(inspection, "PATIENCE", 0.2)

@@ -140,6 +140,7 @@ with RecordingWriter(sys.argv[1], calibration=Calibration.flat(sensor), **option
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [0.35, pytest.param(0.8, marks=pytest.mark.long)])
 def test_a_killed_program_loses_at_most_a_quarter_of_a_second(seconds, tmp_path):
     path = tmp_path / "live.h5"

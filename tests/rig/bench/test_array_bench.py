@@ -225,6 +225,7 @@ def found():
     return by_beam(model, seed=1), model
 
 
+@pytest.mark.long
 def test_the_response_is_recovered_within_what_is_stated(found):
     calibration, model = found
     apart = ratio(calibration, model)
@@ -235,6 +236,7 @@ def test_the_response_is_recovered_within_what_is_stated(found):
     assert "focused beam" in calibration.measurement.method
 
 
+@pytest.mark.long
 def test_differences_between_channels_have_a_smaller_uncertainty(found):
     calibration, model = found
     level = np.abs(ratio(calibration, model))
@@ -245,6 +247,7 @@ def test_differences_between_channels_have_a_smaller_uncertainty(found):
     assert (np.abs(between - 1) < 2 * own + 0.003).mean() > 0.95
 
 
+@pytest.mark.long
 def test_the_beam_is_no_crosstalk(found):
     calibration, _ = found
     away = ~np.eye(4, dtype=bool)

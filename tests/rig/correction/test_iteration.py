@@ -83,6 +83,7 @@ def test_five_passes_at_the_paper_s_grid(mapping):
     assert (np.diff(errors) < 0).all()
 
 
+@pytest.mark.long
 def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(loop, monkeypatch):
     """On a rig where every correction increases the error: three steps, each smaller, none kept."""
     start, tried = loop.passes[1], []

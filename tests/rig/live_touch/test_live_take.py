@@ -97,6 +97,7 @@ def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
     assert (played.phase_steps == (np.arange(400) % 256)[:, None]).all()
 
 
+@pytest.mark.long
 def test_frames_not_read_in_time_are_counted(tmp_path):
     ring = TouchRing(RingShape(slots=64, channels=64, transducers=249))
     fill(ring, 0, 200)

@@ -155,6 +155,7 @@ def test_replayed_poses_are_checked_as_live_ones(tmp_path):
         assert len(tracker.events()) == 2
 
 
+@pytest.mark.long
 def test_it_replays_in_real_time(hand):
     with midair.open_tracker(f"replay:{hand}") as tracker:
         assert tracker.wait(since=-np.inf, timeout=2.0)
