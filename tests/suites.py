@@ -24,10 +24,10 @@ SUITES = {
 COUNT = re.compile(r"(\d+) (passed|failed|skipped|error)")
 
 
-def counts(log: Path) -> Counter[str]:
+def counts(text: str) -> Counter[str]:
     """Sum of the counts in the last lines of all runs of pytest in a log."""
     found = Counter[str]()
-    for line in log.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in text.splitlines():
         if re.search(r"\d+ \w+.* in \d[\d.]*s\b", line):
             found.update({word: int(number) for number, word in COUNT.findall(line)})
     return found
@@ -45,14 +45,15 @@ def main(names: list[str]) -> int:
         print(f"{name}: the log is {log}", flush=True)
         with log.open("wb") as out:
             status = subprocess.run(SUITES[name], stdout=out, stderr=subprocess.STDOUT, check=False).returncode
-        found = counts(log)
+        text = log.read_text(encoding="utf-8", errors="replace")
+        found = counts(text)
         broken = found["failed"] + found["error"]
         seconds = time.monotonic() - begin
         row = f"{name:10}{found['passed']:8}{broken:8}{found['skipped']:9}{seconds:9.0f}"
         rows.append(row if not status or broken else f"{row}  exit status {status}")
         worst = max(worst, bool(status))
-        if status:
-            print("".join(line for line in log.open(encoding="utf-8") if re.match("FAILED|ERROR", line)), end="")
+        for line in re.findall("^(?:FAILED|ERROR) .*", text, re.MULTILINE):
+            print(line)
     print("\n".join(rows))
     return worst
 
