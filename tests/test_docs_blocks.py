@@ -196,7 +196,7 @@ def with_settings():
 
 
 def patterns():
-    circle, _, sized = (text for language, text in fenced("docs/draw.md") if language == "toml")
+    circle, *_, sized = (text for language, text in fenced("docs/draw.md") if language == "toml")
     for name, text in (("circle.toml", circle), ("sized.toml", sized)):
         Path(name).write_text(text.replace("_s = 1.0 ", "_s = 0.1 "), encoding="utf-8")
     copyfile(ROOT / "tests" / "patterns" / "adaptics" / "Rain.adaptics", "rain.adaptics")
