@@ -1,7 +1,6 @@
-"""Options for the air of the room, typed or measured, and the exposure limits, and messages about both."""
+"""Options for the air of the room, and the exposure limits, and messages about both."""
 
 import time
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,35 +9,11 @@ from cyclopts import Parameter
 
 from midair.cli.console import err, print_note
 from midair.cli.options import Time, quantity
-from midair.devices import Cooling, ExposureChoices, Thermometer, measure_exposure
+from midair.devices import Cooling, ExposureChoices, measure_exposure
 from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
-from midair.rig import thermometer_named, watch_air
-
-
-class MeasuredTemperature(float):
-    """A temperature in degrees Celsius, with the thermometer that measured it."""
-
-    thermometer: Thermometer
-
-    @classmethod
-    def read(cls, name: str) -> "MeasuredTemperature":
-        """Read the thermometer of a name, and print the temperature on stderr."""
-        thermometer = thermometer_named(name)
-        made = cls(round(thermometer.read(), 2))
-        made.thermometer = thermometer
-        print_note(f"air: {name} measures {made:g} °C")
-        return made
-
-
-def air_watched(
-    temperature: float | None, solved: Medium, *, advice: str, device: str = ""
-) -> AbstractContextManager[None]:
-    """While inside, a warning is printed if the thermometer drifts; nothing happens for a typed temperature."""
-    thermometer = temperature.thermometer if isinstance(temperature, MeasuredTemperature) else None
-    return watch_air(thermometer, solved, lambda line: print_note(line, warn=True), advice=advice, device=device)
 
 
 @Parameter(name="*")
@@ -47,7 +22,7 @@ class AirOptions:
     """Air of the room."""
 
     temperature: Annotated[float | None, quantity("C")] = None
-    """Air temperature in the room, such as 22C; or a thermometer: lsl:NAME, serial:PORT, file:PATH."""
+    """Air temperature in the room, such as 22C."""
     humidity: Annotated[float | None, quantity("%")] = None
     """Relative humidity of the room, such as 50%; needs --temperature. [default: 50%]"""
 

@@ -116,7 +116,7 @@ def quantity(unit: str, *, many: int | None = None) -> Parameter:
     """A command-line parameter that reads `many` quantities (None: one, -1: any number), its default in `unit`."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float | tuple[float, ...]:
-        values = tuple(_value(token.value, unit) for token in tokens)
+        values = tuple(parse_quantity(token.value, unit) for token in tokens)
         return values if many else values[0]
 
     def show(value: float | tuple[float, ...] | None) -> str | None:
@@ -125,15 +125,6 @@ def quantity(unit: str, *, many: int | None = None) -> Parameter:
         return " ".join(format_quantity(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
 
     return Parameter(converter=convert, show_default=show, n_tokens=many or 1, metavar="QUANTITY")
-
-
-def _value(text: str, unit: str) -> float:
-    """Value of a text; a temperature may also be the name of a thermometer, which is read."""
-    if unit != "C" or ":" not in text:
-        return parse_quantity(text, unit)
-    from midair.cli.exposure_options import MeasuredTemperature
-
-    return MeasuredTemperature.read(text)
 
 
 def format_quantity(value: float, unit: str) -> str:

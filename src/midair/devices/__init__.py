@@ -37,7 +37,6 @@ from .safety import Stopped as Stopped
 from .safety import append_line as append_line
 from .safety import close_orders as close_orders
 from .safety import device_lock as device_lock
-from .safety import log_drift as log_drift
 from .safety import make_state_folder as make_state_folder
 from .safety import open_stop_input as open_stop_input
 from .safety import ordered_at as ordered_at
@@ -57,7 +56,6 @@ from .sensors import SensorOptions as SensorOptions
 from .sensors import Source as Source
 from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
-from .sensors import Thermometer as Thermometer
 from .sensors import WrappedSensor as WrappedSensor
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .trackers import LeapFrames as LeapFrames

@@ -1,4 +1,4 @@
-"""The library liblsl, shared by sensors, thermometers and trackers; needs the extra `lsl`."""
+"""The library liblsl, shared by sensors and trackers; needs the extra `lsl`."""
 
 import os
 from pathlib import Path

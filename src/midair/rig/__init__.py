@@ -83,13 +83,11 @@ from .names import kept_array_calibration as kept_array_calibration
 from .names import open_tracker as open_tracker
 from .names import sensor_named as sensor_named
 from .names import stage_named as stage_named
-from .names import thermometer_named as thermometer_named
 from .opening import OpenRig as OpenRig
 from .opening import open_rig as open_rig
 from .play_lease import LeaseToken as LeaseToken
 from .play_lease import PlayLease as PlayLease
 from .play_lease import under_lease as under_lease
-from .playing import DRIFT as DRIFT
 from .playing import FollowRules as FollowRules
 from .playing import PlaySettings as PlaySettings
 from .playing import SolvedAhead as SolvedAhead
@@ -105,7 +103,6 @@ from .playing import play_cleared as play_cleared
 from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord
 from .playing import tracker_name as tracker_name
-from .playing import watch_air as watch_air
 from .recorder import Played as Played
 from .recorder import play as play
 from .recorder import play_pressure as play_pressure

@@ -109,7 +109,7 @@ class Studio:
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
         origins = tuple(f"http://{name}:{port}" for name in NAMES)
-        self.air = RoomAir(self.store, self.later)
+        self.air = RoomAir(self.store)
         self.playing = PlayPanel(
             self.store, self.takes, self.air, self.later, device=plan.device, seed=plan.seed, origins=origins
         )
@@ -157,7 +157,7 @@ class Studio:
         # Loading takes a moment; meanwhile the browser opens.
         tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
         with contextlib.ExitStack() as ending:
-            for end in (self.reading.close, self.jobs.close, self.playing.close, self.air.close):
+            for end in (self.reading.close, self.jobs.close, self.playing.close):
                 ending.callback(end)
             for panel in self.panels.values():
                 ending.callback(panel.close)

@@ -8,7 +8,7 @@ from rich.live import Live as Screen
 from rich.text import Text
 
 from midair.cli.console import banner, err, print_json, print_note, print_rows, verbosity
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, air_watched, print_air
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json, StopInput, options_from, settings_from
 from midair.cli.output import may_write
@@ -73,17 +73,10 @@ def live_command(
             raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
     cooling = (heat or HeatOptions()).cooling()
-    watched = air_watched(
-        air.temperature,
-        settings.acoustics.medium,
-        advice="start live again to solve for this air",
-        device="" if settings.device == "virtual" else settings.device,
-    )
     with (
         signals_noted() as signals,
         stop_on_input(stop_input),
         begin(settings=settings, cooling=cooling, keep=keep, report=print_note) as session,
-        watched,
     ):
         if not json:
             banner(session.opened.simulated)

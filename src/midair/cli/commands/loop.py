@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, stated_array_calibration
 from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
-from midair.cli.exposure_options import ExposureOptions, air_watched, print_air
+from midair.cli.exposure_options import ExposureOptions, print_air
 from midair.cli.options import (
     ArrayCalibration,
     Force,
@@ -96,13 +96,7 @@ def loop_command(
     lead = required_lead(settings) if lead is None else lead
     # Every pass plays another drive, whose exposure is checked first.
     check_passes(corrections, iterate)
-    watched = air_watched(
-        getattr(options, "temperature", None),
-        settings.acoustics.medium,
-        advice="run the loop again for this air",
-        device=playing.device if opened.array.gated else "",
-    )
-    with progress_bars() as stage, opened, watched:
+    with progress_bars() as stage, opened:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
         write_report(loop, target, commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)

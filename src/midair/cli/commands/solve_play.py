@@ -18,7 +18,6 @@ from midair.cli.exposure_options import (
     AirOptions,
     ExposureOptions,
     HeatOptions,
-    air_watched,
     print_air,
     print_check_time,
 )
@@ -318,12 +317,12 @@ def play_command(
                 medium = replace(room, alpha=solving.acoustics.medium.alpha)
                 solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
             pressure = _led_pressure(source, solving, start_at, duration, lead)
-            return _play_recording(source, pressure, solving, settings, air, drive, target)
+            return _play_recording(source, pressure, solving, settings, drive, target)
         if target is not None:
-            return _play_on_virtual(source, target, settings, air, correct=correct_air)
+            return _play_on_virtual(source, target, settings, correct=correct_air)
         if settings.follow is not None:
-            return _follow_on_array(source, settings, air, correct=correct_air)
-        return _play_on_array(source, settings, air, correct=correct_air)
+            return _follow_on_array(source, settings, correct=correct_air)
+        return _play_on_array(source, settings, correct=correct_air)
 
 
 def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
@@ -339,7 +338,7 @@ def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
     return target
 
 
-def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> None:
+def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, *, correct: bool) -> None:
     """Play the drive of a file on the virtual array, save its re-recording, and print the result."""
     room = settings.exposure.room
     drive = load_solution(source, streamed=True).drive
@@ -349,8 +348,7 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, air: Ai
     drive = _corrected(drive, source, room) if correct else drive
     _print_room_air(drive, source, room, simulated=True)
     drive, settings = follow_as_set(drive, settings, print_note)
-    watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN)
-    with watched, progress_bars() as stage, rig:
+    with progress_bars() as stage, rig:
         admission = _admitted(drive, rig.array, settings)
         sensor: Any = rig.sensor
         sensor.streamed = True
@@ -374,7 +372,6 @@ def _play_recording(
     pressure: PressureFrames,
     solving: Settings,
     settings: PlaySettings,
-    air: AirOptions,
     drive: Path | None,
     heard: Path | None,
 ) -> int:
@@ -384,10 +381,9 @@ def _play_recording(
     rig, device, medium = open_rig(settings=settings), settings.device, solving.acoustics.medium
     if rig.measured is not None:
         print_note(f"array calibration: {rig.measured.described(solving)}")
-    print_air(medium, stated=air.temperature is not None)
+    print_air(medium, stated=settings.exposure.room is not None)
     banner(rig.array.simulated or pressure.provenance.simulated)
-    watched = air_watched(air.temperature, medium, advice=PLAY_AGAIN, device="" if heard else device)
-    with watched, progress_bars() as stage, nullcontext() if drive is None else reserved(drive):
+    with progress_bars() as stage, nullcontext() if drive is None else reserved(drive):
         how: Any = {"path": drive, "source": source, "report": print_note, "progress": stage("play")}
         played = play_pressure(pressure, solving, rig, **how)
     found, rows = played.exposure, [] if played.report is None else _played_rows(played.report, played.drive, device)
@@ -411,10 +407,6 @@ def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> Expo
     return check_exposure(drive, device, settings.exposure, repeats=settings.repeats)
 
 
-PLAY_AGAIN = "solve it again for this air, or play it again with --correct-air"
-"""Advice if the air drifts while a drive plays."""
-
-
 def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
     if room is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
@@ -428,7 +420,7 @@ def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulate
     print_note(found.said, warn=found.warns)
 
 
-def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> int:
+def _play_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> int:
     """Play the drive of a file on a real array or an emulator, and print the result."""
     room, device = settings.exposure.room, settings.device
     rig = open_rig(settings=settings)
@@ -456,8 +448,7 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
         rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name, device))]
         level = level_rows(level_of_file(source, limits=False))
         print_rows([*level, *unreproduced_rows(drive.provenance), *rows])
-        watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
-        with progress_bars() as stage, rig, watched:
+        with progress_bars() as stage, rig:
             # Known only after opening the device.
             banner(array.simulated)
             report = play_cleared(
@@ -467,18 +458,16 @@ def _play_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, cor
     return int(bool(report.broken))
 
 
-def _follow_on_array(source: Path, settings: PlaySettings, air: AirOptions, *, correct: bool) -> int:
+def _follow_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> int:
     """Play the drive of a file while it follows a palm, and print the result."""
     room, device = settings.exposure.room, settings.device
     drive = load_solution(source).drive
     drive = _corrected(drive, source, room) if correct else drive
     array, grid = immediate_array(settings, drive.rate), grid_of(drive)
     array.cooling, array.participant = settings.cooling, settings.participant
-    watched = air_watched(air.temperature, drive.acoustics.medium, advice=PLAY_AGAIN, device=device)
     with (
         array,
         open_tracker(tracker_name(settings.follow, settings.tracker_latency)) as tracker,
-        watched,
         progress_bars() as stage,
     ):
         print_check_time(drive, settings.exposure.profile, room=room)

@@ -7,7 +7,6 @@ from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
 from .play_log import exposed as exposed
 from .play_log import hours_error as hours_error
-from .play_log import log_drift as log_drift
 from .play_log import log_end as log_end
 from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause

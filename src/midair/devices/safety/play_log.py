@@ -194,12 +194,6 @@ def _open_orders() -> list[dict[str, Any]]:
     return list(orders.values())
 
 
-def log_drift(device: str, thermometer: str, *, measured: float, solved: float) -> None:
-    """Log that the room differs from the air that the drive on a device was solved for, both in degrees Celsius."""
-    found: dict[str, object] = {"measured_c": round(measured, 2), "solved_c": round(solved, 2)}
-    _append({"event": "air", "device": device, "thermometer": thermometer, **found})
-
-
 def read_log() -> tuple[list[dict[str, Any]], int]:
     """All events of the log, and the number of lines that cannot be read, such as one cut off by a power failure.
 

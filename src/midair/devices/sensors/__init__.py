@@ -10,4 +10,3 @@ from .streamed_sensor import RemappedSensor as RemappedSensor
 from .streamed_sensor import ReplaySensor as ReplaySensor
 from .streamed_sensor import StreamedSensor as StreamedSensor
 from .streamed_sensor import WrappedSensor as WrappedSensor
-from .thermometer import Thermometer as Thermometer

@@ -11,7 +11,6 @@ from .array_names import keep_array_calibration as keep_array_calibration
 from .array_names import keep_array_check as keep_array_check
 from .array_names import kept_array_calibration as kept_array_calibration
 from .sensor_names import SENSORS as SENSORS
-from .sensor_names import THERMOMETERS as THERMOMETERS
 from .sensor_names import TRACKERS as TRACKERS
 from .sensor_names import TransducerSpread as TransducerSpread
 from .sensor_names import VirtualRig as VirtualRig
@@ -19,5 +18,4 @@ from .sensor_names import open_tracker as open_tracker
 from .sensor_names import sensor_named as sensor_named
 from .sensor_names import source_sensor as source_sensor
 from .sensor_names import stage_named as stage_named
-from .sensor_names import thermometer_named as thermometer_named
 from .sensor_names import tracker_options as tracker_options

@@ -1,9 +1,8 @@
 """Sensors by name: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``, ``audio:USB?channels=16``, ``ni:Dev1/ai0:15``.
 
-Options follow a question mark; each kind of live sensor has those of `SensorOptions` and its own. Thermometers are
-``lsl:NAME``, ``serial:PORT`` or ``file:PATH``, motion stages ``grbl:/dev/ttyUSB0`` or ``grbl:COM3?baud=115200``,
-trackers of the palm ``leap:``, ``lsl:Palm``, ``osc:9000`` or ``replay:hand.csv?latency_ms=20``. The virtual rig is an
-array, a sensor, and the air between them.
+Options follow a question mark; each kind of live sensor has those of `SensorOptions` and its own. Motion stages are
+``grbl:/dev/ttyUSB0`` or ``grbl:COM3?baud=115200``, trackers of the palm ``leap:``, ``lsl:Palm``, ``osc:9000`` or
+``replay:hand.csv?latency_ms=20``. The virtual rig is an array, a sensor, and the air between them.
 """
 
 import os
@@ -29,7 +28,6 @@ from midair.devices import (
     SensorOptions,
     StageDevice,
     StreamedSensor,
-    Thermometer,
     Tracker,
     TrackerOptions,
     VirtualArray,
@@ -260,30 +258,6 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
         f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
         f"got {name!r}; try virtual:towel"
     )
-
-
-THERMOMETERS: Registry[type[Thermometer]] = Registry(
-    "midair.thermometers",
-    {
-        "lsl": "midair.devices.sensors.lsl:LslThermometer [lsl]",
-        "serial": "midair.devices.sensors.serial_port:SerialThermometer [serial]",
-        "file": "midair.devices.sensors.thermometer:FileThermometer",
-    },
-)
-"""Kinds of thermometers."""
-
-
-def thermometer_named(name: str) -> Thermometer:
-    """Make the thermometer that a name stands for; its first `read` opens it.
-
-    UnknownDeviceError if the kind is unknown, MissingExtraError if its package is not installed.
-    """
-    kind, _, place = name.partition(":")
-    if kind not in THERMOMETERS or not place:
-        raise UnknownDeviceError(
-            f"thermometer: expected {', '.join(f'{each}:PLACE' for each in THERMOMETERS)}, got {name!r}"
-        )
-    return THERMOMETERS[kind](place)
 
 
 STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(

@@ -147,8 +147,7 @@ class LivePanel(Panel):
         self._show(state="opens", said="", share=1.0, take=None)
         try:
             await self._context.panels["record"].release()
-            solved = LiveSettings().but(acoustics=request["acoustics"]).acoustics.medium.degrees
-            leave = await self._playing.lend(page, f"live {request['sensor']}", solved=solved, stops=stops)
+            leave = await self._playing.lend(page, f"live {request['sensor']}", stops=stops)
         except MidairError as wrong:
             self._show(state="idle", said=str(wrong))
             raise

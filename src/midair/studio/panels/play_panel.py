@@ -24,10 +24,10 @@ from midair.files import DEFAULT_PROFILE
 from midair.model import HEIGHTS, Medium
 from midair.physics import MOST_PROTECTION
 from midair.processes import shared_event
-from midair.rig import DRIFT, LeaseToken, PlayLease, PlaySettings
+from midair.rig import LeaseToken, PlayLease, PlaySettings
 from midair.settings import EARS, Mode
 from midair.studio.player import run_player
-from midair.studio.room_air import RoomAir
+from midair.studio.room_air import RoomAir, degrees_of
 from midair.studio.studio_state import Arguments, Page, StudioState, declared
 from midair.studio.take_data import stamp_of
 from midair.studio.takes_list import DRAWN, TakesList, take_of
@@ -126,7 +126,7 @@ class PlayPanel:
         self._closed = False
         self._controls = 0
         self._opening: asyncio.Future[None] | None = None
-        self._checked: dict[int, tuple[CheckExposure, float, Medium | None]] = {}
+        self._checked: dict[int, tuple[CheckExposure, Medium | None]] = {}
         self.newest = ""
         """Name of the drive that was solved last."""
         self._stops = self.permit.stops
@@ -228,7 +228,7 @@ class PlayPanel:
         )
         again = self._takes.beside(order.take, ".rerecorded.h5")
         found["replaces"] = again.name if self.device == "virtual" and again.exists() else ""
-        self._checked = {found["number"]: (order, found["solved_c"], room)} if found["number"] else {}
+        self._checked = {found["number"]: (order, room)} if found["number"] else {}
         self._store.put(exposure={"take": order.take, **found})
         return found
 
@@ -252,14 +252,14 @@ class PlayPanel:
         # A person answered for the drive that was checked, not for a louder one.
         up_to = self._store.state["exposure"]["excess_db"] + 0.01 if order.loop else inf
         while True:
-            check, solved, room = self._checked[number]
+            check, room = self._checked[number]
             self.check_same_air(room)
             if order.loop and check.take.startswith(DRAWN) and not check.follow:
                 how = {"admission": number, "output": "", "masked": False, "loop": True}
-                return await self._sound(page, check.take, "play", solved=solved, **how)
+                return await self._sound(page, check.take, "play", **how)
             if not order.loop:
                 del self._checked[number]
-                return await self._once(page, check.take, solved, number)
+                return await self._once(page, check.take, number)
             newer = self.newest if take_of(self.newest) == take_of(check.take) else check.take
             drive = self._takes.beside(newer, ".drive.h5")
             # A drive is checked as a loop before its first pass; one that is not solved yet, after that pass.
@@ -274,19 +274,19 @@ class PlayPanel:
                 if not found["number"]:
                     raise ExposureError(found["refused"])
                 number = found["number"]
-                check, solved, room = self._checked[number]
+                check, room = self._checked[number]
             if self.permit.stops != stops:
                 raise StoppedError("play: stopped on request")
             self._seen(page)
             how = {"output": "", "masked": False, "waits": True, "keep": True}
-            await self._sound(page, check.take, "play", solved=solved, admission=number, **how)
+            await self._sound(page, check.take, "play", admission=number, **how)
 
-    async def _once(self, page: Page, take: str, solved: float, number: int) -> dict[str, Any]:
+    async def _once(self, page: Page, take: str, number: int) -> dict[str, Any]:
         """Play a checked drive, and replace the re-recording beside it if the array is virtual."""
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
         how = {"admission": number, "output": str(partial), "masked": False, "waits": True}
-        report = await self._sound(page, take, "play", solved=solved, **how)
+        report = await self._sound(page, take, "play", **how)
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
@@ -320,7 +320,7 @@ class PlayPanel:
         found = await self.admit_trial(path, share, room=room)
         page = self._experimenter()
         order = {"admission": found["number"], "output": "", "masked": masked, "participant": participant}
-        report = await self._sound(page, path.name, "play", solved=found["solved_c"], **order)
+        report = await self._sound(page, path.name, "play", **order)
         if report.get("gap"):
             raise SilentFramesError(
                 f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
@@ -338,10 +338,7 @@ class PlayPanel:
 
     def check_same_air(self, room: Medium | None) -> None:
         """Raise DeviceStateError if the air of the room is not that of an exposure check."""
-        now = self._air.medium
-        if (now is None) != (room is None) or (
-            now is not None and room is not None and abs(now.degrees - room.degrees) >= DRIFT
-        ):
+        if degrees_of(self._air.medium) != degrees_of(room):
             raise DeviceStateError("play: the air of the room changed since the check; check the exposure again")
 
     def _experimenter(self) -> Page:
@@ -355,12 +352,10 @@ class PlayPanel:
             )
         return page
 
-    async def _sound(self, page: Page, what: str, do: str, *, solved: float | None = None, **order: Any) -> Any:
-        """Arm for a page, run a request of the player, and disarm in any case; `solved`: temperature of the drive."""
+    async def _sound(self, page: Page, what: str, do: str, **order: Any) -> Any:
+        """Arm for a page, run a request of the player, and disarm in any case."""
         self._controls = page.number
         self._waits.clear()
-        if solved is not None:
-            self._air.plays(self.device, solved)
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="", loop=order.get("loop", False))
         try:
@@ -370,12 +365,11 @@ class PlayPanel:
             raise
         finally:
             self.permit.disarm()
-            self._air.plays()
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
-    async def lend(self, page: Page, what: str, *, solved: float, stops: int) -> LeaseToken:
-        """Lend the array to a process that solves for a temperature, until `take_back`; DeviceStateError if busy.
+    async def lend(self, page: Page, what: str, *, stops: int) -> LeaseToken:
+        """Lend the array to a process, until `take_back`; DeviceStateError if busy.
 
         `stops` is the number of stop requests when the page asked: a later one refuses the array.
         """
@@ -391,13 +385,11 @@ class PlayPanel:
             await self._open()
             raise
         self._controls = page.number
-        self._air.plays(self.device, solved)
         return self.permit.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
         """Open the array again after the process that borrowed it has ended."""
         self.permit.disarm()
-        self._air.plays()
         self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
         if self._state["state"] == "ready":

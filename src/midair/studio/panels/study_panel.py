@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -231,7 +231,7 @@ class StudyPanel(Panel):
         await asyncio.to_thread(check_not_withdrawn, study, order.participant)
         self._loop = asyncio.get_running_loop()
         self._room = self._context.air.medium
-        quiet, solved = await self._get_ready(study, plan, order)
+        quiet = await self._get_ready(study, plan, order)
         log = study.log(order.participant)
         if order.pilot:
             # A folder that no analysis reads, so that pilot data cannot be mistaken for data of the study.
@@ -276,7 +276,6 @@ class StudyPanel(Panel):
             "due": "",
             "cue": "",
             "media": None,
-            "solved_c": solved,
             "busy": False,
             "log": [],
             "error": "",
@@ -284,13 +283,13 @@ class StudyPanel(Panel):
         self._show()
         return True
 
-    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> tuple[float, Sequence[float]]:
-        """Check drives and open the headphones; returns the longest drive in s, and the temperatures solved for."""
+    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> float:
+        """Check drives and open the headphones; returns the duration of the longest drive in s."""
         drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
         self._masked = False
         await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
         if not drives:
-            return 0.0, []
+            return 0.0
         noise = plan.design.noise if order.noise != "none" else None
         await self._playing.mask(noise, order.noise)
         by = order.override.strip()
@@ -299,7 +298,7 @@ class StudyPanel(Panel):
             for source, share in drives
         ]
         self._masked = noise is not None
-        return max(each["duration_s"] for each in found), sorted({each["solved_c"] for each in found})
+        return max(each["duration_s"] for each in found)
 
     async def acknowledge(self, _: Page, __: Arguments) -> bool:
         """Continue after a text or a break."""

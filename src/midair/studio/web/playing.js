@@ -2,12 +2,12 @@
 
 import { field, make, openModal, tried } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
-import { drift, heatWarning, warningBox } from "/web/warnings.js";
+import { heatWarning } from "/web/warnings.js";
 
 const HOLD = 600; // ms
 
-/** `again` solves the take again; `correct`: with phases corrected for the air of the room. */
-export function askToPlay(studio, take, again, correct = false, solve = undefined) {
+/** `correct`: with phases corrected for the air of the room. */
+export function askToPlay(studio, take, correct = false, solve = undefined) {
   const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, solve, follow: "" };
   const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
   const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold", title: simulated ? "Plays and re-records" : "Hold for 0.6 s" }, simulated ? "Play" : "Hold to play");
@@ -24,22 +24,17 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   }
   const protection = make("input", { type: "number", min: 0, max: 40, value: "0", onchange: () => { given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0)); check(); } });
   const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
-  const drifted = warningBox("drift", make("button", { type: "button", id: "correct-air", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => { given.correct_air = true; check(); } }, "Correct phases"),
-    make("button", { type: "button", id: "solve-again", title: "Solves a new drive for the air of now", onclick: () => { dialog.close(); again(); } }, "Solve again"));
-  let admission = 0, checks = 0, looping = false, timer = 0, solved = NaN;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, drifted, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Loop until STOP", loop, "A drive that is solved meanwhile is played from the next pass"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
+  let admission = 0, checks = 0, looping = false, timer = 0;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Loop until STOP", loop, "A drive that is solved meanwhile is played from the next pass"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
     make("div.buttons", {}, hold, make("button", { type: "button", title: "Back to the panel", onclick: () => dialog.close() }, "Close")), done,
     make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
 
-  function warn() { drifted.tell(drift(link, solved)); }
   async function check() {
     hold.disabled = true;
     const turn = ++checks, found = await tried(link.order("play", "check", given));
     if (turn !== checks) return; // a later check withdraws this one
     if (!found) { verdict.textContent = "the exposure could not be checked"; return; }
     admission = found.number;
-    solved = found.solved_c;
-    warn();
     measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
     if (found.replaces) verdict.append(` ${found.replaces} exists and will be replaced.`);
@@ -63,7 +58,6 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   async function play() {
     hold.disabled = true;
     done.hidden = false;
-    for (const one of drifted.querySelectorAll("button")) one.disabled = true;
     const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said && !looping) verdict.textContent = player.said; });
     looping = loop.checked;
     if (looping) verdict.textContent = "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
@@ -72,7 +66,6 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
     if (!dialog.open) tried(link.order("play", "unfollow"));
     off();
     done.hidden = true;
-    for (const one of drifted.querySelectorAll("button")) one.disabled = false;
     verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
     verdict.className = report ? "good" : "bad";
     if (report) {
@@ -90,8 +83,7 @@ export function askToPlay(studio, take, again, correct = false, solve = undefine
   }
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
-  const off = link.on("air", warn);
-  dialog.addEventListener("close", () => { off(); hot.off(); palm.off(); if (!looping) tried(link.order("play", "unfollow")); }, { once: true });
+  dialog.addEventListener("close", () => { hot.off(); palm.off(); if (!looping) tried(link.order("play", "unfollow")); }, { once: true });
   openModal(dialog, link);
   check();
 }

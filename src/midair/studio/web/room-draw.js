@@ -466,7 +466,7 @@ export default class Draw {
       say("drawing …");
       this.sent = JSON.stringify(this.pattern);
       const take = await link.order("draw", "draft", { pattern: this.pattern });
-      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take, () => this._play()); document.getElementById("loop").checked = loop; return; }
+      if (link.state.player.device !== "virtual") { say(""); askToPlay(this.studio, take); document.getElementById("loop").checked = loop; return; }
       say("checking the exposure …");
       const found = await link.order("play", "check", { take });
       if (this.left || !found.number) { say(found.refused || ""); return; }

@@ -7,7 +7,6 @@ import { Track, SparseTrack, FieldPicture, CellsPicture, TracesPicture, PhasesPi
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, panel, playable, rows, toast, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
-import { drift, warningBox } from "/web/warnings.js";
 
 const KEPT = 60, HOLD = 600; // s, ms
 const MAPPINGS = [["half-wave", "half-wave"], ["slow-bias", "slow bias, 90 ms more"]];
@@ -96,7 +95,6 @@ export default class Live {
     this.verdict = make("p.quiet", { role: "status" }, "Check the exposure first. The check assumes the worst case of the level.");
     this.refused = make("div.column");
     this.heat = make("p.quiet");
-    this.drifted = warningBox("drift", make("button", { type: "button", id: "solve-again", title: "ends, and checks the exposure in the air of now", onclick: () => { this.again = true; tried(this.link.order("live", "end")); } }, "Solve again"));
     this.loud = make("output", { id: "loud" }, "100 %");
     this.share = make("input", { type: "range", min: 5, max: 100, step: 5, value: "100", "aria-label": "Loudness, per cent of the level", oninput: () => { this.loud.value = `${this.share.value} %`; }, onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })) });
     this.end = make("button", { type: "button", id: "live-end", title: "Ends live touch in silence", onclick: () => tried(this.link.order("live", "end")) }, "End");
@@ -116,7 +114,7 @@ export default class Live {
     this.delay = panel("From touch to sound", "constant delay", make("div.latency", {}, this.sum, this.parts), this.named, this.counted,
       make("p.quiet", {}, "Suitable for stroking, not for tapping: people notice a delay of 5.5 ms after a tap, and of 60 ms in a texture."));
     this.studio.main.append(make("div.live", {},
-      make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.drifted, this.heat, this.refused, this.running), panel("Safety", null, this.safety)),
+      make("div.column.left", {}, panel("Settings", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.heat, this.refused, this.running), panel("Safety", null, this.safety)),
       make("div.middle", {}, make("div.trio", {}, panels.touch, panels.sound, panels.phase, panel("Pa", null, boxes.bar)), this.delay, panels.traces),
       make("div.side", {}, panels.array, panels.spectrogram)));
     this._arm();
@@ -157,7 +155,6 @@ export default class Live {
     this.hold.disabled = this.check.disabled || !this.admission;
     this.running.hidden = idle;
     for (const part of [this.form, this.check, this.hold]) part.hidden = !idle;
-    this.drifted.tell(plays ? drift(this.link, this.link.state.live_about?.air_c) : "");
     this.share.disabled = !controls || !plays;
     this.end.disabled = !controls || idle;
     this.keeps.disabled = !controls || !this.link.state.live_about;
@@ -176,7 +173,6 @@ export default class Live {
     else if (live.said) this._say(live.said, /ended normally/.test(live.said) ? "" : "bad");
     if (live.take) this.kept.replaceChildren(`${live.take.name}: ${live.take.duration_s.toFixed(1)} s `, make("a", { href: `#reproduce/${encodeURI(live.take.name)}`, id: "to-reproduce" }, "open in Reproduce"));
     this.control();
-    if (live.state === "idle" && this.again) { this.again = false; this._check(); }
   }
   /** The checked level holds for the air that was stated. */
   _air({ temperature, humidity }) {

@@ -7,7 +7,7 @@ import { importFile, pictureOf } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
 import { TakeView, chosen, colours, driveButtons, driveLabel, drivesOf, leadOf, listed, otherDrive, reached, rowOf, takeOf, takesList } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
-import { drift, warningBox } from "/web/warnings.js";
+import { otherAir, warningBox } from "/web/warnings.js";
 
 const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"], ["receptors", "receptors"]];
 const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
@@ -57,7 +57,7 @@ export default class Reproduce {
     this.editing = [own("Edit", "Cut, trim, gain, fade, mask, resample or join, as another take", () => this._edit()), own("Undo", "Takes back the last edit: Ctrl Z", () => this.undo("undo")), own("Redo", "Makes the edit again: Ctrl Shift Z", () => this.undo("redo")), own("Export", "Writes take, drive or re-recording in a format of another program", () => this._export())];
     this.solve = make("button.main", { type: "button", title: "Computes the phases of the transducers for every frame", onclick: () => this._solve() }, "Solve");
     this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
-    this.drifted = warningBox("room-drift", make("button", { type: "button", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", title: "Solves a new drive for the air of now", onclick: () => this._solve() }, "Solve again"));
+    this.otherAir = warningBox("other-air", make("button", { type: "button", title: "Turns the phases for the air of now, exact at the centre of the points", onclick: () => this._play(true) }, "Correct phases"), make("button", { type: "button", title: "Solves a new drive for the air of now", onclick: () => this._solve() }, "Solve again"));
     this.form = make("div.column");
     this.drives = make("div", { id: "drives" });
     this.frame = make("div");
@@ -73,7 +73,7 @@ export default class Reproduce {
     this.form.append(...Object.values(this.inputs).map((input, i) => field(FIELDS[i][0], input, FIELDS[i][1])), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, make("div.found", {}, this.search, this.sort), this.list, make("div.buttons", {}, ...this.own, ...this.editing), file), { className: "panel grow" }),
-      panel("Settings", null, this.drives, this.form, this.drifted, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about), panel("Notes and marks", make("span", {}, "mark ", make("kbd", {}, "M")), this.text, this.marks));
+      panel("Settings", null, this.drives, this.form, this.otherAir, make("div.buttons", {}, this.solve, this.play)), panel("Current frame", null, this.frame, this.about), panel("Notes and marks", make("span", {}, "mark ", make("kbd", {}, "M")), this.text, this.marks));
     const box = (name) => make("div.box", { id: `box-${name}` });
     this.boxes = Object.fromEntries(["wanted", "played", "bar", "traces", "phase", "array", "spectrogram", "overview"].map((name) => [name, box(name)]));
     const { boxes } = this;
@@ -106,10 +106,10 @@ export default class Reproduce {
     this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
     this.play.disabled = !controls || !facts || comes || facts.part || !playable(player);
     this.play.title = facts?.part ? "the drive is being solved" : !playable(player) ? "the array is not ready" : "Checks the exposure, then plays when you hold the button";
-    const [correct, again] = this.drifted.querySelectorAll("button");
+    const [correct, again] = this.otherAir.querySelectorAll("button");
     correct.disabled = this.play.disabled;
     again.disabled = this.solve.disabled;
-    this.drifted.tell(drift(this.link, facts?.drive?.air_c));
+    this.otherAir.tell(otherAir(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     for (const button of this.own) { button.disabled = !controls || !row || row.sample; button.title = row?.sample ? "samples stay as they are" : button.dataset.help; }
     const [edit, undo, redo, out] = this.editing, edits = this.link.state.edits ?? {};
@@ -413,7 +413,7 @@ export default class Reproduce {
     const answer = await solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) });
     if (answer && this.take && answer.take !== this.take.name) this.studio.go("reproduce", answer.take);
   }
-  _play(correct = false) { askToPlay(this.studio, this.take.name, () => this._solve(), correct, { take: this.take.name, ...chosen(this.made) }); }
+  _play(correct = false) { askToPlay(this.studio, this.take.name, correct, { take: this.take.name, ...chosen(this.made) }); }
   async _upload(file) {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });

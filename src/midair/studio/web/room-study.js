@@ -1,7 +1,6 @@
 /* Panel Study: the experimenter's page, and the participant's with one question at a time. */
 
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
-import { drift } from "/web/warnings.js";
 
 const TEMPLATES = [["own", "my takes and patterns"], ["threshold", "threshold of a take"], ["paper", "the paper's experiment"], ["detection", "vibration threshold"], ["intervals", "two-interval comparison"], ["paired", "paired comparison"]];
 
@@ -39,9 +38,8 @@ export default class Study {
 
   _forExperimenter() {
     const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
-    const drifted = (session?.solved_c ?? []).map((solved) => drift(this.link, solved)).filter(Boolean).join("; ");
     const own = (this.link.state.takes ?? []).filter((row) => !row.sample && row.name.endsWith(".h5")).map((row) => row.name).concat(this.link.state.draw?.files ?? []);
-    const key = JSON.stringify([session, studies, controls, drifted, own, this.link.state.player?.simulated]);
+    const key = JSON.stringify([session, studies, controls, own, this.link.state.player?.simulated]);
     if (key === this.shown) return;
     this.shown = key;
     const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
@@ -70,7 +68,6 @@ export default class Study {
         make("progress", { max: step.total || 1, value: over ? step.total || 1 : Math.max(0, step.number - 1), "aria-label": "progress" }),
         rows([["Trial", step.total ? `${step.number} of ${step.total}` : "–"], ["Now", { show: "reads a text", present: "a stimulus is due", ask: "answers", rest: "rests", done: "done", stopped: "stopped" }[step.kind]]]),
         ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, title: "Press it when the participant has touched it", onclick: () => tried(this.link.order("study", "presented")) }, "Stimulus presented")] : []),
-        ...(drifted ? [make("div.warning", { id: "drift", role: "alert" }, `${drifted}; solve the drives again for this air`)] : []),
         ...(session.error ? [make("p.bad", {}, session.error)] : []),
         make("div.buttons", {}, make("button", { type: "button", title: "One question at a time, on this screen", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
           make("button", { type: "button", title: "One question at a time, on a second screen", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "Participant's page in a new window")),

@@ -1,14 +1,14 @@
-/* The air of the room in the header, and warnings that stay while their cause lasts: drift of the room, hot units. */
+/* The air of the room in the header, and warnings that stay while their cause lasts: other air, hot units. */
 
 import { field, make, openModal, tried } from "/web/dom.js";
 
 const shown = (degrees) => `${degrees.toFixed(1)} °C`;
 const button = (words, onclick, title, id) => make("button", { type: "button", onclick, title, id }, words);
 
-/** The warning that the room differs from the air that a drive was solved for; "" without a drift. */
-export function drift({ state: { air } }, solved) {
-  if (!Number.isFinite(solved) || typeof air?.degrees !== "number" || Math.abs(air.degrees - solved) < air.drift) return "";
-  return `air: ${air.temperature.includes(":") ? `${air.temperature} measures` : "the room has"} ${shown(air.degrees)}, the drive was solved for ${shown(solved)}`;
+/** The warning that the room differs by 1 K from the air that a drive was solved for, or "". */
+export function otherAir({ state: { air } }, solved) {
+  if (!Number.isFinite(solved) || typeof air?.degrees !== "number" || Math.abs(air.degrees - solved) < 1) return "";
+  return `air: the room has ${shown(air.degrees)}, the drive was solved for ${shown(solved)}`;
 }
 
 /** A box with buttons; tell(words) shows it, tell("") hides it. */
@@ -31,12 +31,11 @@ export function airShown(link) {
   const pill = document.getElementById("state-air"), dialog = document.getElementById("air");
   link.on("air", (air) => {
     pill.textContent = air.degrees === null ? "air not stated" : `air ${shown(air.degrees)}`;
-    pill.title = air.problem || (air.degrees === null ? `best mode: ${air.default} °C` : `${air.temperature}, humidity ${air.humidity === null ? "not stated" : `${air.humidity} %`}`);
-    pill.classList.toggle("bad", Boolean(air.problem));
+    pill.title = air.degrees === null ? `best mode: ${air.default} °C` : `${air.temperature}, humidity ${air.humidity === null ? "not stated" : `${air.humidity} %`}`;
   });
   pill.addEventListener("click", () => {
-    const { air } = link.state, problem = make("p.bad", { role: "alert" }, air.problem);
-    const temperature = make("input", { type: "text", value: air.temperature, maxLength: 300, autocomplete: "off", placeholder: "22C" });
+    const { air } = link.state, problem = make("p.bad", { role: "alert" });
+    const temperature = make("input", { type: "text", value: air.temperature, maxLength: 20, autocomplete: "off", placeholder: "22C" });
     const humidity = make("input", { type: "number", min: 0, max: 100, step: "any", value: String(air.humidity ?? "") });
     const state = async (given) => {
       problem.textContent = "";
@@ -44,7 +43,7 @@ export function airShown(link) {
     };
     dialog.replaceChildren(make("h2", { id: "air-title" }, "Air of the room"),
       make("p", {}, "Drives are solved for this air, and the exposure check covers it. Without it, drives are solved for the air of their mode, and the check covers 14 to 30 °C."),
-      field("Temperature, or a thermometer", temperature, "Degrees Celsius such as 22C, or lsl:NAME, serial:PORT, file:PATH"), make("p.quiet", {}, "Degrees Celsius such as 22C, or lsl:NAME, serial:PORT, file:PATH"), field("Humidity, %", humidity, "Relative humidity, which damps the sound"), problem,
+      field("Temperature", temperature, "Degrees Celsius such as 22C"), field("Humidity, %", humidity, "Relative humidity, which damps the sound"), problem,
       make("div.buttons", {}, button("Use this air", () => state({ temperature: temperature.value, humidity: humidity.value === "" ? null : Number(humidity.value) }), "New drives are solved for this air", "use-air"),
         button("Not stated", () => state({}), "Takes the stated air back"), button("Close", () => dialog.close(), "Changes nothing")));
     for (const one of dialog.querySelectorAll("#use-air, input")) one.disabled = !link.controls;

@@ -1,15 +1,13 @@
 """The commands `study run` and `study markers`."""
 
-from contextlib import AbstractContextManager, nullcontext
-
 import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
-from midair.cli.exposure_options import AirOptions, ExposureOptions, air_watched, print_check_time
+from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
 from midair.cli.options import OptionalTime, StopInput, Study
 from midair.devices import stop_on_input
 from midair.errors import InputError
-from midair.model import Drive, Medium
+from midair.model import Drive
 from midair.rig import PlaySettings
 from midair.study import (
     NO_PERSON,
@@ -105,10 +103,8 @@ def run_command(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
     following = PlaySettings(follow=follow, tracker_latency=tracker_latency) if follow or tracker_latency else None
-    solved: list[Medium] = []
 
     def before(drive: Drive) -> None:
-        solved.append(drive.acoustics.medium)
         print_check_time(drive, choices.profile, room=room)
 
     with (
@@ -127,7 +123,6 @@ def run_command(
             participant=participant,
             follow=following,
         ) as rig,
-        _air_watched(air, solved, array),
     ):
         session = Session(
             plan,
@@ -157,16 +152,6 @@ def run_command(
         due = standing.trials[standing.next_trial].session
         out().print(f"Session {due} is next: run the same command again.")
     return 0 if step.kind == "done" else 1
-
-
-def _air_watched(air: AirOptions, solved: list[Medium], array: str) -> AbstractContextManager[None]:
-    """Warn about a drift of the room from the drive whose air differs most; nothing without drives."""
-    now = air.temperature
-    if now is None or not solved:
-        return nullcontext()
-    farthest = max(solved, key=lambda medium: abs(medium.degrees - now))
-    device = "" if array == "virtual" else array
-    return air_watched(now, farthest, advice="solve the drives again for this air", device=device)
 
 
 def markers_command(study: Study, /, *, count: int = 500, serial: str = "") -> int:
