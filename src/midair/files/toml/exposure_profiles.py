@@ -3,12 +3,12 @@
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from functools import reduce
+from functools import cache, reduce
 from importlib import resources
 from json import dumps
 from operator import or_
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from midair.errors import BrokenFileError, InputError
 from midair.files.text_files import LARGEST_TOML, read_text, read_toml, toml_of
 from midair.physics import ExposureProfile, Place
 from midair.validation import one_of
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 Sheet = TypeVar("Sheet")
 Made = TypeVar("Made")
@@ -72,7 +75,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         if not isinstance(value, list):
             raise InputError(f"{where}: expected tables [[{where}]], got {value!r}")
         return tuple(_value(get_args(hint)[0], each, f"{where} {number}") for number, each in enumerate(value))
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     # Dataclasses are excluded, because pydantic does not support those with arrays.
     plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
@@ -80,9 +83,16 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         raise InputError(f"{where}: expected a table, got {value!r}")
     try:
         # Strict, so that true and "4" are no numbers; from JSON, whose lists become tuples.
-        return TypeAdapter[Any](reduce(or_, plain)).validate_json(dumps(value, default=str), strict=True)
+        return _adapter(plain).validate_json(dumps(value, default=str), strict=True)
     except ValidationError as wrong:
         raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
+
+
+@cache
+def _adapter(kinds: tuple[Any, ...]) -> "TypeAdapter[Any]":
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(reduce(or_, kinds))
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
