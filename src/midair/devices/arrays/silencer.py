@@ -124,13 +124,13 @@ def silencer_errors(drive: Drive, sampling: Sampling | None = None) -> dict[str,
         drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
     )
     steps = sampling.steps(drive.rate)
+    steady = [simulate(piece, G, rate=piece.rate)[first:] for piece, first in pieces]
     errors: dict[str, float] = {}
     for name in names:
         silencer = named_silencer(name, drive.rate)
         chain = PlaybackChain(phase_ramp=silencer.phase, level_ramp=silencer.intensity, transducers=moves)
         wrong = power = 0.0
-        for piece, first in pieces:
-            still = simulate(piece, G, rate=piece.rate)[first:]
+        for (piece, first), still in zip(pieces, steady, strict=True):
             moving = simulate(piece, G, chain=chain, rate=piece.rate * steps)
             felt = moving.reshape(piece.frames, steps, -1).mean(axis=1)[first:]
             wrong, power = wrong + float(((felt - still) ** 2).sum()), power + float((still**2).sum())
@@ -150,8 +150,7 @@ def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
         return []
     middle = sounds[np.unique(np.linspace(0, sounds.size - 1, 2 * sampling.windows + 1)[1::2].astype(int))]
     pieces: list[tuple[Drive, int]] = []
-    for each in middle:
-        begin = max(0, min(int(each), drive.frames - sampling.frames))
+    for begin in np.unique(np.maximum(0, np.minimum(middle, drive.frames - sampling.frames))).tolist():
         before = max(0, begin - sampling.before)
         part = slice(before, begin + sampling.frames)
         pieces.append((replace(drive, phase=drive.phase[part], level=drive.level[part]), begin - before))
