@@ -64,11 +64,6 @@ def with_pressure(path):
     files.save_pressure(PRESSURE, path)
 
 
-def repaired(path):
-    files.save(TAKE, path)
-    files.repair(path)
-
-
 def study_new(path):
     StudyFolder.create(path, template_text("paper"), DESIGN)
 
@@ -91,7 +86,6 @@ WRITERS = {
         for ending in (".h5", ".csv", ".wav", ".npz", ".mat")
     },
     "pressed.h5": with_pressure,
-    "repaired.h5": repaired,
     "a.calibration.h5": lambda path: files.save_calibration(FLAT, path),
     "a.drive.h5": lambda path: files.save_solution(SOLUTION, path),
     "sensor.toml": lambda path: files.save_sensor(SensorWiring.for_channels(16, name="palm", unit="V"), path),

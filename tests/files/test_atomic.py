@@ -1,5 +1,4 @@
 import errno
-import fcntl
 import os
 import platform
 import shutil
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, DeviceStateError, FileError, NonFiniteError
-from midair.files import atomic, check_not_recording, lock_or_raise, open_take, save
+from midair.files import check_not_recording, lock_or_raise, open_take, save
 from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, existing_file, parse_errors
 from midair.model import Recording
 
@@ -164,9 +163,9 @@ def test_files_that_came_to_be_are_noted_as_they_were_named(tmp_path, monkeypatc
 HOLDER = """
 import os, sys
 from pathlib import Path
-from midair.files.atomic import acquire_for_writing, lock_or_raise
+from midair.files.atomic import lock_or_raise, lock_recording
 file = os.open(sys.argv[2], os.O_RDWR)
-lock_or_raise(file, "held") if sys.argv[1] == "hold" else acquire_for_writing(file, Path(sys.argv[2]))
+lock_or_raise(file, "held") if sys.argv[1] == "hold" else lock_recording(file, Path(sys.argv[2]))
 print("has it", flush=True)
 sys.stdin.read()
 """
@@ -206,42 +205,17 @@ def test_a_failing_lock_blames_no_program(path):
         lock_or_raise(mine, "log: end the other one first")
 
 
-@pytest.mark.parametrize("way", ["places", pytest.param("whole files", marks=pytest.mark.long)])
-def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeypatch):
-    if way == "whole files":  # as on systems without locks that belong to an open file
-        monkeypatch.setattr(atomic, "fcntl", without_places())
-        monkeypatch.setitem(globals(), "HOLDER", HOLDER.replace("file = os", f"{WITHOUT_PLACES}; file = os"))
-    elif not hasattr(fcntl, "F_OFD_SETLK"):
-        pytest.skip("this system has no locks that belong to an open file")
+@pytest.mark.long
+def test_a_file_that_is_recorded_is_not_replaced_but_readable(path):
     with holder("claim", path) as other:
-        for _ in range(2):
-            with pytest.raises(FileError, match="is recording into it; wait until") as caught, atomic_file(path):
-                pass
-        if way == "places" and sys.platform == "linux":
-            assert f"process {other.pid} ({sys.executable} -c" in str(caught.value)
-        assert "\n" not in str(caught.value)
+        with pytest.raises(FileError, match="a program is recording into it; wait until"), atomic_file(path):
+            pass
         assert path.read_text() == "precious"
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # what HDF5 does to read
+        with atomic_file(path, recording=True) as partial:
+            partial.write_text("whole")
         other.kill()
     check_not_recording(path)
     assert [each.name for each in path.parent.iterdir()] == ["log"]
-
-
-WITHOUT_PLACES = "import fcntl; vars(fcntl).pop('F_OFD_SETLK', 0); vars(fcntl).pop('F_OFD_GETLK', 0)"
-
-
-def without_places():
-    names = {name: value for name, value in vars(fcntl).items() if not name.startswith("F_OFD")}
-    return type("fcntl", (), {**names, "flock": staticmethod(fcntl.flock)})
-
-
-def test_a_claim_of_its_own_is_refused_too(path):
-    with path.open("rb+") as file:
-        atomic.acquire_for_writing(file.fileno(), path)
-        with pytest.raises(FileError, match="this program is recording into it"):
-            check_not_recording(path)
-    check_not_recording(path)
 
 
 def test_missing_files_and_folders_are_not_locked(tmp_path):

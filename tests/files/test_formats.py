@@ -21,7 +21,7 @@ from midair.errors import (
     NonFiniteError,
     UnknownFormatError,
 )
-from midair.files import FORMATS, RecordingWriter, contents, load, open_take, save, save_calibration, save_solution
+from midair.files import FORMATS, contents, load, open_take, save, save_calibration, save_solution
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import cut
 from midair.streaming import LazyFrames
@@ -332,7 +332,7 @@ def test_reading_takes_at_least_the_stated_memory(ending, tmp_path):
 def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):
     save(recording, tmp_path / "a.h5", calibration=calibration)
     seen = contents(tmp_path / "a.h5")
-    assert (seen.kind, seen.frames, seen.finished, seen.parts) == ("recording", 40, True, ("calibration",))
+    assert (seen.kind, seen.frames, seen.parts) == ("recording", 40, ("calibration",))
     assert seen.created_by == f"midair {__version__}"
     assert seen.created.endswith("+00:00")
 
@@ -343,13 +343,6 @@ def test_recognises_drives_and_calibrations(solution, target, calibration, tmp_p
     drive, bench = contents(tmp_path / "a.drive.h5"), contents(tmp_path / "a.calibration.h5")
     assert (drive.kind, drive.frames, drive.parts) == ("drive", 4, ("target",))
     assert (bench.kind, bench.frames, bench.parts) == ("calibration", None, ())
-
-
-def test_recognises_a_running_recording(recording, tmp_path):
-    options = {"rate": 1000, "sensor": recording.sensor, "unit": "V", "provenance": recording.provenance}
-    with RecordingWriter(tmp_path / "a.h5", **options):
-        assert not contents(tmp_path / "a.h5").finished
-    assert contents(tmp_path / "a.h5").finished
 
 
 def test_refuses_files_of_others(tmp_path):

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from tests.fuzzing.hdf5_damage import hdf5
 
 Damage = Callable[[bytes, np.random.Generator], bytes]
 
@@ -309,8 +308,6 @@ def toml_text(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 DAMAGES: dict[str, Damage] = {
-    ".h5": hdf5,
-    "seven.mat": hdf5,
     "four.mat": MAT4,
     ".mat": mat5,
     ".wav": RIFF,

@@ -3,24 +3,19 @@
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import soundfile
 from scipy.io import savemat
 from tests.foreign_files import tdms, xdf, xdf_whole
 
 from midair.datasets import sample_path
-from midair.files import RecordingWriter, save, save_calibration, save_pressure, save_sensor, save_solution
+from midair.files import RecordingWriter, save, save_sensor
 from midair.model import (
     Calibration,
-    Drive,
-    PressureFrames,
     Provenance,
     Recording,
     SensorGrid,
     SensorWiring,
-    Solution,
-    TransducerArray,
 )
 from midair.settings import best_mode
 
@@ -56,20 +51,12 @@ def calibration() -> Calibration:
 
 
 def _own(folder: Path) -> None:
-    take, known = recording(), calibration()
-    for ending in (".h5", ".csv", ".wav", ".npz", ".mat"):
-        save(take, folder / f"own{ending}", calibration=known if ending == ".h5" else None)
-    save_pressure(PressureFrames(pressure=take.samples, rate=take.rate, sensor=GRID), folder / "own.h5")
-    save_calibration(known, folder / "own.calibration.h5")
-    array = TransducerArray.autd3(columns=1, rows=1)
-    phase = RNG.uniform(-np.pi, np.pi, (4, array.count))
-    drive = Drive(phase=phase, level=RNG.random(4), rate=1000, array=array, provenance=Provenance(source="solve"))
-    status = ("converged", "iterations", "stalled", "silent")
-    solved = Solution(drive=drive, error=RNG.random(4), iterations=np.array([50, 20, 20, 0]), status=status)
-    save_solution(solved, folder / "own.drive.h5")
+    take = recording()
+    for ending in (".csv", ".wav", ".npz", ".mat"):
+        save(take, folder / f"own{ending}")
     # What a killed recorder leaves: the bytes while it still runs.
     with RecordingWriter(
-        folder / "made.h5", rate=1000, sensor=GRID, unit="V", provenance=take.provenance, interval=1e-6
+        folder / "made.h5", rate=1000, sensor=GRID, unit="V", provenance=take.provenance, calibration=calibration()
     ) as writer:
         writer.append(take.samples)
         (folder / "killed.h5").write_bytes((folder / "made.h5").read_bytes())
@@ -97,14 +84,6 @@ def _of_matlab(folder: Path) -> None:
     savemat(folder / "foreign.mat", {"x": samples, "name": "skin", "cell": np.array([{}], object)})
     savemat(folder / "packed.mat", {"x": samples.astype("f4"), "i": np.arange(6, dtype="i2")}, do_compression=True)
     savemat(folder / "four.mat", {"x": samples, "name": "skin"}, format="4")
-    with h5py.File(folder / "seven.mat", "w", userblock_size=512, libver="earliest") as file:
-        for name, data in {"x": samples.T, "long": np.arange(4.0)}.items():
-            file.create_dataset(name, data=data, chunks=data.shape, compression="gzip").attrs["MATLAB_class"] = (
-                b"double"
-            )
-    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
-    with (folder / "seven.mat").open("rb+") as file:
-        file.write(header)
 
 
 def _laboratories(folder: Path) -> None:

@@ -90,10 +90,9 @@ ONE_CHANNEL = import_or_open("--unit", "V", "--layout", "1x1:7mm", unit="V", sen
 
 FOREIGN = ("wav", "ulaw.wav", "float.wav", "w64", "rf64", "npz", "mat")
 READ_BY: dict[tuple[Callable[[Path], object], ...], tuple[str, ...]] = {
-    (INFO, OWN): ("own.h5", "killed.h5"),
-    (INFO,): ("own.calibration.h5", "own.drive.h5"),
+    (INFO, OWN): ("killed.h5",),
     (OWN,): ("own.csv", "own.wav", "own.npz", "own.mat", "denim.csv"),
-    (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat", "seven.mat"),
+    (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat"),
     (STAMPED,): ("stamped.csv",),
     (SAYS_UNIT,): ("a.xdf", "a.tdms"),
     (ONE_CHANNEL,): ("foreign.haptic", "foreign.ahap"),

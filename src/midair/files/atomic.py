@@ -26,10 +26,6 @@ except ImportError:  # Windows, where an open file cannot be replaced anyway
 
 _HELD = (EAGAIN, EACCES)
 _NONE = (ENOLCK, ENOTSUP, EOPNOTSUPP, ENOSYS, EINVAL)
-_PLACE = 1 << 62
-"""Byte offset, far beyond the end of any file, that process 0 would lock: the offset of a lock encodes its process."""
-_FLOCK = "hhqqi"
-"""struct flock of a 64-bit system: type, whence, start, length, process."""
 
 
 class NoLocksWarning(UserWarning):
@@ -42,72 +38,36 @@ def lock_or_raise(handle: int, refusal: str) -> None:
     On a file system without locks it issues a `NoLocksWarning` and continues. Raises DeviceStateError with the message
     `refusal` if another program holds the lock, and FileError if the lock fails for any other reason.
     """
-    if fcntl is None:
-        return
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as wrong:
-        if wrong.errno in _HELD:
-            raise DeviceStateError(refusal) from wrong
-        _warn(wrong, refusal.partition(":")[0])
+    if not _locked(handle, refusal.partition(":")[0]):
+        raise DeviceStateError(refusal)
 
 
-def acquire_for_writing(handle: int, path: Path) -> None:
-    """Mark an open file as being written by this process; `check_not_recording` detects the mark."""
-    if fcntl is None:
-        return
-    try:
-        if hasattr(fcntl, "F_OFD_SETLK"):
-            place = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, _PLACE + os.getpid(), 1, 0)
-            fcntl.fcntl(handle, fcntl.F_OFD_SETLK, place)
-        else:
-            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError as wrong:
-        _warn(wrong, path)
+def lock_recording(handle: int, path: Path, *, shared: bool = False) -> None:
+    """Lock the open file of a recording like `lock_or_raise`; raises FileError if a program is recording into it."""
+    if not _locked(handle, path, shared=shared):
+        raise FileError(f"{path}: a program is recording into it; wait until it has ended, or end it")
 
 
 def check_not_recording(path: Path) -> None:
-    """Raise FileError, which names the process, if another handle is writing to a file to be replaced or removed."""
-    if fcntl is None or not path.is_file():
+    """Raise FileError if a program is recording into a file that is to be replaced or removed."""
+    if not path.is_file():
         return
     # Without read permission, the following operation raises the error.
     with suppress(PermissionError), path.open("rb") as file:
-        try:
-            process = _writer_of(file.fileno())
-        except OSError as wrong:
-            _warn(wrong, path)
-            return
-        if process is not None:
-            raise FileError(f"{path}: {_program(process)} is recording into it; wait until it has ended, or end it")
+        lock_recording(file.fileno(), path, shared=True)
 
 
-def _writer_of(handle: int) -> int | None:
-    """Process that is writing to an open file, 0 if the system does not report which one, or None."""
+def _locked(handle: int, what: Path | str, *, shared: bool = False) -> bool:
+    """Lock an open file if no other program holds the lock."""
     if fcntl is None:
-        return None
-    if hasattr(fcntl, "F_OFD_GETLK"):
-        everywhere = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, _PLACE, 0, 0)
-        kind, _, start, _, _ = struct.unpack(_FLOCK, fcntl.fcntl(handle, fcntl.F_OFD_GETLK, everywhere))
-        return None if kind == fcntl.F_UNLCK else max(0, start - _PLACE)
+        return True
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError as wrong:
         if wrong.errno in _HELD:
-            return 0
-        raise
-    return None
-
-
-def _program(process: int) -> str:
-    """Process number and, where the system reports it, its command line."""
-    if process == os.getpid():
-        return "this program"
-    try:
-        words = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        words = []
-    typed = "".join(letter if letter.isprintable() else "?" for letter in " ".join(words).strip())[:100]
-    return f"process {process}{f' ({typed})' if typed else ''}" if process else "another program"
+            return False
+        _warn(wrong, what)
+    return True
 
 
 def _warn(wrong: OSError, what: Path | str) -> None:
@@ -194,22 +154,24 @@ def note_written_file(path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def atomic_file(path: str | os.PathLike[str]) -> Generator[Path]:
+def atomic_file(path: str | os.PathLike[str], *, recording: bool = False) -> Generator[Path]:
     """Write a file atomically: yields a temporary name beside `path`, which replaces `path` if the block succeeds.
 
     The data are on the disk (fsync) before the file is renamed (os.replace): other programs see the old file or the new
-    one, never a part. A file that is being recorded is not replaced. On failure the temporary file is deleted. Raises
-    MissingFileError if the folder does not exist; FileError if the file cannot be written, or a program is recording
-    into it.
+    one, never a part. A file that is being recorded is replaced only with `recording`, by its recorder. On failure the
+    temporary file is deleted. Raises MissingFileError if the folder does not exist; FileError if the file cannot be
+    written, or a program is recording into it.
     """
     target = writable_path(path)
-    check_not_recording(target)
+    if not recording:
+        check_not_recording(target)
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
         partial.touch(exist_ok=False)
         yield partial
         _sync(partial)
-        check_not_recording(target)
+        if not recording:
+            check_not_recording(target)
         os.replace(partial, target)
         note_written_file(path)
     except MidairError:

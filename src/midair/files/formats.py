@@ -20,7 +20,6 @@ from midair.files.native import (
     HDF5,
     Kind,
     check_kind,
-    has_checksums,
     kind_of,
     load_solution,
     open_file,
@@ -195,15 +194,8 @@ class Contents:
     """Program and version."""
     frames: int | None
     """None for a calibration of a sensor or an array."""
-    finished: bool
-    """False if the program ended before it closed the file."""
-    checksums: bool
-    """False if flipped bits of the samples cannot be detected: an early version recorded the file."""
     parts: tuple[str, ...]
     """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
-
-
-_NUMBERS: dict[Kind, str] = {"recording": "samples", "drive": "error"}
 
 
 def contents(path: str | os.PathLike[str]) -> Contents:
@@ -223,7 +215,5 @@ def contents(path: str | os.PathLike[str]) -> Contents:
             created=plain_text(file.attrs.get("created")),
             created_by=plain_text(file.attrs.get("created_by")),
             frames=None if kind in ("calibration", "array") else int(stored_dataset(file, "time").shape[0]),
-            finished=kind != "recording" or bool(stored_dataset(file, "finished")[()]),
-            checksums=has_checksums(stored_dataset(file, _NUMBERS.get(kind, "response_real"))),
             parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
         )

@@ -252,9 +252,10 @@ def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
     return LazyFrames(read, (int(ends[-1]), *parts[0].shape[1:]), stored="f4" if single else "f8")
 
 
-def from_iterator(parts: Iterable[Array], shape: tuple[int, ...]) -> LazyFrames:
+def from_iterator(parts: Iterable[NDArray[Any]], shape: tuple[int, ...], *, stored: Stored = "f8") -> LazyFrames:
     """Lazy frames of an iterator of blocks; they must be read once and in order. `shape` is the total shape."""
-    coming, waiting, given = iter(parts), [np.zeros((0, *shape[1:]))], 0
+    coming, given = iter(parts), 0
+    waiting: list[NDArray[Any]] = []
 
     def read(first: int, last: int) -> Array:
         nonlocal given
@@ -266,7 +267,7 @@ def from_iterator(parts: Iterable[Array], shape: tuple[int, ...]) -> LazyFrames:
         waiting[:], given = [whole[last - first :]], last
         return whole[: last - first]
 
-    return LazyFrames(read, shape)
+    return LazyFrames(read, shape, stored=stored)
 
 
 def cached_blocks(

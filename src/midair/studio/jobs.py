@@ -73,7 +73,7 @@ class Jobs:
         self._numbers = itertools.count(1)
         self._waiting: list[tuple[StudioJob, Work, Any]] = []
         self._running: StudioJob | None = None
-        gone = "the worker process ended unexpectedly; there may be too little memory"
+        gone = "the worker process ended unexpectedly: a file may be damaged, or memory may be short"
         self._worker = WorkerProcess(serve_jobs, self._on_event, name=name, absent=gone, gone=gone)
         self._closed = False
 

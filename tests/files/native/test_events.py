@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import BrokenFileError
-from midair.files import RecordingWriter, load, open_take, repair, save
-from midair.files.native.recording_file import KINDS, LISTED, event_values, events_from, with_events
+from midair.files import RecordingWriter, load, repair, save
+from midair.files.native.journal import KINDS, LISTED, event_values, events_from, with_events
 from midair.model import Event, Provenance, SensorGrid
 
 EVENTS = (
@@ -86,34 +86,6 @@ def test_the_journal_opens_in_xarray_with_its_meanings(tmp_path):
         assert table.event_frame.values.tolist() == [event.frame for event in EVENTS]
         meanings = table.event_kind.attrs["flag_meanings"].split()
         assert [meanings[kind] for kind in table.event_kind.values] == [event.kind for event in EVENTS]
-
-
-def test_an_interrupted_append_leaves_axes_of_one_length(tmp_path, monkeypatch):
-    """Ctrl-C between the times and the samples of a block, and between two columns of the journal."""
-    path = tmp_path / "live.h5"
-    options = {"rate": 1000.0, "sensor": SensorGrid(), "unit": "V", "provenance": Provenance()}
-
-    def fail():
-        with RecordingWriter(path, **options) as writer:
-            writer.append(np.random.default_rng(0).normal(size=(5, 4, 4)))
-            whole, calls = writer._extend, []
-
-            def half(dataset, start, values):
-                whole(dataset, start, values)
-                calls.append(dataset)
-                if len(calls) in (3, 4):
-                    raise KeyboardInterrupt
-
-            monkeypatch.setattr(writer, "_extend", half)
-            with pytest.raises(KeyboardInterrupt):
-                writer.note([Event(kind="lost", frame=1)])
-            writer.append(np.ones((5, 4, 4)))
-
-    with pytest.raises(KeyboardInterrupt):
-        fail()
-    assert open_take(path).report == ()
-    assert load(path).frames == 5
-    assert load(path).provenance == Provenance()
 
 
 @pytest.mark.parametrize(("name", "value"), [("event_kind", 99), ("event_kind", -1), ("event_frame", -5)])

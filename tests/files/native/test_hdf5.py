@@ -4,7 +4,7 @@ import pytest
 import xarray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files import load, load_solution, save, save_pressure, save_solution
+from midair.files import load, load_calibration, load_solution, save, save_pressure, save_solution
 from midair.model import PressureFrames, Recording, SensorGrid
 
 
@@ -66,11 +66,6 @@ def replace_by_group(file):
     file.create_group("samples")
 
 
-def provenance_without_digest(file):
-    del file.attrs["provenance_digest"]
-    file.attrs["provenance"] = "{"
-
-
 EDITS = {
     "kind of another program": (
         lambda f: f.attrs.__setitem__("kind", "speech"),
@@ -89,8 +84,8 @@ EDITS = {
     "samples of another length": (replace("samples", np.zeros((39, 3, 5))), "samples: expected 40 along time, got 39"),
     "samples in another unit": (lambda f: f["samples"].attrs.__setitem__("units", "V"), "got 'V' as unit"),
     "samples are a group": (replace_by_group, "expected a dataset samples"),
-    "provenance was edited": (lambda f: f.attrs.__setitem__("provenance", "{}"), "provenance: damaged or edited"),
-    "provenance is no JSON": (provenance_without_digest, "JSON"),
+    "provenance without notes": (lambda f: f.attrs.__setitem__("provenance", "{}"), "notes: expected a JSON object"),
+    "provenance is no JSON": (lambda f: f.attrs.__setitem__("provenance", "{"), "JSON"),
 }
 
 
@@ -101,6 +96,26 @@ def test_refuses_what_differs_from_the_table(name, path):
     with pytest.raises(BrokenFileError, match=message) as caught:
         load(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["recording", "drive", "calibration"])
+def test_a_flipped_bit_is_one_clear_error(name, path, solution, tmp_path):
+    if name == "drive":
+        path = tmp_path / "a.drive.h5"
+        save_solution(solution, path)
+    dataset, read = {
+        "recording": ("/samples", load),
+        "drive": ("/phase_change", load_solution),
+        "calibration": ("/calibration/response_imag", load_calibration),
+    }[name]
+    with h5py.File(path) as file:
+        place = file[dataset].id.get_chunk_info(0).byte_offset + 7
+    data = bytearray(path.read_bytes())
+    data[place] ^= 64
+    path.write_bytes(data)
+    with pytest.raises(BrokenFileError) as caught:
+        read(path)
+    assert str(caught.value) == f"{path}: {dataset}: damaged, its checksum does not match; use a copy of the file"
 
 
 def test_refuses_a_newer_format(path):

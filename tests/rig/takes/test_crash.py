@@ -91,7 +91,7 @@ def killed_after(seconds, folder, *, minimum=0):
 
 
 def check(path, given, *, busy=0.0):
-    """The file opens, holds what was given but for a quarter of a second, and can be repaired; frames that it holds.
+    """The file opens and holds what was given but for a quarter of a second; frames that it holds.
 
     With `busy`, the machine may have kept the program from running for so long, in s.
     """
@@ -100,10 +100,9 @@ def check(path, given, *, busy=0.0):
     assert given - (0.25 + busy) * RATE <= frames <= given
     expected = np.arange(frames)[:, None, None] + np.arange(16).reshape(4, 4) / 16
     np.testing.assert_array_equal(seen.recording.samples, expected)
-    assert "was killed" in seen.report[0]
-    assert repair(path) == seen.report
+    assert seen.report == (f"The recording was interrupted: {frames} frames, {frames / RATE:g} s, are kept.",)
+    assert repair(path) == open_take(path).report == ()
     assert load(path).frames == frames
-    assert open_take(path).report == ()
     return frames
 
 
@@ -135,11 +134,11 @@ def test_a_recording_killed_at_its_very_beginning_opens_or_is_not_there(tmp_path
 
 
 @pytest.mark.slow
-def test_a_hundred_kills_at_random_moments(tmp_path, capsys):
+def test_twenty_kills_at_random_moments(tmp_path, capsys):
     """Against what the source had given, and against what it had sampled: that adds the block that it waits for."""
     chance, lost, late = random.Random(20), [], []
     opened = 0
-    for number in range(100):
+    for number in range(20):
         folder = tmp_path / str(number)
         folder.mkdir()
         given, sampled, path = killed_after(chance.uniform(0.5, 2.5), folder)
@@ -150,12 +149,12 @@ def test_a_hundred_kills_at_random_moments(tmp_path, capsys):
         opened += given > RATE // 4
     with capsys.disabled():
         print(
-            f"\n100 kills, {opened} after the first quarter of a second, all of those opened: "
+            f"\n20 kills, {opened} after the first quarter of a second, all of those opened: "
             f"lost at most {max(lost)} ms, mean {np.mean(lost):.0f} ms of what was given; "
             f"at most {max(late):.0f} ms, mean {np.mean(late):.0f} ms of what was sampled"
         )
-    assert opened >= 80
-    assert max(lost) > 0, "a kill that never loses anything was no kill"
+    assert opened >= 16
+    assert max(late) > 0, "a kill that never loses anything was no kill"
 
 
 @pytest.mark.slow
@@ -175,7 +174,7 @@ def test_the_command_itself_can_be_killed(tmp_path):
     np.testing.assert_array_equal(load(path).samples, source.samples[:frames])
     info = [*MIDAIR, "info", path, "--json"]
     told = json.loads(subprocess.run(info, check=True, capture_output=True).stdout)
-    assert told["frames"].startswith(f"{frames} at 1000 Hz")
+    assert told["frames"] == frames
 
 
 @pytest.mark.slow
@@ -205,28 +204,19 @@ def test_a_running_recording_cannot_be_replaced(tmp_path, monkeypatch, capsys):
     save(source, tmp_path / "source.h5")
     record = [*MIDAIR, "record", "replay:source.h5", str(path), "--real-time"]
     with subprocess.Popen(record, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as recorder:
-        while not path.exists() or read_frames(path) < 500:
+        while not path.exists() or path.stat().st_size < 100_000:
             time.sleep(0.05)
-        for words in (["calibrate", "n.h5"], ["repair", "n.h5"], ["gain", "n.h5", "n.h5", "--by", "2", "--force"]):
+        for words in (["calibrate", "n.h5"], ["repair", "n.h5"], ["gain", "source.h5", "n.h5", "--by", "2", "--force"]):
             assert run(words) == 1
-            error = capsys.readouterr().err
-            assert re.fullmatch(rf"midair: n\.h5: process {recorder.pid} \(.*\) is recording into it; wait .*\n", error)
-        # A copy may be made meanwhile.
-        assert run(["cut", "n.h5", "part.h5", "--end", "0.4s"]) == 0
+            said = "midair: n.h5: a program is recording into it; wait until it has ended, or end it\n"
+            assert capsys.readouterr().err == said
         recorder.terminate()
         said, _ = recorder.communicate(timeout=30)
-    frames = read_frames(path)
+    frames = load(path).frames
     assert f"midair: stopped; {frames} frames are in {path}" in said
     assert open_take(path).report == (), "closed in order"
     np.testing.assert_array_equal(load(path).samples, source.samples[:frames])
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["n.h5", "part.h5", "source.h5"]
-
-
-def read_frames(path):
-    try:
-        return open_take(path).recording.frames
-    except BrokenFileError:
-        return 0
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["n.h5", "source.h5"]
 
 
 @pytest.mark.long
@@ -250,5 +240,4 @@ def test_a_limit_of_the_size_of_files_ends_a_recording_in_one_line_that_is_true(
     assert safe is not None, line
     take = open_take(tmp_path / "n.h5")
     assert take.recording.frames == int(safe[1]) > 100
-    assert take.report == ()
     assert "Traceback" not in done.stderr

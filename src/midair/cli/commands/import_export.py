@@ -267,22 +267,20 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
 
 
 def repair_command(source: Path, /) -> None:
-    """Repair an interrupted or damaged recording or drive.
+    """Convert a recording that was interrupted to HDF5, as any command that reads it does.
 
-    Damaged frames of a recording hold the last good frame and are listed as lost; those of a drive are silent. A
-    recording that is still in progress is refused.
+    The whole file is read, so that damage is found. A recording that is still in progress is refused.
 
     Parameters
     ----------
     source
-        Recording or drive to repair, NAME.h5; the file is replaced atomically.
+        Recording, NAME.h5; the file is replaced atomically.
 
     Examples
     --------
     $ midair repair take.h5
     """
     found = repair(source)
-    kind = "drive" if source.name.lower().endswith(DRIVE_SUFFIX) else "recording"
-    print_rows([(kind, str(source)), ("state", "no repair needed" if not found else "repaired")])
+    print_rows([("recording", str(source)), ("state", "no repair needed" if not found else "repaired")])
     for sentence in found:
         out().print(f"note: {sentence}")

@@ -75,14 +75,8 @@ def _facts_of_file(source: Path) -> _FileFacts:
     held = contents(source)
     readers = {"drive": _facts_of_drive, "calibration": _facts_of_calibration, "array": _facts_of_array}
     facts = readers.get(held.kind, _facts_of_take)(source)
-    facts.rows.append(
-        ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
-    )
-    if held.finished and not held.checksums:
-        facts.rows.append(("checksum", "none: damage would not be noticed; midair repair adds checksums"))
-    facts.figures.update(
-        written=held.created, written_by=held.created_by, closed_in_order=held.finished, checksums=held.checksums
-    )
+    facts.rows.append(("written", f"{held.created} by {held.created_by}"))
+    facts.figures.update(written=held.created, written_by=held.created_by)
     return facts
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, FileError, MismatchError
 from midair.files.atomic import atomic_file, check_disk_space, reason
 from midair.files.importers.header import header_of, parse_header, recording_from
-from midair.files.native import open_plain
+from midair.files.native import open_hdf5
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.size_limits import check_expansion, inflated, max_expanded_size
 from midair.model import Calibration, Recording
@@ -284,7 +284,7 @@ def _version_73(path: Path) -> dict[str, Any]:
     """Numeric arrays in an HDF5 file of MATLAB, which reverses their axes."""
     import h5py
 
-    with open_plain(path) as file:
+    with open_hdf5(path) as file:
         found = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
         return {name: np.transpose(item[()]) for name, item in found.items() if item.dtype.kind in "fiu"}
 

@@ -13,13 +13,13 @@ from midair.files.native.hdf5 import (
     check_kind,
     kind_of,
     new_file,
-    open_file,
     read_group,
     signature,
     stored_group,
     write_group,
 )
 from midair.files.native.provenance_json import from_json
+from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import array_from, array_values, sensor_from, sensor_values
 from midair.model import ArrayCalibration, Calibration, Crosstalk, Linearity, Measurement
 
@@ -72,6 +72,11 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
 
 def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
     """Write a calibration into a group."""
+    write_group(group, "calibration", calibration_values(calibration))
+
+
+def calibration_values(calibration: Calibration) -> dict[str, Any]:
+    """Stored values of a calibration."""
     values = {
         **signature("calibration", calibration.provenance),
         **sensor_values(calibration.sensor),
@@ -90,7 +95,7 @@ def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
         values |= dict.fromkeys(("channel", "pressed"), np.arange(calibration.sensor.count))
     if calibration.linearity:
         values["level"] = np.arange(calibration.linearity.levels)
-    write_group(group, "calibration", values)
+    return values
 
 
 def read_calibration(group: "h5py.Group", path: Path) -> Calibration:

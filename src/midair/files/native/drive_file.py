@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.atomic import parse_errors
-from midair.files.native.checksums import Ranges
 from midair.files.native.hdf5 import (
     finite,
-    fixed_text,
+    name_numbers,
     new_file,
-    open_file,
     plain_text,
     read_group,
     signature,
+    stored_dataset,
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
+from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import BLOCK, array_from, array_values, check_time, time_values
 from midair.model import (
     Acoustics,
@@ -129,9 +129,7 @@ class _FrameValues:
 def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int = 0) -> None:
     with new_file(path, room=room) as file:
         write_group(file, "drive", values)
-        # Meaning of the numbers as in the CF conventions.
-        file["status"].attrs["flag_values"] = np.arange(len(get_args(Status)), dtype="i1")
-        file["status"].attrs["flag_meanings"] = fixed_text(" ".join(get_args(Status)))
+        name_numbers(stored_dataset(file, "status"), get_args(Status))
 
 
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
@@ -143,15 +141,13 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
     return solution_from(read_drive(Path(path), streamed=streamed), Path(path))
 
 
-def read_drive(path: Path, *, streamed: bool, damage: dict[str, Ranges] | None = None) -> dict[str, Any]:
-    """Stored values of a drive and the meanings of its status; `damage` as in `read_group`."""
+def read_drive(path: Path, *, streamed: bool) -> dict[str, Any]:
+    """Stored values of a drive and the meanings of its status."""
     with open_file(path) as file:
-        values = read_group(file, "drive", path, streamed=streamed, damage=damage)
+        values = read_group(file, "drive", path, streamed=streamed)
         for stored, name, steps in (("phase_change", "phase", _TURN), ("intensity_change", "transducer_level", 255)):
             if stored in values:
                 values[name] = _from_changes(values.pop(stored), steps)
-            if damage and stored in damage:
-                damage[name] = damage.pop(stored)
         return {**values, "flag_meanings": plain_text(file["status"].attrs.get("flag_meanings"))}
 
 

@@ -1,14 +1,14 @@
 """Read and write groups of HDF5 files according to the schema.
 
 Dimensions are those of netCDF: each axis is a dataset that others refer to, so that xarray, ncdump and MATLAB find axes
-and units. Files use the layout of HDF5 1.10, which has checksums of metadata and supports a reader beside a writer
-(SWMR); `checksums` describes those of data.
+and units. Files use the layout of HDF5 1.10, which has checksums of metadata; each chunk of data has the Fletcher-32 of
+HDF5.
 """
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from hashlib import sha256
+from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,10 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files.atomic import atomic_file, check_disk_space, existing_file, parse_errors
-from midair.files.native.checksums import Ranges, create_checksums, damage_text, read_rows
-from midair.files.native.hdf5_recovery import RetryingFile, is_unclosed, openable
-from midair.files.native.inspection import get_ready, inspect
+from midair.files.atomic import atomic_file, check_disk_space, parse_errors
 from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
 from midair.streaming import LazyFrames, block_ranges
@@ -30,30 +27,22 @@ if TYPE_CHECKING:
     import os
 
     import h5py
+    from typing_extensions import Buffer
 
     from midair.model import Provenance
 
 LAYOUT = ("v110", "v110")
 """Oldest and newest version of the HDF5 file format in use."""
 
-ADVICE: Mapping[Kind, str] = {
-    **dict.fromkeys(("recording", "pressure", "played", "drive"), "midair repair keeps the rest"),
-    **dict.fromkeys(("calibration", "array"), "copy the file again, or measure again"),
-}
-"""What to do about damage in each kind of group."""
-
-GROWING = ("time", "event", "stage")
-"""Axes that grow during a recording."""
-
 
 @contextmanager
-def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5py.File]":
-    """Create an HDF5 file of about `room` bytes atomically: it gets its name when the block succeeds."""
+def new_file(path: "str | os.PathLike[str]", *, room: int = 0, recording: bool = False) -> "Generator[h5py.File]":
+    """Create an HDF5 file of about `room` bytes atomically, as `atomic_file` with `recording`."""
     import h5py
 
-    with atomic_file(path) as partial:
+    with atomic_file(path, recording=recording) as partial:
         check_disk_space(partial.parent, room, path)
-        with RetryingFile(partial) as output:
+        with _RetryingFile(partial) as output:
             try:
                 with h5py.File(output, "w", libver=LAYOUT) as file:
                     yield file
@@ -63,38 +52,19 @@ def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5p
 
 
 @contextmanager
-def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
-    """Open an HDF5 file to read, also while it is being recorded or after its writer was killed."""
-    file = existing_file(path)
-    with parse_errors(file, "an HDF5 file of midair"):
-        if not begins_as_hdf5(file):
-            raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
-        with open_plain(file) as opened:
-            yield opened
-
-
-@contextmanager
-def open_plain(path: Path) -> "Generator[h5py.File]":
-    """Open an HDF5 file of any program, without a lock, after the inspector has found it safe to read."""
-    get_ready(path)
-    inspect(path)
-    with opened_for_reading(path) as file:
-        yield file
-
-
-def opened_for_reading(path: Path) -> "h5py.File":
-    """A file without a lock; with HDF5's own if this program has it open with that, as xarray and h5netcdf do.
-
-    HDF5 opens a file twice in a program only with the same locks.
-    """
+def open_hdf5(path: Path) -> "Generator[h5py.File]":
+    """Open an HDF5 file of any program to read, without a lock."""
     import h5py
 
     try:
-        return h5py.File(openable(path), "r", locking=False)
+        file = h5py.File(path, "r", locking=False)
     except OSError as wrong:
+        # HDF5 opens a file twice in a program only with the same locks; xarray and h5netcdf open it with HDF5's own.
         if "file locking" not in str(wrong):
             raise
-        return h5py.File(openable(path), "r")
+        file = h5py.File(path, "r")
+    with file:
+        yield file
 
 
 def begins_as_hdf5(path: Path) -> bool:
@@ -120,12 +90,8 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
     }
 
 
-def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, live: bool = False) -> None:
-    """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
-
-    With `live`, the axes time, event and stage can grow, and unwritten numbers are NaN.
-    """
-    values = {**values, **_digests(kind, values)}
+def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any]) -> None:
+    """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them."""
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
     for entry in entries:
@@ -134,41 +100,21 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
             group.attrs[entry.name] = fixed_text(value) if entry.dtype == "text" else np.dtype(entry.dtype).type(value)
     for entry in sorted(entries, key=lambda entry: not entry.coordinate):
         if entry.dimensions is not None:
-            _create(group, entry, values[entry.name], entry.unit.format(unit=unit), live=live)
+            _create(group, entry, values[entry.name], entry.unit.format(unit=unit))
 
 
-def read_group(
-    group: "h5py.Group",
-    kind: Kind,
-    path: Path,
-    *,
-    live: bool = False,
-    streamed: bool = False,
-    damage: dict[str, Ranges] | None = None,
-) -> dict[str, Any]:
-    """Read the values that the schema lists for `kind`, and check types, axes, units, lengths and checksums.
+def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = False) -> dict[str, Any]:
+    """Read the values that the schema lists for `kind`, and check types, axes, units and lengths.
 
-    With `live`, values along time, event or stage are cut to the shortest, because a writer may be between two
-    datasets. With `streamed`, times and datasets with several numbers per frame are lazy. With `damage`, damaged rows
-    are NaN or 0 and listed there by name, instead of raising BrokenFileError.
+    With `streamed`, times and datasets with several numbers per frame are lazy.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
     values = {entry.name: _attribute(group, entry, path) for entry in present if entry.dimensions is None}
-    for name, digest in _digests(kind, values).items():
-        if values.get(name, digest) != digest:
-            of = name.removesuffix("_digest")
-            if damage is None:
-                raise BrokenFileError(f"{path}: {of}: damaged or edited, its SHA-256 does not match; {ADVICE[kind]}")
-            damage[of] = ()
     stored = [entry for entry in present if entry.dimensions is not None]
     for entry in stored:
         unit = entry.unit.format(unit=values.get("unit", ""))
-        values[entry.name] = _dataset(group, entry, unit, path, ADVICE[kind], streamed=streamed, damage=damage)
-    for axis in GROWING if live else ():
-        along = [entry.name for entry in stored if axis in (entry.dimensions or ())]
-        shortest = min((len(values[name]) for name in along), default=0)
-        values |= {name: values[name][:shortest] for name in along}
+        values[entry.name] = _dataset(group, entry, unit, path, streamed=streamed)
     _check_lengths(stored, values, path)
     return values
 
@@ -223,30 +169,23 @@ def kind_of(group: "h5py.Group") -> str:
     return plain_text(group.attrs.get("kind"))
 
 
-def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:
+def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str) -> None:
     # float32 data are stored as such where the schema allows it; all others in the type of the schema.
     data = value if isinstance(value, LazyFrames) else np.asarray(value)
     single = entry.single and (data.stored if isinstance(data, LazyFrames) else data.dtype) == "f4"
     kind = np.dtype("f4" if single else entry.dtype)
     axes = entry.dimensions or ()
-    grows = live and bool(axes) and axes[0] in GROWING
-    chunk = _chunk(data.shape, kind.itemsize, frames=256 if grows else min(BLOCK, len(data)) if entry.packed else 0)
+    chunk = _chunk(data.shape, kind.itemsize, frames=min(BLOCK, len(data)) if entry.packed else 0)
     dataset = group.create_dataset(
         entry.name,
         shape=data.shape,
         dtype=kind,
         data=None if isinstance(data, LazyFrames) else data.astype(kind),
-        maxshape=tuple(None if axis in GROWING else have for axis, have in zip(axes, data.shape, strict=True))
-        if grows
-        else None,
         chunks=chunk,
-        fletcher32=None if grows or not data.ndim else True,
+        fletcher32=True if data.ndim else None,
         shuffle=entry.packed and kind.itemsize > 1,
         compression=1 if entry.packed else None,
-        fillvalue=np.nan if kind.kind == "f" else None,
     )
-    if grows:
-        create_checksums(dataset)
     if isinstance(data, LazyFrames) and chunk is not None:
         _fill(dataset, data, chunk[0])
     dataset.attrs["units"] = fixed_text(unit)
@@ -276,6 +215,12 @@ def _chunk(shape: tuple[int, ...], itemsize: int, *, frames: int) -> tuple[int, 
         return None
     row = int(np.prod(shape[1:], dtype=int)) * itemsize
     return (frames or max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
+
+
+def name_numbers(dataset: "h5py.Dataset", names: Sequence[str]) -> None:
+    """Store the meanings of the numbers 0, 1, 2 ... of a dataset, as in the CF conventions."""
+    dataset.attrs["flag_values"] = np.arange(len(names), dtype="i1")
+    dataset.attrs["flag_meanings"] = fixed_text(" ".join(names))
 
 
 def fixed_text(value: str) -> Any:
@@ -318,10 +263,8 @@ def _dataset(
     entry: Entry,
     unit: str,
     path: Path,
-    advice: str,
     *,
     streamed: bool,
-    damage: dict[str, Ranges] | None,
 ) -> "np.ndarray | LazyFrames":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
@@ -336,35 +279,31 @@ def _dataset(
         return dataset[()]
     kind = np.dtype("f8") if single else dataset.dtype
 
-    def read(dataset: "h5py.Dataset", first: int, last: int) -> np.ndarray:
-        rows, damaged = read_rows(dataset, first, last, closed=not is_unclosed(path))
-        if damaged and damage is None:
-            raise BrokenFileError(f"{path}: {damage_text(dataset, axes, damaged)}; {advice}")
-        if damaged and damage is not None:
-            damage[entry.name] = (*damage.get(entry.name, ()), *damaged)
-        return rows.astype(kind, copy=False)
-
     if streamed and axes[0] == "time" and (len(axes) > 1 or entry.coordinate):
-        if damage is not None:
-            for first, last in block_ranges(dataset.shape):
-                read(dataset, first, last)
-            damage = dict(damage)  # the same rows are read again
-        return _lazy_dataset(dataset, path, read)
-    return read(dataset, 0, len(dataset))
+        return _lazy_dataset(dataset, path)
+    return _rows(dataset, 0, len(dataset), path).astype(kind, copy=False)
 
 
-def _lazy_dataset(
-    dataset: "h5py.Dataset", path: Path, read: "Callable[[h5py.Dataset, int, int], np.ndarray]"
-) -> LazyFrames:
+def _rows(dataset: "h5py.Dataset", first: int, last: int, path: Path) -> np.ndarray:
+    try:
+        return dataset[first:last]
+    except OSError as wrong:
+        if wrong.errno:
+            raise
+        raise BrokenFileError(
+            f"{path}: {dataset.name}: damaged, its checksum does not match; use a copy of the file"
+        ) from wrong
+
+
+def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
     """Lazy frames of a dataset, whose file is opened for each read."""
     name, number = str(dataset.name), path.stat().st_ino
 
     def reopened(first: int, last: int) -> np.ndarray:
-        # The path may be that of a new file by now, which has not been inspected.
-        with parse_errors(path, "the original file"), opened_for_reading(path) as opened:
+        with parse_errors(path, "the original file"), open_hdf5(path) as opened:
             if path.stat().st_ino != number:
                 raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
-            return read(stored_dataset(opened, name), first, last).astype(np.float64)
+            return _rows(stored_dataset(opened, name), first, last, path).astype(np.float64)
 
     return LazyFrames(reopened, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
 
@@ -383,12 +322,6 @@ def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
     return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
 
 
-def _digests(kind: Kind, values: Mapping[str, Any]) -> dict[str, str]:
-    names = [entry.name for entry in TABLE[kind] if entry.name.endswith("_digest")]
-    known = {name: values[name.removesuffix("_digest")] for name in names if name.removesuffix("_digest") in values}
-    return {name: sha256(text.encode(errors="surrogatepass")).hexdigest() for name, text in known.items()}
-
-
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:
     lengths: dict[str, int] = {}
     for entry in entries:
@@ -397,3 +330,37 @@ def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) 
                 raise BrokenFileError(
                     f"{path}: {entry.name}: expected {lengths[axis]} along {axis}, got {length}; the file is damaged"
                 )
+
+
+class _RetryingFile(FileIO):
+    """A new file that accepts all data but writes nothing after the first disk error, which `check` raises."""
+
+    # HDF5 crashes when a write fails.
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._refused: OSError | None = None
+
+    def write(self, data: "Buffer", /) -> int:
+        """Write all data, or store the error."""
+        view = memoryview(data).cast("B")
+        left = view if self._refused is None else view[:0]
+        try:
+            while len(left):
+                # The system may write only a part of a large block.
+                left = left[super().write(left) or 0 :]
+        except OSError as wrong:
+            self._refused = wrong
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Set the length, or store the error."""
+        try:
+            return super().truncate(size)
+        except OSError as wrong:
+            self._refused = self._refused or wrong
+            return size or 0
+
+    def check(self) -> None:
+        """Raise the first disk error, if any."""
+        if self._refused is not None:
+            raise self._refused

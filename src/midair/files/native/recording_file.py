@@ -1,37 +1,28 @@
-"""Recordings, `name.h5`: samples, calibration, provenance, calibrated pressure and live touch.
-
-Its events are lost frames, clipped or constant channels, and clock drift. A running recording stores them and the
-positions of a motion stage as rows along an axis of their own, because attributes cannot change while other programs
-read. Readers return them as the steps "events" and "stage" of the provenance, so that copies and later stages keep
-them.
-"""
+"""Recordings, `name.h5`: samples, calibration, provenance, events, calibrated pressure and live touch."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from midair.errors import BrokenFileError, MismatchError
+from midair.errors import MismatchError
 from midair.files.native.calibration_file import read_calibration, write_calibration
-from midair.files.native.checksums import Ranges
-from midair.files.native.hdf5 import (
-    check_kind,
-    finite,
-    new_file,
-    open_file,
-    read_group,
-    signature,
-    stored_dataset,
-    stored_group,
-    write_group,
+from midair.files.native.hdf5 import check_kind, finite, new_file, read_group, signature, stored_group, write_group
+from midair.files.native.journal import (
+    event_values,
+    events_from,
+    name_event_kinds,
+    stamps_from,
+    with_events,
+    with_stage,
 )
-from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.provenance_json import from_json
+from midair.files.native.raw_recording import complete, open_file
 from midair.files.native.schema import (
+    PLAYED,
     array_from,
     array_values,
     check_time,
@@ -44,167 +35,30 @@ from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTa
 from midair.model import (
     Calibration,
     Event,
-    EventKind,
     PlayedTouch,
     PressureFrames,
     Provenance,
     Recording,
     SensorGrid,
-    Setting,
     StageStamp,
-    TransducerArray,
     Unit,
-    speed_of,
 )
-from midair.streaming import LazyFrames, block_ranges
-
-if TYPE_CHECKING:
-    import h5py
-
-
-LISTED = 1000
-"""Maximum number of events per kind that are listed in the provenance; the totals count all."""
-
-
-KINDS: tuple[EventKind, ...] = get_args(EventKind)
-"""The number in the file is the index in this tuple."""
-
-
-def event_values(events: Iterable[Event]) -> dict[str, Any]:
-    """Stored values of events."""
-    rows = tuple(events)
-    whole = {f"event_{name}": [getattr(row, name) for row in rows] for name in ("frame", "frames", "channel")}
-    return {
-        "event": np.arange(len(rows)),
-        "event_kind": np.array([KINDS.index(row.kind) for row in rows], np.int8),
-        **{name: np.array(values, np.int64) for name, values in whole.items()},
-        "event_ppm": np.array([row.ppm for row in rows], np.float64),
-    }
-
-
-def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
-    """Events from their stored values, () for a file without a journal; raises BrokenFileError for invalid numbers."""
-    if any(f"event_{name}" not in values for name in ("kind", "frame", "frames", "channel", "ppm")):
-        return ()
-    kind, first, frames = values["event_kind"], values["event_frame"], values["event_frames"]
-    if len(kind) and not (0 <= kind.min() <= kind.max() < len(KINDS) and first.min() >= 0 and frames.min() >= 0):
-        raise BrokenFileError(f"events: expected kinds 0 to {len(KINDS) - 1} at frames from 0 on, got others")
-    columns = zip(kind, first, frames, values["event_channel"], values["event_ppm"], strict=True)
-    return tuple(
-        Event(kind=KINDS[int(k)], frame=int(f), frames=int(n), channel=int(c), ppm=float(p))
-        for k, f, n, c, p in columns
-    )
-
-
-def with_events(provenance: Provenance, events: Iterable[Event], frames: int) -> Provenance:
-    """Add the events within `frames` frames to the provenance as step "events", if there are any."""
-    # The journal is flushed before the samples, so that events of an interrupted recording may lie beyond its end.
-    inside = tuple(event for event in events if event.frame < frames)
-    return provenance.then("events", _settings(inside, frames)) if inside else provenance
-
-
-def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
-    of = {kind: [event for event in events if event.kind == kind] for kind in KINDS}
-    settings: dict[str, Setting] = {}
-    for kind in ("lost", "late"):
-        if of[kind]:
-            runs = [(event.frame, min(event.frames, frames - event.frame)) for event in of[kind]]
-            settings |= {f"{kind}_frames": sum(count for _, count in runs), kind: tuple(runs[:LISTED])}
-    for kind in ("clipped", "mended"):
-        if of[kind]:
-            settings[f"{kind}_frames"] = sum(event.frames for event in of[kind])
-            settings[kind] = tuple((event.channel, event.frame, event.frames) for event in of[kind][:LISTED])
-    for kind in ("dead", "stuck"):
-        if of[kind]:
-            settings[kind] = tuple((event.channel, event.frame) for event in of[kind][:LISTED])
-    for kind in ("rate", "clock"):
-        if of[kind]:
-            settings[f"{kind}_ppm"] = of[kind][-1].ppm
-    if of["trigger"]:
-        settings["trigger"] = of["trigger"][0].frame
-    if of["stroke"]:
-        settings["strokes"] = tuple((row.frame, min(row.frames, frames - row.frame)) for row in of["stroke"][:LISTED])
-    return settings
-
-
-LISTED_STAMPS = 2000
-"""Maximum number of positions in the provenance: 200 s of strokes at ten per second."""
-
-COLUMNS = ("stage_time", "stage_x", "stage_y", "stage_z", "stage_feed")
-
-
-def stage_values(stamps: Iterable[StageStamp]) -> dict[str, Any]:
-    """Stored values of stage positions."""
-    table = np.array([(stamp.time, *stamp.position, stamp.feed) for stamp in stamps], np.float64).reshape(-1, 5)
-    return {"stage": np.arange(len(table)), **dict(zip(COLUMNS, table.T, strict=True))}
-
-
-def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:
-    """Stage positions from their stored values, () for a file without a stage; raises BrokenFileError if not finite."""
-    if any(name not in values for name in COLUMNS):
-        return ()
-    table = np.column_stack([values[name] for name in COLUMNS])
-    if not np.isfinite(table).all():
-        raise BrokenFileError("stage: expected finite times, places and speeds, got others")
-    return tuple(StageStamp(time=t, position=(x, y, z), feed=feed) for t, x, y, z, feed in table.tolist())
-
-
-def with_stage(
-    provenance: Provenance, stamps: Sequence[StageStamp], events: Iterable[Event], rate: float
-) -> Provenance:
-    """Add the stage positions of a recording at `rate` (Hz) to the provenance as step "stage", if there are any."""
-    if not stamps:
-        return provenance
-    strokes = [event for event in events if event.kind == "stroke"]
-    speeds = [
-        speed_of([one for one in stamps if event.frame <= one.time * rate <= event.frame + event.frames])
-        for event in strokes
-    ]
-    settings: dict[str, Setting] = {
-        "strokes": len(strokes),
-        "speed_m_s": tuple(speeds),
-        "columns": ("time_s", "x_m", "y_m", "z_m", "feed_m_s"),
-        "stamps": tuple((one.time, *one.position, one.feed) for one in stamps[:LISTED_STAMPS]),
-    }
-    return provenance.then("stage", settings)
-
-
-PLAYED = ("time", "phase_steps", "intensity", "instant", "state")
-"""Datasets that grow with the frames."""
-
-
-def played_values(array: TransducerArray, rate: float, provenance: Provenance) -> dict[str, Any]:
-    """Stored values before the first frame."""
-    return {
-        **signature("played", provenance),
-        "rate_hz": rate,
-        "time": np.zeros(0),
-        **array_values(array),
-        "phase_steps": np.zeros((0, array.count), np.uint8),
-        "intensity": np.zeros(0, np.uint8),
-        "instant": np.zeros(0, np.int64),
-        "state": np.zeros(0, np.int8),
-    }
+from midair.streaming import LazyFrames
 
 
 def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
     """Read the live touch that was played during a recording; None if there was none.
 
-    The file may still be open for writing, or its writer may have been killed. Errors are those of `load_solution`.
+    Errors are those of `load_solution`.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
         if "played" not in file:
             return None
-        live = not stored_dataset(file, "finished")[()]
-        values = read_group(stored_group(file, "played"), "played", Path(path), live=live)
-        if live:
-            # After a writer was killed, frames without a time were not written.
-            frames = int(np.isfinite(values["time"]).sum())
-            values |= {name: values[name][:frames] for name in PLAYED}
+        values = read_group(stored_group(file, "played"), "played", Path(path))
         check_time(values, Path(path))
         return PlayedTouch(
-            **{name: values[name] for name in PLAYED[1:]},
+            **{name: values[name] for name in PLAYED},
             rate=values["rate_hz"],
             array=array_from(values),
             provenance=from_json(values["provenance"]),
@@ -237,6 +91,7 @@ def write_recording(
     room = 8 * recording.frames + size + (0 if pressure is None else pressure.pressure.nbytes)
     with new_file(path, room=room) as file:
         write_group(file, "recording", values)
+        name_event_kinds(file)
         if calibration is not None:
             write_calibration(file.create_group("calibration"), calibration)
         if pressure is not None:
@@ -250,56 +105,47 @@ def write_recording(
             }
             write_group(file.create_group("pressure"), "pressure", stored)
         if played is not None:
-            stored = played_values(played.array, played.rate, played.provenance)
-            stored |= {"time": np.arange(played.frames) / played.rate}
-            stored |= {name: getattr(played, name) for name in PLAYED[1:]}
+            stored = {
+                **signature("played", played.provenance),
+                **time_values(played.frames, played.rate),
+                **array_values(played.array),
+                **{name: getattr(played, name) for name in PLAYED},
+            }
             write_group(file.create_group("played"), "played", stored)
     return ()
 
 
 def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a recording, up to three times while it is being written, because a read can fall between two commits."""
-    for _ in range(2):
-        try:
-            return _read_once(path, given)
-        except BrokenFileError:
-            if not is_unclosed(path):
-                raise
-    return _read_once(path, given)
-
-
-def _read_once(path: Path, given: ImportOptions) -> OpenedTake:
+    """Read a recording; an interrupted one is converted first, and reported."""
+    report = complete(path)
     with open_file(path) as file:
-        values, report = read_values(file, path, streamed=given.streamed)
-        take = take_from(values, path)
-        given.check(take.recording, path)
+        check_kind(file, "recording", path)
+        values = read_group(file, "recording", path, streamed=given.streamed)
+        check_time(values, path)
+        journal, stamps = events_from(values), stamps_from(values)
+        life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
+        recording = Recording(
+            samples=finite(values["samples"], "samples"),
+            rate=values["rate_hz"],
+            sensor=sensor_from(values),
+            unit=values["unit"],
+            provenance=with_stage(life, stamps, journal, values["rate_hz"]),
+        )
+        given.check(recording, path)
         calibration = read_calibration(stored_group(file, "calibration"), path) if "calibration" in file else None
-        return replace(take, calibration=calibration, report=report)
+        return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
 
 
-def read_values(
-    file: "h5py.File", path: Path, *, streamed: bool, damage: dict[str, Ranges] | None = None
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Stored values of a recording, cut to complete frames, and a report of that; `damage` as in `read_group`."""
-    check_kind(file, "recording", path)
-    live = not stored_dataset(file, "finished")[()]
-    values = read_group(file, "recording", path, live=live, streamed=streamed, damage=damage)
-    return _whole_frames(values, path) if live else (values, ())
+def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Convert a recording that was interrupted to HDF5, as `open_take` does, and read the whole file.
 
-
-def take_from(values: Mapping[str, Any], path: Path, gaps: Sequence[Event] = ()) -> OpenedTake:
-    """A recording from its stored values, with further events."""
-    check_time(values, path)
-    journal, stamps = (*events_from(values), *gaps), stamps_from(values)
-    life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
-    recording = Recording(
-        samples=finite(values["samples"], "samples"),
-        rate=values["rate_hz"],
-        sensor=sensor_from(values),
-        unit=values["unit"],
-        provenance=with_stage(life, stamps, journal, values["rate_hz"]),
-    )
-    return OpenedTake(recording=recording, journal=journal, stored=True)
+    Returns a sentence on what is kept, or nothing if the recording was complete. Raises MissingFileError,
+    BrokenFileError or FileError if the file is damaged, or a program is still recording into it.
+    """
+    report = read_recording(Path(path), ImportOptions()).report
+    load_pressure(path)
+    load_played(path)
+    return report
 
 
 class RecordingBuffer:
@@ -386,29 +232,7 @@ def recording_values(recording: Recording) -> dict[str, Any]:
         **sensor_values(recording.sensor),
         "unit": recording.unit,
         "samples": single(recording.samples),
-        "finished": 1,
     }
-
-
-def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Complete frames of an unfinished recording, and a report of their number."""
-    samples = values["samples"]
-    frames = _written(samples)
-    if frames == 0:
-        raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
-    seconds = frames / values["rate_hz"]
-    text = f"The recording was not closed: it still runs or was killed. {frames} frames, {seconds:g} s, could be read."
-    return {**values, "samples": samples[:frames], "time": values["time"][:frames]}, (text,)
-
-
-def _written(samples: "np.ndarray | LazyFrames") -> int:
-    """Number of frames up to the last that is not NaN; unwritten frames are NaN."""
-    for first, last in reversed(list(block_ranges(samples.shape))):
-        block = samples.read(first, last) if isinstance(samples, LazyFrames) else samples[first:last]
-        there = np.asarray(~np.isnan(block).all(axis=(1, 2)))
-        if there.any():
-            return last - int(np.argmax(there[::-1]))
-    return 0
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)

@@ -69,6 +69,10 @@ HEADER: tuple[Entry, ...] = tuple(_entries(_STORED["other"]["header"]))
 """Entries of the JSON header of CSV, WAV, NPZ and MAT files."""
 
 
+PLAYED = ("phase_steps", "intensity", "instant", "state")
+"""Values of a frame of live touch."""
+
+
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
     return {"rate_hz": rate, "time": LazyFrames(lambda first, last: np.arange(first, last) / rate, (frames,))}

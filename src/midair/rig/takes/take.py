@@ -42,11 +42,6 @@ DRIFT_TOLD = 200.0
 """Drift in ppm above which an event is reported; quartz clocks differ by about 100 ppm at most."""
 
 
-INTERVAL = 0.1
-"""Longest time in s before a frame is flushed; with the time of a block and of a write it stays below a quarter of a
-second, the most that is lost when the program is killed."""
-
-
 def record_take(
     sensor: SensorDevice,
     settings: RecordSettings,
@@ -74,7 +69,7 @@ def record_take(
         shortest = 1e3 / sensor.rate
         raise InputError(f"duration: expected at least one frame of {shortest:g} ms, got {settings.duration:g} s")
     if path is not None:
-        # Before the sensor starts, since frames would queue up while HDF5 is loaded.
+        # Before the sensor starts, since frames would queue up while the library is loaded.
         RecordingWriter.warm_up()
     sensor.start()
     try:
@@ -262,10 +257,7 @@ class _TakeRun:
         if self._path is None:
             self._writer = RecordingBuffer(**made)
         else:
-            expected, staged = self._wanted or 0, self._companion is not None
-            writer = RecordingWriter(
-                self._path, interval=INTERVAL, expected=expected, staged=staged, stored=sensor.stored, **made
-            )
+            writer = RecordingWriter(self._path, expected=self._wanted or 0, stored=sensor.stored, **made)
             self._writer = self._stack.enter_context(writer)
         self._origin = origin
         if self._companion is not None:

@@ -1,0 +1,178 @@
+"""The raw file of a running recording, and its conversion to HDF5.
+
+A recording is appended to a file of its own name, which HDF5 replaces at the end. The file begins with `MAGIC`. Then
+follow records: the kind, the number of bytes and their CRC-32, then the bytes. A record of text is JSON: the header
+(the first record), events or stage positions; a record of frames holds the numbers of `frame_type`, little-endian.
+If the program is killed or the computer stops, all records before the first incomplete one are kept, and whatever
+opens the file next converts it.
+"""
+
+import json
+import os
+import struct
+import sys
+import zlib
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError
+from midair.files.atomic import existing_file, lock_recording, parse_errors
+from midair.files.native.hdf5 import begins_as_hdf5, new_file, open_hdf5, write_group
+from midair.files.native.journal import event_values, name_event_kinds, stage_values
+from midair.files.native.schema import PLAYED, TABLE, time_values
+from midair.model import Event, StageStamp
+from midair.streaming import LazyFrames, from_iterator
+
+if TYPE_CHECKING:
+    import h5py
+
+MAGIC = b"midair raw recording\n"
+
+FRAMES, TEXT = b"F", b"T"
+"""Kinds of records."""
+
+_HEAD = struct.Struct("<cII")
+
+
+def record(kind: bytes, content: bytes) -> bytes:
+    """A record as stored."""
+    return _HEAD.pack(kind, len(content), zlib.crc32(content)) + content
+
+
+def records(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    """Kind and content of each record of a raw file, up to the first that is incomplete."""
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        return
+    while len(head := file.read(_HEAD.size)) == _HEAD.size:
+        kind, length, check = _HEAD.unpack(head)
+        content = file.read(length)
+        if kind not in (FRAMES, TEXT) or len(content) < length or zlib.crc32(content) != check:
+            return
+        yield kind, content
+
+
+def frame_type(header: Mapping[str, Any]) -> np.dtype[Any]:
+    """Type of a stored frame: the samples, and for live touch the values played during it."""
+    known, played = header["recording"], header["played"]
+    fields: list[Any] = [("samples", f"<{header['stored']}", (len(known["row"]), len(known["column"])))]
+    for entry in TABLE["played"] if played else ():
+        if entry.name in PLAYED:
+            axes = (entry.dimensions or ())[1:]
+            shape = (header["played_each"], *(len(played[axis]) for axis in axes))
+            fields.append((entry.name, np.dtype(entry.dtype).newbyteorder("<"), shape))
+    return np.dtype(fields)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _RawRecording:
+    """Contents of a raw file; its frames stay on the disk."""
+
+    file: BinaryIO
+    header: Mapping[str, Any]
+    frames: int
+    events: tuple[Event, ...]
+    stamps: tuple[StageStamp, ...]
+
+    @classmethod
+    def read(cls, file: BinaryIO, path: Path) -> "_RawRecording":
+        texts: list[Mapping[str, Any]] = []
+        size = 0
+        for kind, content in records(file):
+            if kind == TEXT:
+                texts.append(json.loads(content))
+            else:
+                size += len(content)
+        frames = size // frame_type(texts[0]).itemsize if texts else 0
+        if not frames:
+            raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
+        events = tuple(Event(**row) for text in texts[1:] for row in text.get("events", ()))
+        stamps = tuple(
+            StageStamp(time=time, position=(x, y, z), feed=feed)
+            for text in texts[1:]
+            for time, x, y, z, feed in text.get("stamps", ())
+        )
+        return cls(file=file, header=texts[0], frames=frames, events=events, stamps=stamps)
+
+    def lazy(self, name: str) -> LazyFrames:
+        """Frames of one field, to be read once and in order."""
+        kind = frame_type(self.header)
+        base, shape = kind[name].base, kind[name].shape
+        rows = shape if name == "samples" else shape[1:]
+        each = 1 if name == "samples" else shape[0]
+
+        def blocks() -> Iterator[NDArray[Any]]:
+            for found, content in records(self.file):
+                if found == FRAMES:
+                    yield np.frombuffer(content, kind)[name].reshape(-1, *rows).astype(base.newbyteorder("="))
+
+        return from_iterator(blocks(), (each * self.frames, *rows), stored=self.header["stored"])
+
+
+def convert(path: Path, handle: int) -> tuple[int, float]:
+    """Replace a raw file by HDF5 atomically; returns its frames and their rate in Hz.
+
+    `handle` is that of the raw file, which is closed. Raises FileError if HDF5 cannot be written; the raw file stays.
+    """
+    with os.fdopen(handle, "rb+") as file:
+        raw = _RawRecording.read(file, path)
+        header, rate = raw.header, raw.header["recording"]["rate_hz"]
+        values = {**header["recording"], **time_values(raw.frames, rate), "samples": raw.lazy("samples")}
+        values |= event_values(raw.events) if raw.events else {}
+        values |= stage_values(raw.stamps) if raw.stamps else {}
+        with new_file(path, room=os.fstat(handle).st_size + 8 * raw.frames, recording=True) as made:
+            write_group(made, "recording", values)
+            name_event_kinds(made)
+            if header["calibration"]:
+                write_group(made.create_group("calibration"), "calibration", header["calibration"])
+            if header["played"]:
+                each = header["played_each"]
+                played = {**header["played"], **time_values(each * raw.frames, each * rate)}
+                played |= {name: raw.lazy(name) for name in PLAYED}
+                write_group(made.create_group("played"), "played", played)
+            if sys.platform == "win32":  # which replaces no open file
+                file.close()
+    return raw.frames, rate
+
+
+def complete(path: Path) -> tuple[str, ...]:
+    """Convert the raw file of an interrupted recording to HDF5, and report it; other files stay as they are.
+
+    Raises FileError if a program is recording into it, or it cannot be converted.
+    """
+    if not _is_raw(path):
+        return ()
+    handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+    try:
+        lock_recording(handle, path)
+        if not _is_raw(path):  # another program has converted it meanwhile
+            return ()
+        handle, mine = -1, handle
+        frames, rate = convert(path, mine)
+    finally:
+        if handle >= 0:
+            os.close(handle)
+    return (f"The recording was interrupted: {frames} frames, {frames / rate:g} s, are kept.",)
+
+
+def _is_raw(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+@contextmanager
+def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
+    """Open an HDF5 file of midair to read; an interrupted recording is converted first."""
+    file = existing_file(path)
+    with parse_errors(file, "an HDF5 file of midair"):
+        complete(file)
+        if not begins_as_hdf5(file):
+            raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
+        with open_hdf5(file) as opened:
+            yield opened
