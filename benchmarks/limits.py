@@ -21,7 +21,6 @@ from benchmarks.yardstick import Plain
 from midair.datasets import stroke
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import resample_pressure, target_amplitude, with_fitted_gain
-from midair.rig import array_of_kind
 from midair.settings import best_mode
 from midair.solvers import Exact, LevenbergMarquardt, Live, Problem, one_blas_thread, solve
 from midair.solvers.exact import System, state_at
@@ -188,7 +187,6 @@ def folding(frames: int) -> None:
         "points 10 mm beside": (plain, (10e-3, 0.0)),
         "palm tilted by 5 degrees": (tilted, (0.0, 0.0)),
         "measured": (replace(plain, response=spread), (0.0, 0.0)),
-        "openmpd": (array_of_kind("openmpd"), (0.0, 0.0)),
     }
     print(f"\nbest mode, {frames} frames at 4 kHz, of a towel if not named; least CPU of 2 runs, in turns; {load()}")
     pairs = ("ms a frame", "evaluations", "E mean", "E worst")

@@ -114,16 +114,6 @@ def tap():
     one.close()
 
 
-@pytest.fixture
-def board():
-    """A simulated OpenMPD board, which needs POSIX."""
-    from tests.simulators.openmpd import OpenMpdSimulator
-
-    one = OpenMpdSimulator()
-    yield one
-    one.close()
-
-
 @pytest.fixture(scope="module")
 def chromium():
     """The machine's own Chromium, driven from here."""

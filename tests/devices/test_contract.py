@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from tests.simulators.autd3_firmware import autd3_firmware
 from tests.simulators.exposure_override import clear_any_exposure
-from tests.simulators.openmpd import OpenMpdSimulator
 
 from midair.devices import (
-    OpenMpdArray,
     VirtualArray,
     VirtualSkin,
     autd3_array,
@@ -18,16 +16,12 @@ from midair.devices import (
     virtual_immediate,
 )
 from midair.errors import DeviceStateError, InputError, MismatchError, StoppedError
-from midair.model import Board, Drive, Placement, Provenance, TransducerArray
+from midair.model import Drive, Placement, Provenance, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)
-
-
-def openmpd(*boards):
-    return OpenMpdArray([board.port for board in boards], [Board.nominal()] * len(boards))
 
 
 ARRAYS = {
@@ -39,10 +33,7 @@ ARRAYS = {
     "virtual, frame by frame": lambda: virtual_immediate(ONE),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
     "pyautd3:nop": lambda: pyautd3_array("nop", ONE),
-    "openmpd": openmpd,
-    "openmpd twin": openmpd,
 }
-BOARDS = {"openmpd": 1, "openmpd twin": 2}
 
 
 def drive(device, frames=5, rate=1000.0):
@@ -53,20 +44,9 @@ def drive(device, frames=5, rate=1000.0):
     return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array, provenance=stated)
 
 
-SLOWER = {"openmpd twin"}
-"""Arrays that differ little from another: they are in the long suite."""
-
-
-@pytest.fixture(
-    params=[pytest.param(name, marks=pytest.mark.long if name in SLOWER else ()) for name in ARRAYS], ids=list(ARRAYS)
-)
+@pytest.fixture(params=list(ARRAYS))
 def array(request):
-    boards = [OpenMpdSimulator() for _ in range(BOARDS.get(request.param, 0))]
-    yield ARRAYS[request.param](*boards)
-    for board in boards:
-        board.settle()
-        assert not board.sounds, "what a board got last must be silence"
-        board.close()
+    return ARRAYS[request.param]()
 
 
 @pytest.mark.long

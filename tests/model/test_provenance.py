@@ -11,7 +11,6 @@ from midair.model import (
     Acoustics,
     AmplitudeFrames,
     ArrayCalibration,
-    Board,
     Calibration,
     ControlGrid,
     Crosstalk,
@@ -118,7 +117,6 @@ ORDINARY = {
         dead=np.arange(996) < 3,
         provenance=TOWEL,
     ),
-    "Board": replace(Board.nominal(), offset=np.ones(256), serial="FT000003"),
     "Calibration": Calibration(
         sensor=SENSOR,
         frequency=np.linspace(0, 500, 257),
@@ -174,7 +172,6 @@ SAYS = {
     "Acoustics": ["t4010a1", "340"],
     "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
     "ArrayCalibration": ["996 transducers", "3 dead", "strength 0.999 ± 0.051", "from virtual:towel"],
-    "Board": ["FT000003", "256 transducers", "offsets known"],
     "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
     "ControlGrid": ["rows=16", "height=0.2"],
     "Crosstalk": ["16 x 16 channels", "at most 10 %"],

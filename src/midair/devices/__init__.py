@@ -3,7 +3,6 @@
 from .arrays import BankedArray as BankedArray
 from .arrays import ImmediateArray as ImmediateArray
 from .arrays import ImmediateUnits as ImmediateUnits
-from .arrays import OpenMpdArray as OpenMpdArray
 from .arrays import Put as Put
 from .arrays import SilencerChoice as SilencerChoice
 from .arrays import autd3_array as autd3_array

@@ -17,7 +17,6 @@ from .formats import load as load
 from .formats import open_take as open_take
 from .formats import save as save
 from .formats import writer_of as writer_of
-from .importers import load_board as load_board
 from .importers import load_palm_path as load_palm_path
 from .importers import save_palm_path as save_palm_path
 from .native import ARRAY_SUFFIX as ARRAY_SUFFIX

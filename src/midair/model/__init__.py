@@ -17,12 +17,10 @@ from .geometry import HEIGHT as HEIGHT
 from .geometry import HEIGHTS as HEIGHTS
 from .geometry import RATE as RATE
 from .geometry import UNIT as UNIT
-from .geometry import Board as Board
 from .geometry import ControlGrid as ControlGrid
 from .geometry import Placement as Placement
 from .geometry import SensorGrid as SensorGrid
 from .geometry import TransducerArray as TransducerArray
-from .geometry import array_of_boards as array_of_boards
 from .medium import Acoustics as Acoustics
 from .medium import Directivity as Directivity
 from .medium import Medium as Medium

@@ -21,7 +21,6 @@ from midair.rig import (
     VirtualRig,
     aligned_pair,
     array_calibration_for,
-    array_of_kind,
     error_budget,
     loop,
     original_of_drive,
@@ -83,7 +82,7 @@ def led_pressure(order: SolveRequest) -> tuple[TransducerArray, Settings, Pressu
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
     told = unreproduced(take.recording, take.calibration, settings.calibration.band)
     pressure = replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
-    led, array = add_lead(pressure, required_lead(settings)), array_of_kind("autd3")
+    led, array = add_lead(pressure, required_lead(settings)), TransducerArray.autd3()
     if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
         array, settings, led = kept.applied(array, settings, led)
     return array, settings, led

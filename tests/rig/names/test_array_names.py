@@ -5,21 +5,20 @@ import numpy as np
 import pytest
 from tests.model.test_calibration import calibration
 
-from midair.errors import InputError, MissingFileError, UnknownDeviceError
+from midair.errors import InputError, UnknownDeviceError
 from midair.files import save_array_calibration
 from midair.model import (
     AmplitudeFrames,
     ArrayCalibration,
     ControlGrid,
     Medium,
-    Placement,
     PressureFrames,
     Provenance,
     TransducerArray,
 )
 from midair.rig import keep_array_calibration, keep_array_check, kept_array_calibration, open_rig
 from midair.rig.names import calibration_age
-from midair.rig.names.array_names import array_named, array_of_kind
+from midair.rig.names.array_names import array_named
 from midair.settings import best_mode
 from midair.solvers import solve
 
@@ -53,40 +52,6 @@ def test_names_of_arrays(name, simulated):
     assert array.array.same_as(ARRAY)
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"),
-    [
-        ("openmpd:/dev/ttyUSB0", "openmpd"),
-        ("openmpd:COM3?board=none", "openmpd"),
-        ("openmpd:COM3,COM4?board=none,none", "openmpd-twin"),
-    ],
-)
-def test_names_of_boards(name, kind):
-    array = array_named(name)
-    assert array.gated
-    assert not array.simulated
-    assert array.name == name.partition("?")[0]
-    assert array.array.same_as(array_of_kind(kind))
-
-
-def test_invalid_names_of_boards():
-    with pytest.raises(InputError, match="expected no placement"):
-        array_named("openmpd:COM3", Placement.grid())
-    with pytest.raises(InputError, match="expected the option board, got baud"):
-        array_named("openmpd:COM3?baud=9600")
-    with pytest.raises(InputError, match="each of 2 ports, got 1"):
-        array_named("openmpd:COM3,COM4?board=none")
-    with pytest.raises(InputError, match="one board, or two face to face, got 3"):
-        array_named("openmpd:a,b,c")
-    with pytest.raises(MissingFileError, match=r"board_N\.pat"):
-        array_named("openmpd:COM3?board=nowhere.pat")
-
-
-def test_kinds_of_arrays_that_can_be_solved_for():
-    assert array_of_kind("autd3").same_as(ARRAY)
-    assert (array_of_kind("openmpd").count, array_of_kind("openmpd-twin").count) == (256, 512)
-
-
 @pytest.mark.parametrize("name", ["", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"])
 def test_unknown_names(name):
     with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
@@ -118,10 +83,10 @@ def known(*, simulated=False, day="2026-11-20"):
 def test_each_address_has_its_own_calibration_and_the_virtual_array_none():
     first, second = known(), replace(known(), response=np.full(STORED.count, 0.5 + 0j))
     keep_array_calibration("autd3:eth0", first)
-    keep_array_calibration("openmpd:/dev/ttyUSB0?board=a.pat", second)
+    keep_array_calibration("pyautd3:eth0?x=1", second)
     assert kept_array_calibration("autd3:eth0").known.identifier == first.identifier
     # The option does not change which array it is.
-    assert kept_array_calibration("openmpd:/dev/ttyUSB0").known.identifier == second.identifier
+    assert kept_array_calibration("pyautd3:eth0").known.identifier == second.identifier
     assert kept_array_calibration("autd3:eth1") is None
     assert kept_array_calibration("virtual") is None
     with pytest.raises(InputError, match="a real array, got a simulated one"):

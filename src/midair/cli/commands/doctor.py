@@ -36,7 +36,7 @@ def doctor_command(
     Parameters
     ----------
     device
-        Also query this array, without sound: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT.
+        Also query this array, without sound: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE.
         Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
     wizard
         Check the array with sound and questions: air, placement, sound at the ears, wiring, transducers, heat.

@@ -9,11 +9,10 @@ from midair.cli.console import print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
 from midair.cli.output import as_recording, may_write, parameter_values, reserved
-from midair.errors import InputError
 from midair.files import load_placement, load_solution, load_target, save
 from midair.model import Calibration, Medium
 from midair.patterns import draw_file, load_pattern, wanted_pressure
-from midair.rig import ArrayKind, array_calibration_for, array_of_kind
+from midair.rig import array_calibration_for, transducers_of
 
 
 def draw_command(
@@ -25,7 +24,6 @@ def draw_command(
     parameter: tuple[str, ...] = (),
     pressure: Annotated[float, quantity("Pa")] = 50.0,
     wanted: Annotated[Path | None, Parameter(alias="-w")] = None,
-    array: ArrayKind = "autd3",
     placement: Placement = None,
     device: str = "virtual",
     array_calibration: ArrayCalibration = None,
@@ -51,10 +49,8 @@ def draw_command(
         Pressure of intensity 1 in an .adaptics file.
     wanted
         Write the wanted pressure on 4 x 4 cells too, a recording to compare with what is played.
-    array
-        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     device
-        Array on which the drive will be played, as in midair play, to use its stored calibration.
+        Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
     air
         Air of the room. [default: 22 degrees and 50 %]
 
@@ -64,8 +60,6 @@ def draw_command(
     $ midair draw circle.toml circle.drive.h5 --duration 2s --wanted circle.h5
     $ midair draw rain.adaptics --duration 0.5s --parameter droplet_strength=0.5
     """
-    if placement is not None and array != "autd3":
-        raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
     if wanted is not None:
@@ -73,7 +67,7 @@ def draw_command(
     values = parameter_values(parameter)
     pattern = load_pattern(source, values, pressure=pressure)
     foci = pattern.foci(duration)
-    transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
+    transducers = transducers_of(device, None if placement is None else load_placement(placement))
     known = array_calibration_for(device, array_calibration)
     transducers = transducers if known is None else known.known.applied(transducers)
     room = (air or AirOptions()).medium()

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 from midair.cli.console import print_figures, print_json, print_rows
 from midair.cli.exposure_options import AirOptions, print_check_time
@@ -13,7 +13,7 @@ from midair.figures import exposure_figure, png_bytes
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, write_file
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
-from midair.rig import ArrayKind, array_named, array_of_kind
+from midair.rig import array_named
 from midair.validation import within
 
 
@@ -112,9 +112,7 @@ def _array_to_play(drive: Drive, device: str | None, placement: Path | None) -> 
     """The array that would play: that of the device, or the drive's with the known strength of its transducers."""
     if device is not None:
         return array_named(device, None if placement is None else load_placement(placement)).array
-    kinds = [array_of_kind(kind) for kind in get_args(ArrayKind)]
-    known = next((kind for kind in kinds if kind.same_as(drive.array)), kinds[0])
-    return replace(drive.array, pressure=known.pressure)
+    return replace(drive.array, pressure=TransducerArray.autd3().pressure)
 
 
 def _array_text(drive: Drive, array: TransducerArray) -> str:

@@ -57,11 +57,8 @@ from midair.pipeline import (
     weaker_settings,
 )
 from midair.rig import (
-    ArrayKind,
     PlaySettings,
     array_calibration_for,
-    array_named,
-    array_of_kind,
     check_air,
     checkup_line,
     clear_followed,
@@ -76,6 +73,7 @@ from midair.rig import (
     play_pressure,
     rerecord,
     tracker_name,
+    transducers_of,
 )
 from midair.settings import Settings
 from midair.targets import add_lead, frames_without_lead
@@ -90,7 +88,6 @@ def solve_command(
     start_at: StartAt = 0.0,
     duration: PartLength = None,
     lead: Lead = None,
-    array: ArrayKind = "autd3",
     placement: Path | None = None,
     device: str = "virtual",
     array_calibration: ArrayCalibration = None,
@@ -105,12 +102,10 @@ def solve_command(
         Recording with a calibration, NAME.h5.
     output
         Drive to write, NAME.drive.h5. [default: name of the source]
-    array
-        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, two facing boards.
     placement
         TOML file with the places of AUTD3 units.
     device
-        Array on which the drive will be played, as in midair play, to use its stored calibration.
+        Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
 
     Examples
     --------
@@ -120,9 +115,7 @@ def solve_command(
     options = options or SolveOptions()
     settings = options.settings()
     options.refuse_idle_palm()
-    if placement is not None and array != "autd3":
-        raise InputError(f"--placement: expected --array autd3, got {array}; leave out one of them")
-    transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
+    transducers = transducers_of(device, None if placement is None else load_placement(placement))
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
     pressure = _led_pressure(source, settings, start_at, duration, lead)
@@ -327,9 +320,8 @@ def play_command(
 
 def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
     """The drive of a pattern for the array that will play it, in a folder."""
-    array = array_of_kind("autd3")
+    array = transducers_of(settings.device, settings.placement)
     if settings.device != "virtual":
-        array = array_named(settings.device, settings.placement).array
         known = array_calibration_for(settings.device)
         array = array if known is None else known.known.applied(array)
     foci, target = load_pattern(source).foci(), folder / f"{source.stem}.drive.h5"

@@ -24,7 +24,7 @@ def stop_command(
     Parameters
     ----------
     device
-        Also open and silence this array: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE, openmpd:PORT.
+        Also open and silence this array: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE.
     placement
         TOML file with the units of that array. [default: two by two]
     watch

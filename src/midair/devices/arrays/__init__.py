@@ -1,4 +1,4 @@
-"""Phased arrays: AUTD3 through both of its SDKs, OpenMPD boards, and the transmission of frames."""
+"""Phased arrays: AUTD3 through both of its SDKs, and the transmission of frames."""
 
 from .autd3 import autd3_array as autd3_array
 from .autd3 import autd3_immediate as autd3_immediate
@@ -7,7 +7,6 @@ from .immediate import OUTCOMES as OUTCOMES
 from .immediate import ImmediateArray as ImmediateArray
 from .immediate import ImmediateUnits as ImmediateUnits
 from .immediate import Put as Put
-from .openmpd import OpenMpdArray as OpenMpdArray
 from .silencer import Silencer as Silencer
 from .silencer import SilencerChoice as SilencerChoice
 from .silencer import choose_silencer as choose_silencer

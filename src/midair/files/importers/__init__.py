@@ -2,4 +2,3 @@
 
 from .csv_file import load_palm_path as load_palm_path
 from .csv_file import save_palm_path as save_palm_path
-from .pat_file import load_board as load_board

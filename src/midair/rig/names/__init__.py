@@ -1,15 +1,14 @@
 """Make devices from the names that users type, their calibrations, and the virtual rig."""
 
-from .array_names import ArrayKind as ArrayKind
 from .array_names import KeptCalibration as KeptCalibration
 from .array_names import array_calibration_for as array_calibration_for
 from .array_names import array_calibration_named as array_calibration_named
 from .array_names import array_named as array_named
-from .array_names import array_of_kind as array_of_kind
 from .array_names import calibration_age as calibration_age
 from .array_names import keep_array_calibration as keep_array_calibration
 from .array_names import keep_array_check as keep_array_check
 from .array_names import kept_array_calibration as kept_array_calibration
+from .array_names import transducers_of as transducers_of
 from .sensor_names import SENSORS as SENSORS
 from .sensor_names import TRACKERS as TRACKERS
 from .sensor_names import TransducerSpread as TransducerSpread

@@ -1,4 +1,4 @@
-"""Arrays by name: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``; the stored calibrations of real arrays."""
+"""Arrays by name: ``autd3:eth0``, ``pyautd3:audit``; the stored calibrations of real arrays."""
 
 import hashlib
 import os
@@ -11,7 +11,6 @@ from typing import Literal
 
 from midair.devices import (
     ArrayDevice,
-    OpenMpdArray,
     SilencerChoice,
     autd3_array,
     make_state_folder,
@@ -19,15 +18,14 @@ from midair.devices import (
     state_folder,
 )
 from midair.errors import InputError, UnknownDeviceError
-from midair.files import ARRAY_SUFFIX, load_array_calibration, load_board, save_array_calibration, write_file
-from midair.model import ArrayCalibration, Board, Medium, Placement, PressureFrames, TransducerArray, array_of_boards
+from midair.files import ARRAY_SUFFIX, load_array_calibration, save_array_calibration, write_file
+from midair.model import ArrayCalibration, Medium, Placement, PressureFrames, TransducerArray
 from midair.registry import Registry
-from midair.rig.names.sensor_names import split_name
 from midair.settings import Settings
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "
-    "pyautd3:twincat, pyautd3:remote:ADDRESS:PORT, pyautd3:audit, pyautd3:nop or openmpd:PORT[,PORT]?board=FILE[,FILE]"
+    "pyautd3:twincat, pyautd3:remote:ADDRESS:PORT, pyautd3:audit or pyautd3:nop"
 )
 
 ARRAYS: Registry[Callable[[str, Placement | None, SilencerChoice], ArrayDevice]] = Registry(
@@ -37,20 +35,16 @@ ARRAYS: Registry[Callable[[str, Placement | None, SilencerChoice], ArrayDevice]]
         "autd3-simulator": "midair.rig.names.array_names:open_autd3",
         "autd3-server": "midair.rig.names.array_names:open_autd3",
         "pyautd3": "midair.rig.names.array_names:open_pyautd3",
-        "openmpd": "midair.rig.names.array_names:open_openmpd",
     },
 )
 """Functions that make an array, by the part of its name before the colon: name, placement, silencer to device."""
 
-ArrayKind = Literal["autd3", "openmpd", "openmpd-twin"]
-"""Arrays that the solver supports without a file: two by two units, one board, two opposing boards."""
 
-
-def array_of_kind(kind: ArrayKind) -> TransducerArray:
-    """Transducers of a kind of array."""
-    if kind == "autd3":
-        return TransducerArray.autd3()
-    return array_of_boards(*[Board.nominal()] * (1 if kind == "openmpd" else 2))
+def transducers_of(device: str, placement: Placement | None = None) -> TransducerArray:
+    """Transducers of the array that a name stands for; without loading the driver if they are AUTD3 units."""
+    if device.partition(":")[0] in ARRAYS.others:
+        return array_named(device, placement).array
+    return TransducerArray.autd3() if placement is None else placement.array()
 
 
 def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> ArrayDevice:
@@ -60,12 +54,9 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, with ``:PORT`` if not the default, are the
     makers' programs on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over EtherCAT,
     ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` for a server; ``pyautd3:audit`` and ``pyautd3:nop`` have no
-    hardware. ``openmpd:PORT?board=FILE`` is a board at a serial port with its own file,
-    ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` stands for a board without a file. Without
-    ``board=`` a board can be silenced, but not played on. ``virtual`` is made by `VirtualRig` instead.
+    hardware. ``virtual`` is made by `VirtualRig` instead. Other packages add kinds of their own.
 
-    Without a placement the units are two by two; boards of openmpd have a fixed one. UnknownDeviceError if the name is
-    unknown, InputError if an option is unknown or does not fit, FileError if a board's file cannot be read.
+    Without a placement the units are two by two. UnknownDeviceError if the name is unknown.
     """
     if name == "virtual":
         raise UnknownDeviceError("array: expected a real array or an emulator, got virtual, which needs no driver")
@@ -89,21 +80,6 @@ def open_pyautd3(name: str, placement: Placement | None, silencer: SilencerChoic
         # Any other text is the name of a network interface.
         where = f"ethercrab:{where}" if where else "ethercrab"
     return pyautd3_array(where, placement, silencer=silencer)
-
-
-def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
-    """OpenMPD boards at their serial ports."""
-    _, where, said = split_name(name)
-    if not where:
-        raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
-    if placement is not None:
-        raise InputError(f"{name}: expected no placement, got one; boards are single, or opposing at 238.8 mm")
-    if unknown := sorted(set(said) - {"board"}):
-        raise InputError(f"{name}: expected the option board, got {unknown[0]}")
-    # In the order of the ports; none without the option.
-    files = said["board"].split(",") if "board" in said else []
-    boards = [Board.nominal() if file == "none" else load_board(file) for file in files]
-    return OpenMpdArray(where.split(","), boards, name=f"openmpd:{where}", silencer=silencer)
 
 
 _WARMER, _MOVED = 1.0, 20e-3

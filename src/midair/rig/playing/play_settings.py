@@ -50,8 +50,7 @@ class PlaySettings(Declared):
         "virtual: simulated array and sensor.\n"
         "autd3, autd3:INTERFACE: units over Ethernet. autd3:emulator: their emulator.\n"
         "autd3-simulator, autd3-server: the makers' programs on this computer.\n"
-        "pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.\n"
-        "openmpd:PORT?board=FILE.pat: an OpenMPD board (experimental).",
+        "pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.\n",
     )
     sensor: str | None = setting(
         None, "Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS."

@@ -9,14 +9,12 @@ import psutil
 import pytest
 from tests.waiting import wait_until
 
-pytest.importorskip("serial")
-
 PLAYER = """
 import sys
 import numpy as np
-from midair.devices import OpenMpdArray
 from midair.errors import DeviceError
-from midair.model import Board, Drive, array_of_boards
+from midair.model import Drive
+from midair_openmpd import Board, OpenMpdArray, array_of_boards
 from tests.simulators.exposure_override import clear_any_exposure
 
 board = Board.nominal()

@@ -5,15 +5,13 @@ import time
 
 import numpy as np
 import pytest
+from board_simulator import OpenMpdSimulator, measured_board
 from tests.simulators.exposure_override import clear_any_exposure
-from tests.simulators.openmpd import OpenMpdSimulator, measured_board
 
-from midair.devices import OpenMpdArray
-from midair.devices.arrays.openmpd import LEAD
-from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError, RateError
-from midair.model import Board, Drive, array_of_boards
-
-pytest.importorskip("serial")
+from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, RateError
+from midair.model import Drive
+from midair_openmpd import Board, OpenMpdArray, array_of_boards
+from midair_openmpd.driver import LEAD
 
 
 @pytest.fixture
@@ -218,12 +216,6 @@ def test_what_cannot_be_played_is_refused_before_a_sound(stand_ins):
 
 def test_a_port_that_is_not_there_is_one_line():
     with pytest.raises(DeviceError, match="expected a port /dev/nothing"):
-        OpenMpdArray(["/dev/nothing"]).open()
-
-
-def test_without_pyserial_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "serial", None)
-    with pytest.raises(MissingExtraError, match=r'pip install "midair\[serial\]"'):
         OpenMpdArray(["/dev/nothing"]).open()
 
 

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midair.devices.arrays.openmpd import drive_frames
-from midair.model import Board, Drive, array_of_boards
+from midair.model import Drive
+from midair_openmpd import Board, array_of_boards
+from midair_openmpd.driver import drive_frames
 
 SOURCES = os.environ.get("MIDAIR_OPENMPD", "")
 FILES = ["RSSFilter", "CommandReader", "PhaseCalibration", "PinMapping", "CalibrationAndMapping", "Counter"]

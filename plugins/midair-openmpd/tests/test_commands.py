@@ -5,16 +5,16 @@ import sys
 
 import numpy as np
 import pytest
+from board_simulator import OpenMpdSimulator, measured_board
+from tests.cli.conftest import _own_folder as _own_folder
 from tests.drives import save_drive
-from tests.simulators.openmpd import OpenMpdSimulator, measured_board
 from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.files import load_solution, load_target
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
-from midair.rig import array_of_kind
+from midair_openmpd import Board, array_of_boards
 
-pytest.importorskip("serial")
 pytestmark = pytest.mark.usefixtures("own_state")
 
 
@@ -47,17 +47,16 @@ def errors(drive, target, q):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("count", "words"),
     # Strong targets: what seven bits of phase leave over is then small beside them.
-    [("openmpd", ["--gain", "16"]), ("openmpd-twin", ["--gain", "64", "--height", "119.4mm"])],
+    [(1, ["--gain", "16"]), (2, ["--gain", "64", "--height", "119.4mm"])],
     ids=["one board", "face to face"],
 )
-def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, capsys):
-    count = 1 if kind == "openmpd" else 2
+def test_the_output_of_the_boards_is_the_solved_field(count, words, tmp_path, capsys):
     boards, ports = [measured_board(number) for number in range(count)], [OpenMpdSimulator() for _ in range(count)]
     files = [write_board(tmp_path / f"board_{number}.pat", board) for number, board in enumerate(boards)]
-    solution = solved(tmp_path / "x.drive.h5", "--array", kind, *words)
     device = f"openmpd:{','.join(port.port for port in ports)}?board={','.join(map(str, files))}"
+    solution = solved(tmp_path / "x.drive.h5", "--device", device, *words)
     played = run(["play", "x.drive.h5", "--device", device, "--override-exposure", "A Person"])
     printed = " ".join(capsys.readouterr().out.split())
     for port in ports:
@@ -81,7 +80,7 @@ def test_the_output_of_the_boards_is_the_solved_field(kind, words, tmp_path, cap
 
 
 def test_a_loud_drive_is_refused_before_the_board_is_opened(board, capsys):
-    array = array_of_kind("openmpd")
+    array = array_of_boards(Board.nominal())
     save_drive("x.drive.h5", np.tile(focus_phase(array, np.array([0, 0, 0.12])), (2, 1)), 1.0, array=array)
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
     assert "limit 110 dB" in capsys.readouterr().err
@@ -109,8 +108,9 @@ def test_stop_silences_a_board_that_something_left_sounding(board, capsys):
 
 @pytest.mark.long
 def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
-    solved("x.drive.h5", "--array", "openmpd", *FEW)
-    words = ["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none", "--repeats", "2000"]
+    device = f"openmpd:{board.port}?board=none"
+    solved("x.drive.h5", "--device", device, *FEW)
+    words = ["play", "x.drive.h5", "--device", device, "--repeats", "2000"]
     order = [sys.executable, "-m", "midair", *words, "--override-exposure", "A Person"]
     player = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -138,9 +138,3 @@ def test_doctor_reports_what_it_cannot_check(board, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert "its last frame forever" in said
     assert board.heard == []
-
-
-def test_units_are_placed_for_autd3_only(tmp_path, capsys):
-    (tmp_path / "mine.toml").write_text("[[unit]]\nposition_mm = [0, 0, 0]\n", encoding="utf-8")
-    assert run(["solve", "towel.h5", "--array", "openmpd", "--placement", "mine.toml"]) == 1
-    assert "--placement: expected --array autd3" in capsys.readouterr().err

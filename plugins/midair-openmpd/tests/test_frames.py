@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
-from tests.simulators.openmpd import CommandReader, measured_board
+from board_simulator import CommandReader, measured_board
 
-from midair.devices.arrays.openmpd import (
+from midair.errors import RateError
+from midair.model import Drive
+from midair.streaming import LazyFrames
+from midair_openmpd import Board, array_of_boards
+from midair_openmpd.driver import (
     AHEAD,
     FramesAhead,
     drive_frames,
@@ -13,9 +17,6 @@ from midair.devices.arrays.openmpd import (
     pulse_lengths,
     rate_divider,
 )
-from midair.errors import RateError
-from midair.model import Board, Drive, array_of_boards
-from midair.streaming import LazyFrames
 
 
 def some_drive(boards, level=1.0, frames=6, seed=1):

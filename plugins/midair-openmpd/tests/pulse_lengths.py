@@ -1,4 +1,4 @@
-"""Effect of an OpenMPD board's seven phase bits and 64 pulse lengths on E: `python -m benchmarks.openmpd`.
+"""Effect of an OpenMPD board's seven phase bits and 64 pulse lengths on E; the README says how to run it.
 
 A simulated stroke of a towel, at full pressure and at a tenth of it, is solved for one board at several levels. The
 table has E of the drive; E of the output of a simulated board, with all transducers at the next shorter pulse as midair
@@ -9,23 +9,24 @@ import argparse
 import dataclasses
 
 import numpy as np
-from tests.simulators.openmpd import CommandReader, measured_board
+from board_simulator import CommandReader, measured_board
 
 from midair.datasets import stroke
-from midair.devices import ExposureChoices, OpenMpdArray, check_exposure
-from midair.devices.arrays.openmpd import START, STEPS, drive_frames
+from midair.devices import ExposureChoices, check_exposure
 from midair.files import profile_named
-from midair.model import AmplitudeFrames, Board, Drive, array_of_boards
+from midair.model import AmplitudeFrames, Drive
 from midair.physics import transfer_matrix
 from midair.pipeline import reproduce
 from midair.settings import paper_mode
+from midair_openmpd import Board, OpenMpdArray, array_of_boards
+from midair_openmpd.driver import START, STEPS, drive_frames
 
 FRAMES = slice(100, 160)
 ALWAYS = ExposureChoices(profile=profile_named("occupational-110"), override="the benchmark")
 
 
 def main() -> None:
-    argparse.ArgumentParser(prog="python -m benchmarks.openmpd", description=__doc__.splitlines()[0]).parse_args()
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     board = measured_board(3)
     touch = stroke("towel", duration=0.3)
     touch = dataclasses.replace(touch, pressure=touch.pressure[FRAMES])

@@ -32,13 +32,15 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
 
 import numpy as np
+import serial
 from numpy.typing import NDArray
 
-from midair.devices.arrays.silencer import SilencerChoice
-from midair.devices.interface import ArrayDevice, PlayReport
+from midair.devices import ArrayDevice, PlayReport, SilencerChoice
 from midair.devices.safety import PortGuard
-from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError, RateError
-from midair.model import Board, Drive, Progress, array_of_boards
+from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, RateError
+from midair.model import Drive, Placement, Progress
+
+from .boards import Board, array_of_boards, load_board
 
 Bytes = NDArray[np.uint8]
 
@@ -367,12 +369,20 @@ class OpenMpdArray(ArrayDevice):
 def _serial_port(name: str) -> Any:
     """A port opened with pyserial; a FIFO ignores the baud rate."""
     try:
-        serial = importlib.import_module("serial")
-    except ModuleNotFoundError:
-        raise MissingExtraError(
-            'openmpd: expected the package pyserial, it is not installed; pip install "midair[serial]"'
-        ) from None
-    try:
         return serial.Serial(name, 250_000, write_timeout=1.0, timeout=0, exclusive=True)
     except (OSError, ValueError) as wrong:
         raise DeviceError(f"openmpd: expected a port {name}, got: {wrong}; see midair doctor") from wrong
+
+
+def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
+    """Boards of a name such as ``openmpd:LOWER,UPPER?board=FILE,FILE``; the file ``none`` is a board without one."""
+    where, question, options = name.removeprefix("openmpd").removeprefix(":").partition("?")
+    if not where:
+        raise InputError(f"{name}: expected openmpd:PORT[,PORT]?board=FILE[,FILE]")
+    if placement is not None:
+        raise InputError(f"{name}: expected no placement, got one; boards are single, or opposing at 238.8 mm")
+    key, _, files = options.partition("=")
+    if question and key != "board":
+        raise InputError(f"{name}: expected the option board, got {key}")
+    boards = [Board.nominal() if file == "none" else load_board(file) for file in files.split(",")] if question else []
+    return OpenMpdArray(where.split(","), boards, name=f"openmpd:{where}", silencer=silencer)

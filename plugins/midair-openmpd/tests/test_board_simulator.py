@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from tests.simulators.openmpd import CommandReader, OpenMpdSimulator, PinFrame
+from board_simulator import CommandReader, OpenMpdSimulator, PinFrame
 
 
 def frame(first=0, length=0):

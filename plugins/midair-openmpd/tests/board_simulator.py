@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.simulators.pty_device import BehindPty
 
-from midair.model import Board
+from midair_openmpd import Board
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
