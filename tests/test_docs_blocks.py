@@ -119,10 +119,12 @@ TOMLS = {
     "docs/follow.md": [tracker],
     "docs/palm.md": [palm],
     "docs/play-on-your-array.md": [placement],
+    "docs/plug-ins.md": [None],
     "docs/settings.md": [settings],
     "docs/study.md": [None, None, None],
 }
-"""Who reads each block of TOML; those of studies are drawn in tests/test_docs.py."""
+"""Who reads each block of TOML; those of studies are drawn in tests/test_docs.py, and
+tests/test_plug_ins.py makes a package of docs/plug-ins.md."""
 
 
 def test_every_toml_is_what_its_page_says(tmp_path):

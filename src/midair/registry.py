@@ -1,13 +1,18 @@
-"""Registries of sensors, arrays, motion stages and file formats, which installed packages extend by entry points."""
+"""Objects that are imported by name when they are first used: the kinds of sensors, arrays and file formats."""
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from midair.errors import MissingExtraError
 
 T = TypeVar("T")
+
+
+def load_object(name: str, value: str) -> Any:
+    """Import an object of midair, "module:object [extra]"; MissingExtraError if a package that it needs is missing."""
+    return _load(EntryPoint(name, value, ""), "midair")
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -23,8 +28,7 @@ class Registry(Mapping[str, T], Generic[T]):
     """
 
     def __init__(self, group: str, own: Mapping[str, str]) -> None:
-        self.group = group
-        self._own = {name: EntryPoint(name, value, group) for name, value in own.items()}
+        self.group, self._own = group, own
 
     @cached_property
     def _others(self) -> dict[str, EntryPoint]:
@@ -50,18 +54,24 @@ class Registry(Mapping[str, T], Generic[T]):
 
         Raises KeyError if nothing has the name; MissingExtraError if a package or a library that it needs is missing.
         """
-        entry = self._own.get(name) or self._others[name]
-        try:
-            return entry.load()
-        except ModuleNotFoundError as wrong:
-            owner = "midair" if name in self._own or entry.dist is None else entry.dist.name
-            extra = f"{owner}[{','.join(entry.extras)}]" if entry.extras else str(wrong.name)
-            raise MissingExtraError(
-                f'{name}: expected the package {wrong.name}, it is not installed; pip install "{extra}"'
-            ) from wrong
-        except (ImportError, AttributeError, OSError, RuntimeError) as wrong:
-            reason = (str(wrong).splitlines() or [type(wrong).__name__])[0]
-            raise MissingExtraError(f"{name}: expected {entry.value}, got: {reason}") from wrong
+        if name in self._own:
+            return load_object(name, self._own[name])
+        entry = self._others[name]
+        return _load(entry, "midair" if entry.dist is None else entry.dist.name)
 
     def __repr__(self) -> str:
         return f"<Registry {self.group}: {', '.join(self)}>"
+
+
+def _load(entry: EntryPoint, owner: str) -> Any:
+    name = entry.name
+    try:
+        return entry.load()
+    except ModuleNotFoundError as wrong:
+        extra = f"{owner}[{','.join(entry.extras)}]" if entry.extras else str(wrong.name)
+        raise MissingExtraError(
+            f'{name}: expected the package {wrong.name}, it is not installed; pip install "{extra}"'
+        ) from wrong
+    except (ImportError, AttributeError, OSError, RuntimeError) as wrong:
+        reason = (str(wrong).splitlines() or [type(wrong).__name__])[0]
+        raise MissingExtraError(f"{name}: expected {entry.value}, got: {reason}") from wrong

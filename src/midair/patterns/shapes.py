@@ -1,4 +1,4 @@
-"""Shapes that a focus moves along, one class and one line of `SHAPES` each.
+"""Shapes that a focus moves along, one class and one entry of `SHAPES` each.
 
 A shape is a frozen dataclass whose fields are the keys of its table in a pattern's file; lengths in mm, angles in deg.
 """
@@ -13,7 +13,6 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.registry import Registry
 from midair.validation import check_settings, setting
 
 _SPAN = (0, 500)
@@ -195,11 +194,7 @@ def _outline(path: str) -> tuple[Array, Array]:
     return (np.concatenate(places) - (low + high) / 2) / [size, -size], np.cumsum(np.concatenate(steps) / size)
 
 
-SHAPES: Registry[type[Shape]] = Registry(
-    "midair.shapes",
-    {
-        kind.__name__.lower(): f"{__name__}:{kind.__name__}"
-        for kind in (Points, Circle, Arc, Line, Polygon, Lissajous, Svg)
-    },
-)
+SHAPES: dict[str, type[Shape]] = {
+    kind.__name__.lower(): kind for kind in (Points, Circle, Arc, Line, Polygon, Lissajous, Svg)
+}
 """Shapes by the name that a pattern's file gives them."""

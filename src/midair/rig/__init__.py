@@ -69,7 +69,6 @@ from .live_touch import live as live
 from .live_touch import live_clearance as live_clearance
 from .live_touch import request_realtime as request_realtime
 from .live_touch import streamed as streamed
-from .names import TRACKERS as TRACKERS
 from .names import KeptCalibration as KeptCalibration
 from .names import TransducerSpread as TransducerSpread
 from .names import VirtualRig as VirtualRig

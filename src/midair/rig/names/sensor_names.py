@@ -49,7 +49,7 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import SensorModel, TransducerDynamics, Transducers
-from midair.registry import Registry
+from midair.registry import Registry, load_object
 from midair.validation import length
 
 TransducerSpread = Literal["default", "boards", "data-sheets"]
@@ -260,12 +260,6 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
     )
 
 
-STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
-    "midair.stages", {"grbl": "midair.devices.motion_stages.grbl:grbl_stage [serial]"}
-)
-"""Functions that make a motion stage from a place and the options after the question mark, by kind."""
-
-
 def stage_named(name: str) -> StageDevice:
     """Make the motion stage that a name stands for, not yet open.
 
@@ -274,25 +268,21 @@ def stage_named(name: str) -> StageDevice:
     installed.
     """
     kind, place, stated = split_name(name)
-    if not place or kind not in STAGES:
-        others = "".join(f", {each}:PLACE" for each in STAGES.others)
-        raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0{others}, got {name!r}")
+    if not place or kind != "grbl":
+        raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0, got {name!r}")
     try:
-        return STAGES[kind](place, stated)
+        return load_object(kind, "midair.devices.motion_stages.grbl:grbl_stage [serial]")(place, stated)
     except InputError as wrong:
         raise InputError(f"{name}: {wrong}") from wrong
 
 
-TRACKERS: Registry[type[TrackerOptions]] = Registry(
-    "midair.trackers",
-    {
-        "leap": "midair.devices.trackers.leap:LeapTracker [leap]",
-        "lsl": "midair.devices.trackers.lsl_poses:LslTracker [lsl]",
-        "osc": "midair.devices.trackers.osc:OscTracker",
-        "replay": "midair.rig.names.sensor_names:ReplayTracker",
-    },
-)
-"""Kinds of trackers."""
+TRACKERS = {
+    "leap": "midair.devices.trackers.leap:LeapTracker [leap]",
+    "lsl": "midair.devices.trackers.lsl_poses:LslTracker [lsl]",
+    "osc": "midair.devices.trackers.osc:OscTracker",
+    "replay": "midair.rig.names.sensor_names:ReplayTracker",
+}
+"""Kinds of trackers; each is imported when it is first used."""
 
 
 class ReplayTracker(TrackerOptions):
@@ -330,7 +320,7 @@ def tracker_options(name: str) -> tuple[TrackerOptions, str]:
     kind, place, stated = split_name(name)
     if kind not in TRACKERS:
         raise UnknownDeviceError(f"tracker: expected {', '.join(f'{each}:PLACE' for each in TRACKERS)}, got {name!r}")
-    return checked_options(name, TRACKERS[kind], stated), place
+    return checked_options(name, load_object(kind, TRACKERS[kind]), stated), place
 
 
 def open_tracker(

@@ -30,7 +30,7 @@ from midair.errors import InputError, SilentFramesError
 from midair.files import load_solution
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
-from midair.rig.names import TRACKERS, array_calibration_for
+from midair.rig.names import array_calibration_for, tracker_options
 from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, wait_until
 
@@ -102,7 +102,7 @@ class FramePlayer:
         self.loaded: dict[str, Loaded] = {}
         self.level, self._late, self._failsafe = 1.0, 0, 0
         self.palm, self.silent = PalmReports(), threading.Event()
-        self.tracker = Tracker(self.palm, name="palm", options=TRACKERS["osc"]())
+        self.tracker = Tracker(self.palm, name="palm", options=tracker_options("osc:")[0])
         self.triggers = queue.SimpleQueue[Trigger | None]()
         self._now: tuple[Loaded, int, float, int] | None = None
 

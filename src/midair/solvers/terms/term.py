@@ -4,20 +4,19 @@ A term is one class in one file and one entry of `TERMS`. Its keyword in `midair
 `Settings`, the provenance of drives, the documentation and the estimate of memory are derived from the class.
 """
 
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import cache
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError, MissingExtraError
+from midair.errors import InputError
 from midair.model import Acoustics, ControlGrid, Setting, TransducerArray
 from midair.physics import transfer_matrix
-from midair.registry import Registry
 from midair.solvers.backend import Numbers, Rows
 
 if TYPE_CHECKING:
@@ -175,42 +174,19 @@ class PhaseTerm(Term):
         return replace(problem, costs=(*problem.costs, self))
 
 
-TERMS: Registry[type[Term]] = Registry(
-    "midair.terms",
-    {
-        "amplitudes": "midair.solvers.terms.amplitudes:Bounded",
-        "guard": "midair.solvers.terms.guard:Guard",
-        "fit": "midair.solvers.terms.fit:PressureMeans",
-        "smooth": "midair.solvers.terms.smooth:Smooth",
-        "robust": "midair.solvers.terms.temperatures:Robust",
-        "quiet_ears": "midair.solvers.terms.quiet_ears:QuietEars",
-        "quiet_palm": "midair.solvers.terms.quiet_palm:QuietPalm",
-    },
-)
-"""The terms by keyword, in the order in which they are added to a problem."""
+TERMS = {
+    "amplitudes": "midair.solvers.terms.amplitudes:Bounded",
+    "guard": "midair.solvers.terms.guard:Guard",
+    "fit": "midair.solvers.terms.fit:PressureMeans",
+    "smooth": "midair.solvers.terms.smooth:Smooth",
+    "robust": "midair.solvers.terms.temperatures:Robust",
+    "quiet_ears": "midair.solvers.terms.quiet_ears:QuietEars",
+    "quiet_palm": "midair.solvers.terms.quiet_palm:QuietPalm",
+}
+"""The terms by keyword, in the order in which they are added to a problem; their modules import this one."""
 
 
 @cache
 def registered_terms() -> Mapping[str, type[Term]]:
-    """The terms by keyword. Those of other packages that cannot be used are left out, with a warning."""
-    found: dict[str, type[Term]] = {}
-    for keyword in TERMS:
-        try:
-            found[keyword] = _checked(keyword, TERMS[keyword])
-        except (InputError, MissingExtraError) as wrong:
-            warnings.warn(f"term {wrong}; the term is left out", stacklevel=2)
-    return found
-
-
-def _checked(keyword: str, term: type[Term]) -> type[Term]:
-    """Refuse a term of another package that no method can use: most methods compute with data that they know."""
-    if keyword not in TERMS.others:
-        return term
-    kind = next((each for each in (QuietTerm, PhaseTerm) if issubclass(term, each)), None)
-    if kind is None or term.keyword != keyword or not term.methods <= kind.methods:
-        methods = ", ".join(sorted(getattr(term, "methods", ()))) or "none"
-        raise InputError(
-            f"{keyword}: expected a subclass of QuietTerm (for methods lm, fast, glide) or PhaseTerm (for method fast) "
-            f"with keyword {keyword!r}, got {term.__name__} for {methods}; other methods have compiled or fixed terms"
-        )
-    return term
+    """The terms by keyword."""
+    return {keyword: resolve_name(term) for keyword, term in TERMS.items()}

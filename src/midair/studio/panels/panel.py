@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from midair.registry import Registry
 from midair.studio.demo_stroke import DemoStroke
 from midair.studio.jobs import Jobs
 from midair.studio.panels.play_panel import PlayPanel
@@ -76,10 +75,3 @@ class Panel:
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
         self._store.put(**{self.name: self._state})
-
-
-_NAMES = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
-PANELS: Registry[type[Panel]] = Registry(
-    "midair.panels", {name: f"midair.studio.panels.{name}_panel:{name.title()}Panel" for name in _NAMES}
-)
-"""Tabs of the page from left to right; other packages add theirs by the entry point group ``midair.panels``."""
