@@ -9,11 +9,12 @@ import time
 import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext, suppress
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError, UnusedCliTokensError
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of, summary_of
 from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
@@ -177,6 +178,11 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
     """The message for a command line that cannot be parsed."""
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
         return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
+    if isinstance(wrong, UnknownCommandError) and wrong.unused_tokens and wrong.app is app:
+        # The message of cyclopts imports every command.
+        (word, *_), names = wrong.unused_tokens, [*COMMANDS, *FOLDERS]
+        near = "".join(f' Did you mean "{name}"?' for name in get_close_matches(word, names, n=1))
+        return f'Unknown command "{word}".{near}'
     if isinstance(wrong, MissingArgumentError) and wrong.keyword in tokens[:-1]:
         given = tokens[tokens.index(wrong.keyword) + 1]
         if re.match(r"-[\d.]", given):
