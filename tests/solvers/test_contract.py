@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import METHODS, Problem, error_of, one_blas_thread, registered_terms, solver, takes
+from midair.solvers import METHODS, Fast, Problem, error_of, one_blas_thread, registered_terms, solver, takes
 from midair.solvers.methods import check_terms
 from midair.solvers.terms import GuardField, Smooth
 from midair.solvers.terms.amplitudes import doubled, halves
@@ -116,6 +116,13 @@ TAKERS = {term: [name for name in METHODS if NEEDED.get(term, {term}) <= takes(n
 TAKEN = [(taker, term) for taker in METHODS for term in WITH if taker in TAKERS[term]]
 
 
+WHOLE = {name: solver(name, iterations=6 if name == "lm" else None) for name in METHODS}
+FEW = WHOLE | {
+    "fast": Fast(iterations=4, more_iterations=8, field_iterations=20),
+    "free": replace(WHOLE["free"], iterations=12),
+}
+
+
 def on_each(names, check):
     """Call the check with each problem and raise all failures, each with the name of its problem."""
     failures = []
@@ -161,24 +168,26 @@ def solve_and_check(method, problem):
 
 @pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
 def test_no_term_makes_it_fail_or_give_nan(taker, term, able):
-    """Each problem with each term, and each method with each term that it takes: the problems are shared out."""
+    """Each problem with each term, and each method with each term that it takes, in few iterations.
+
+    The problems are shared out.
+    """
     able(taker)
     takers = TAKERS[term]
     shared = [name for number, name in enumerate(PROBLEMS) if takers[number % len(takers)] == taker]
-    on_each(shared, lambda plain: solve_with_term(taker, term, plain))
+    on_each(shared, lambda plain: solve_with_term(FEW[taker], term, plain))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
 def test_no_term_makes_any_method_fail_on_any_problem(taker, term, able):
     able(taker)
-    on_each(PROBLEMS, lambda plain: solve_with_term(taker, term, plain))
+    on_each(PROBLEMS, lambda plain: solve_with_term(WHOLE[taker], term, plain))
 
 
-def solve_with_term(taker, term, plain):
+def solve_with_term(method, term, plain):
     problem = WITH[term](plain)
-    iterations = 6 if taker == "lm" else None
-    answer = solver(taker, iterations=iterations).solve(problem)
+    answer = method.solve(problem)
     assert np.isfinite(answer.phase).all()
     phase, level = answer.phase, answer.level
     if problem.transducers != plain.transducers:
