@@ -236,7 +236,7 @@ def test_midair_stop_ends_the_server(served):
     assert [each["outcome"] for each in read_log()[0] if each["event"] == "end"] == ["stopped"]
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", ["served", "designed"])
 def test_hostile_messages_make_no_sound_and_few_lines(request, kind, count):
     served = request.getfixturevalue(kind)
