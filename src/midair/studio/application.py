@@ -155,7 +155,7 @@ class Studio:
         self.loop = asyncio.get_running_loop()
         self.reading.start()
         # Loading takes a moment; meanwhile the browser opens.
-        tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
+        tables = [asyncio.create_task(asyncio.to_thread(colour_table, name)) for name in TABLES]
         with contextlib.ExitStack() as ending:
             for end in (self.reading.close, self.jobs.close, self.playing.close):
                 ending.callback(end)
@@ -165,8 +165,9 @@ class Studio:
             for panel in self.panels.values():
                 panel.start()
             yield
-            tables.cancel()
-            await asyncio.wait([tables])
+            for table in tables:
+                table.cancel()
+            await asyncio.wait(tables)
 
     def application(self) -> RequestGuard:
         """Return the ASGI application behind the request guard."""
