@@ -66,7 +66,6 @@ SLOW = (
 PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
     "calibrate measure": ["calibrate bench bench --duration 12s"],
-    "log export": ["play take.drive.h5 --device autd3:emulator --attenuate --participant P07"],
     "study run": [PLAN],
     "study plan": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],

@@ -50,7 +50,6 @@ NO_BAR = {
     "gallery": "lists, or writes one file; draws all in seconds",
     "identify": "asks for each tap, with its number of how many",
     "stop": "has the array's answer at once",
-    "log export": "reads one file",
     "study markers": "sends each marker within milliseconds",
     "completion": "prints a text",
     "calibrate show": "draws one page",

@@ -7,7 +7,7 @@ from multiprocessing import Event, Pipe
 import numpy as np
 import pytest
 from tests.devices.trackers.test_tracker_contract import Osc
-from tests.drives import save_drive
+from tests.drives import log, save_drive
 from tests.simulators.moving_hand import Hand
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
@@ -16,7 +16,7 @@ from midair.cli import run
 from midair.errors import DeviceError, DeviceStateError, MidairError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
-from midair.rig import PlayLease, dose_report, record
+from midair.rig import PlayLease, record
 from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
 from midair.studio.work import SolveRequest, solve_take
@@ -66,7 +66,8 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
                 {"do": "play", "admission": found["number"], "masked": False, "output": "", "leave": leave} | about
             )
             permit.disarm()
-    assert [(row["participant"], row["end"]) for row in dose_report().orders] == [("touch/3", "played"), ("", "played")]
+    assert [row["participant"] for row in log() if row["event"] == "play"] == ["touch/3", ""]
+    assert [row["outcome"] for row in log() if row["event"] == "end"] == ["played", "played"]
 
 
 @pytest.mark.long
@@ -198,7 +199,7 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
     assert "pressure_pa: expected 0 to 10000 Pa" in answers[0]["error"]
     # The override was for the pattern that was checked.
     assert device == "virtual" or "expected at most" in answers[1]["error"]
-    assert len(dose_report().orders) == 2, "what was refused never played"
+    assert len([row for row in log() if row["event"] == "play"]) == 2, "what was refused never played"
 
 
 @pytest.mark.long
@@ -259,4 +260,4 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
         assert ended[0]["frames"] == 800
     else:
         assert "stopped on request" in str(ended[0])
-        assert dose_report().orders[-1]["reason"].startswith("StoppedError: ")
+        assert log()[-1]["reason"].startswith("StoppedError: ")

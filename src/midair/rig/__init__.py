@@ -53,8 +53,6 @@ from .doctor import checkup_line as checkup_line
 from .doctor import run_checks as run_checks
 from .doctor import run_wizard as run_wizard
 from .doctor import store_checkup as store_checkup
-from .dose import DoseReport as DoseReport
-from .dose import dose_report as dose_report
 from .live_touch import FRAME_EMITTED as FRAME_EMITTED
 from .live_touch import FRAME_LATE as FRAME_LATE
 from .live_touch import FRAME_REPEATED as FRAME_REPEATED

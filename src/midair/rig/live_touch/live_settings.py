@@ -127,7 +127,7 @@ class LiveSettings(Declared):
     priority: int = setting(
         20, "Real-time priority of the process to request, 1 to 99; 0 requests none.", limits=(0, 99)
     )
-    participant: str = setting("", "Code of the person at the array, for midair log export.")
+    participant: str = setting("", "Code of the person at the array, for the log of playback and the hours of a day.")
     seed: int = setting(0, "Random seed of a virtual sensor.")
     duration: float | None = setting(
         None, "Time to play. [default: until Ctrl-C]", unit="s", limits=(0, np.inf), above=True

@@ -77,7 +77,7 @@ class PlaySettings(Declared):
     delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
     participant: str = setting(
         "",
-        "Code of the person at the array for midair log export, not a name. The virtual device logs nothing.",
+        "Code of the person at the array for log and hours of a day, not a name. The virtual device logs nothing.",
         playback=True,
     )
     exposure: ExposureChoices = setting(default_exposure, "Exposure limits of every drive.", playback=True)

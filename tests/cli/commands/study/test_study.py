@@ -14,7 +14,6 @@ from midair.errors import BrokenFileError, InputError, MidairError, MissingFileE
 from midair.files import save_palm_path
 from midair.model import Provenance, TransducerArray
 from midair.physics import focus_phase
-from midair.rig import dose_report
 from midair.settings import Settings
 from midair.study import template_text
 from midair.study.folder import StudyFolder
@@ -270,9 +269,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in log()]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
-    (day,) = dose_report("s/1").days
-    assert (day["orders"], day["without_end"], day["simulated"]) == (2, 0, True)
-    assert day["duration_s"] == pytest.approx(0.02)
+    assert {entry["participant"] for entry in log() if entry["event"] == "play"} == {"s/1"}
     (progress,) = StudyFolder(folder).sessions()
     assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
     assert progress.simulated
