@@ -1,9 +1,7 @@
 """The wide kernel is selected where OpenBLAS would miss it, before NumPy is loaded; a value set by the user stays."""
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -51,24 +49,3 @@ def test_the_command_line_sets_it_before_numpy_is_loaded():
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said.splitlines()[0] == "False"
-
-
-@pytest.mark.skipif(
-    not Path("/proc/cpuinfo").is_file() or not misses_wide_kernel(Path("/proc/cpuinfo").read_text()),
-    reason="OpenBLAS knows this processor",
-)
-def test_doctor_reports_the_kernel_and_advice():
-    environ = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
-    code = "from midair.rig.doctor.checkup import _kernel; import numpy; print(_kernel())"
-    narrow = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environ)
-    wide = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environ | {"OPENBLAS_CORETYPE": "SkylakeX"},
-    )
-    # No advice for an OpenBLAS that lists the processor; otherwise the variable to set.
-    assert "OPENBLAS_CORETYPE=SkylakeX" in narrow.stdout or "state='ok'" in narrow.stdout
-    assert "state='ok'" in wide.stdout
-    assert "SkylakeX" in wide.stdout

@@ -50,6 +50,7 @@ from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop
 from .correction import write_report as write_report
 from .doctor import checkup_line as checkup_line
+from .doctor import readiness as readiness
 from .doctor import run_checks as run_checks
 from .doctor import run_wizard as run_wizard
 from .doctor import store_checkup as store_checkup

@@ -6,68 +6,131 @@ from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
-from midair.rig.doctor.array_checkup import Check
-from midair.rig.doctor.checkup import live_sensor_findings, run_checks, sensor_findings
+from midair.rig.doctor.checkup import (
+    Check,
+    device_findings,
+    live_sensor_findings,
+    readiness,
+    report_findings,
+    run_checks,
+)
 
 
-@pytest.mark.long
-def test_the_test_machine_passes_all_checks(tmp_path, monkeypatch):
+def by_subject(findings):
+    return {finding.subject: finding for finding in findings}
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Without the solve, which takes most of the time."""
+    monkeypatch.setattr(checkup, "_solver", lambda: Check(subject="solve", state="ok", found="", use="solving"))
+
+
+def test_this_machine_passes_all_checks(quick, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     findings = run_checks()
     assert [finding.subject for finding in findings if finding.state == "broken"] == []
-    assert {"Python", "numpy", "field model", "solver", "this folder"} <= {finding.subject for finding in findings}
+    assert all(finding.advice for finding in findings if finding.state != "ok")
+    expected = {"Python", "libraries", "field model", "solve", "this folder", "log of what played", "autd3", "numba"}
+    assert expected | {"lsl: sensors", "audio: sensors", "serial: sensors", "ni: sensors"} <= set(by_subject(findings))
+    assert readiness(findings).startswith("ready for files, solving, ")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.long
-def test_each_problem_gives_advice(tmp_path, monkeypatch):
+def test_the_solve_of_one_point_is_good():
+    assert checkup._solver().state == "ok"
+
+
+def test_what_is_missing_or_too_new_gives_advice_and_ends_the_last_line(quick, tmp_path, monkeypatch):
     import importlib.metadata
 
     real = importlib.metadata.version
 
-    def missing(name):
-        if name == "scipy":
+    def version(name):
+        if name in ("scipy", "numba"):
             raise importlib.metadata.PackageNotFoundError(name)
-        return real(name)
+        return "0.13.1" if name == "autd3" else real(name)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(importlib.metadata, "version", missing)
-    broken = [finding for finding in run_checks() if finding.state == "broken"]
-    assert [finding.subject for finding in broken] == ["scipy"]
-    assert all(finding.advice for finding in broken)
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    findings = run_checks()
+    found = by_subject(findings)
+    assert (found["libraries"].state, found["libraries"].advice) == ("broken", "pip install scipy")
+    assert (found["numba"].state, found["autd3"].state) == ("missing", "broken")
+    assert "0.12" in found["autd3"].found
+    assert 'pip install "midair[autd3]"' in found["autd3"].advice
+    last = readiness(findings)
+    assert "live touch" in last.partition("missing: ")[2].partition(";")[0]
+    assert last.endswith("broken: libraries, autd3")
 
 
-def test_every_kind_of_sensor_is_checked_without_an_error():
-    found = {finding.subject: finding for finding in sensor_findings()}
-    assert set(found) == {"virtual sensor", "lsl: sensors", "audio: sensors", "serial: sensors", "ni: sensors"}
-    assert all(finding.state != "broken" and (finding.state == "ok" or finding.advice) for finding in found.values())
+def test_a_log_that_cannot_be_written(quick, tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    (tmp_path / "state" / "played.jsonl").mkdir(parents=True)
+    finding = checkup._log()
+    assert finding.state == "broken"
+    assert "MIDAIR_STATE" in finding.advice
+
+
+def test_a_missing_package_of_a_sensor_gives_advice(monkeypatch):
+    package = MissingExtraError(
+        'audio: expected the package sounddevice, it is not installed; pip install "midair[audio]"'
+    )
+    library = DeviceError("audio: expected the library PortAudio (Debian: apt-get install libportaudio2)")
+    for wrong, found, advice in (
+        (package, "audio: expected the package sounddevice, it is not installed", 'pip install "midair[audio]" if you'),
+        (library, str(library), "only needed if you have such a sensor"),
+    ):
+
+        class Missing(Registry):
+            def __getitem__(self, name, wrong=wrong):
+                raise wrong
+
+        monkeypatch.setattr(checkup, "SENSORS", Missing("none", {"audio": "nothing:at_all"}))
+        audio = checkup._kind("audio")
+        assert (audio.state, audio.found) == ("missing", found)
+        assert audio.advice.startswith(advice)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "package"), [("autd3:emulator", "autd3"), ("pyautd3:audit", "pyautd3")])
+def test_a_device_describes_itself(name, package):
+    pytest.importorskip(package)
+    found = by_subject(device_findings(name))
+    assert "4 answer" in found[f"{name}: units"].found
+    assert "mulator" in found[f"{name}: firmware"].found
+    assert f"{name}: failsafe" in found
+    assert not [each for each in found.values() if each.state == "broken"]
+
+
+def test_a_missing_device_gives_advice():
+    pytest.importorskip("autd3")
+    (finding,) = device_findings("autd3:[::1]:9")
+    assert finding.state == "broken"
+    assert "power" in finding.advice
+    (finding,) = device_findings("autd9")
+    assert finding.advice
 
 
 @pytest.mark.parametrize(
-    ("wrong", "found", "advice"),
+    ("key", "well", "unwell"),
     [
+        ("firmware", "0.12.0/0.12.0", "0.11.0/0.11.0, but the SDK supports 0.12"),
         (
-            MissingExtraError(
-                'audio: expected the package sounddevice, it is not installed; pip install "midair[audio]"'
-            ),
-            "audio: expected the package sounddevice, it is not installed",
-            'pip install "midair[audio]" if you have such a sensor',
+            "link",
+            "19 frames, worst answer 2 ms, 0 heartbeats missed",
+            "19 frames, worst answer 2 ms, 10 heartbeats missed",
         ),
-        (
-            DeviceError("audio: expected the library PortAudio (Debian: apt-get install libportaudio2)"),
-            "audio: expected the library PortAudio (Debian: apt-get install libportaudio2)",
-            "only needed if you have such a sensor",
-        ),
+        ("failsafe", "it acted 0 times", "it acted 10 times"),
+        ("temperature", "fine", "too hot"),
     ],
 )
-def test_a_missing_package_gives_advice(wrong, found, advice, monkeypatch):
-    class Missing(Registry):
-        def __getitem__(self, name):
-            raise wrong
-
-    monkeypatch.setattr(checkup, "SENSORS", Missing("none", {"audio": "nothing:at_all"}))
-    (audio,) = [finding for finding in sensor_findings() if finding.subject == "audio: sensors"]
-    assert (audio.state, audio.found, audio.advice) == ("missing", found, advice)
+def test_reports_are_judged(key, well, unwell):
+    (sound,), (finding,) = (report_findings("x", {key: said}) for said in (well, unwell))
+    assert sound.state == "ok"
+    assert finding.state == "broken"
+    assert finding.advice
 
 
 class Sick(Source):
@@ -91,10 +154,8 @@ class Sick(Source):
 
 
 def test_a_live_sensor_is_read(monkeypatch):
-    for slow in ("_folder", "_field", "_solver", "_threads"):
-        monkeypatch.setattr(checkup, slow, lambda: Check(subject="left out", state="ok", found=""))
-    monkeypatch.setattr(checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
-    found = {finding.subject.removeprefix("serial:COM3: "): finding for finding in run_checks("serial:COM3")}
+    monkeypatch.setattr(checkup, "source_sensor", lambda name: StreamedSensor(Sick(), name=name))
+    found = {each.subject.removeprefix("serial:COM3: "): each for each in live_sensor_findings("serial:COM3")}
     assert (found["cells that never change"].state, found["cells that never change"].found) == ("broken", "1")
     assert (found["cells that clip"].state, found["cells that clip"].found) == ("broken", "2")
     assert found["port"].found == "COM3"

@@ -37,7 +37,7 @@ def test_lost_frames_leave_their_place_and_a_long_pause_begins_anew():
 
 
 def test_refused_rights_are_reported():
-    both = SchedulerGrant(priority="Operation not permitted; midair doctor says how", memory="Cannot allocate memory")
+    both = SchedulerGrant(priority="Operation not permitted", memory="Cannot allocate memory")
     assert both.words().startswith("no real-time priority (Operation not permitted")
     assert SchedulerGrant(priority="", memory="").words() == "real-time priority, memory locked"
 

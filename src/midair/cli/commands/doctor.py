@@ -13,7 +13,7 @@ from midair.cli.options import Json, Length, Placement
 from midair.errors import InputError
 from midair.files import Laboratory, load_placement, save_laboratory
 from midair.model import HEIGHT
-from midair.rig import VirtualRig, array_named, run_checks, run_wizard, sensor_named, store_checkup
+from midair.rig import VirtualRig, array_named, readiness, run_checks, run_wizard, sensor_named, store_checkup
 
 
 def doctor_command(
@@ -29,8 +29,9 @@ def doctor_command(
     lab: Path | None = None,
     json: Json = False,
 ) -> int:
-    """Check the installation, drivers and devices, and print advice for each problem.
+    """Check Python, libraries, folders, a solve and a device, and print advice for each problem.
 
+    The last line says what this computer is ready for, and what is missing.
     The exit status is 1 if something that midair needs is broken.
 
     Parameters
@@ -92,6 +93,8 @@ def doctor_command(
         for finding in findings:
             table.add_row(finding.subject, finding.state, finding.found, finding.advice)
         out().print(table)
+        if not wizard:
+            out().print(readiness(findings))
     return int(any(finding.state == "broken" for finding in findings))
 
 

@@ -1,5 +1,6 @@
-"""Check the installation, the computer and the devices, with advice for each problem."""
+"""Check the installation and the devices, with advice for each problem."""
 
+from .checkup import readiness as readiness
 from .checkup import run_checks as run_checks
 from .wizard import checkup_line as checkup_line
 from .wizard import run_wizard as run_wizard

@@ -133,7 +133,7 @@ def _take_priority(priority: int) -> str:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as wrong:
-        return f"{wrong.strerror}; midair doctor says how"
+        return f"{wrong.strerror}; allow rtprio in /etc/security/limits.d"
     return ""
 
 
