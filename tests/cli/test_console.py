@@ -1,21 +1,16 @@
 """Text of strangers on the terminal does nothing but be read; -q and -v are read wherever they stand."""
 
-import io
-import time
-
 import pytest
-from rich.console import Console
 from rich.progress import Task
 from rich.table import Table
-from tests.waiting import wait_until
 
 from midair.cli import app, run
 from midair.cli.comparisons import print_palm
 from midair.cli.console import (
-    BusyBar,
     PerSecond,
     PlainConsole,
     Verbosity,
+    elapsed_time,
     err,
     out,
     parse_flags,
@@ -23,10 +18,8 @@ from midair.cli.console import (
     print_rows,
     progress_bars,
     verbosity,
-    waiting,
 )
 from midair.evaluate import PalmFidelity
-from midair.progress import report_progress
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
@@ -116,50 +109,24 @@ def test_it_holds_for_one_command_only(working, capsys):
     assert verbosity() == Verbosity()
 
 
-def screen(*, terminal):
-    return Console(file=io.StringIO(), force_terminal=terminal, width=60)
-
-
-def test_appears_when_it_takes_long_and_goes_with_the_end():
-    console = screen(terminal=True)
-    line = BusyBar("compare", console, after=0.01)
-    wait_until(lambda: line.visible)
-    line.end()
-    line.end()
-    assert not line.visible
-    assert "compare" in console.file.getvalue()
-
-
-def test_short_work_shows_nothing():
-    console = screen(terminal=True)
-    with waiting("info", console) as line:
-        assert not line.visible
-    assert console.file.getvalue() == ""
-
-
-def test_nothing_is_shown_without_a_terminal():
-    console = screen(terminal=False)
-    line = BusyBar("info", console, after=0.0)
-    time.sleep(0.05)
-    assert not line.visible
-    line.end()
-    assert console.file.getvalue().strip() == ""
-
-
-def test_time_left_is_of_all_passes_and_the_end_moves_on_where_there_are_more():
-    line = BusyBar("cut", screen(terminal=False), passes=4)
-    assert line.share is None
-    shares = []
-    for done in (5, 10, 10, 10, 10, 10):
-        line.report(done, 10)
-        shares.append(line.share)
-    assert shares == [1 / 8, 1 / 4, 2 / 4, 3 / 4, 1, 1]
-
-
-def test_progress_inside_the_block_is_shown():
-    with waiting("cut", screen(terminal=False), passes=2) as line:
-        assert list(report_progress("abcd", 4)) == list("abcd")
-        assert line.share == 0.5
+def test_elapsed_time_appears_late_and_ends_with_the_first_output(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with elapsed_time("soon", after=60):
+        pass
+    assert capsys.readouterr() == ("", "")
+    said = ""
+    with elapsed_time("compare", after=0):
+        while "compare" not in said:
+            said += capsys.readouterr().err
+        out().print("result")
+        capsys.readouterr()
+        with progress_bars() as stage:
+            stage("solve")(1, 1)
+        assert "compare" not in capsys.readouterr().err
+    monkeypatch.delenv("FORCE_COLOR")
+    with elapsed_time("info", after=0):
+        pass
+    assert capsys.readouterr() == ("", "")
 
 
 def test_palm_fidelity_is_printed_for_each_skin(capsys):

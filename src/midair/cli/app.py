@@ -2,22 +2,20 @@
 
 import io
 import os
-import re
 import signal
 import sys
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack
 from difflib import get_close_matches
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnknownCommandError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnknownCommandError, UnusedCliTokensError
 
-from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of, summary_of
-from midair.cli.console import busy_bar, err, parse_flags, verbosity, with_verbosity
+from midair.cli.commands import COMMANDS, FOLDERS, summary_of
+from midair.cli.console import elapsed_time, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
 from midair.errors import MidairError, UnknownDeviceError
 from midair.ram import address_limit
@@ -79,17 +77,6 @@ for name, (group, summary) in FOLDERS.items():
 add_command(app, completion_command, "completion", group="Help")
 for flag in ("--help", "--version"):
     app[flag].group = (GROUPS["Help"],)
-
-
-def load(tokens: Sequence[str]) -> None:
-    """Import the modules that a command line needs, for a process that waits to run it."""
-    name = next((token for token in tokens if token in COMMANDS or token in FOLDERS), None)
-    if name is not None:
-        # `run` reports errors.
-        with suppress(Exception):
-            for module in ("midair.devices", "midair.files"):
-                import_module(module)
-            app[name]
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
@@ -158,11 +145,10 @@ def _status(tokens: Sequence[str]) -> int:
 
             files = held.enter_context(collect_written_files())
         try:
-            name = command_of(tokens)
-            with busy_bar(name, PASSES[name]) if name else nullcontext():
+            with elapsed_time(tokens[0] if tokens else ""):
                 status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as wrong:
-            return _print_line(f"{_usage(wrong, tokens)} (see midair --help)", 2)
+            return _print_line(f"{_usage(wrong)} (see midair --help)", 2)
         except MidairError as wrong:
             return _print_line(str(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
         except KeyboardInterrupt:
@@ -174,7 +160,7 @@ def _status(tokens: Sequence[str]) -> int:
         return status if isinstance(status, int) else 0
 
 
-def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
+def _usage(wrong: CycloptsError) -> str:
     """The message for a command line that cannot be parsed."""
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
         return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
@@ -183,12 +169,6 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
         (word, *_), names = wrong.unused_tokens, [*COMMANDS, *FOLDERS]
         near = "".join(f' Did you mean "{name}"?' for name in get_close_matches(word, names, n=1))
         return f'Unknown command "{word}".{near}'
-    if isinstance(wrong, MissingArgumentError) and wrong.keyword in tokens[:-1]:
-        given = tokens[tokens.index(wrong.keyword) + 1]
-        if re.match(r"-[\d.]", given):
-            return f"{wrong.keyword}: expected a value, got {given}; none below 0 is allowed"
-        if "requires 2 positional" in str(wrong):
-            return f"{wrong.keyword}: expected two values with a space between, got {given}"
     return str(wrong).strip()
 
 

@@ -18,7 +18,6 @@ from rich.progress import (
     ProgressColumn,
     SpinnerColumn,
     Task,
-    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -26,72 +25,12 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from midair.progress import report_to
-
 if TYPE_CHECKING:
     from midair.model import Progress as Report
 
 
 SILENT = 2.0
-"""Delay before the bar appears, in s."""
-
-
-class BusyBar:
-    """A progress bar over some passes; it appears after `after` seconds and ends with the first output."""
-
-    def __init__(self, words: str, console: Console, *, passes: int = 1, after: float = SILENT) -> None:
-        shown = (
-            SpinnerColumn(),
-            TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=16),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        # Without redirection: Progress would send the results on stdout to the error stream.
-        self._line = Progress(*shown, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
-        self._task = self._line.add_task(words, total=None)
-        self._passes, self._finished = passes, 0
-        self._timer = Timer(after, self._line.start)
-        self._timer.daemon = True
-        if console.is_terminal:
-            self._timer.start()
-
-    @property
-    def share(self) -> float | None:
-        """Fraction done; None before the first report."""
-        task = self._line.tasks[0]
-        return None if task.total is None else task.completed / task.total
-
-    @property
-    def visible(self) -> bool:
-        """Whether the bar is on the screen."""
-        return self._line.live.is_started
-
-    def report(self, done: int, total: int, /) -> None:
-        """Progress within one pass; each pass counts the same."""
-        share = min(done / total, 1.0) if total else 1.0
-        self._line.update(self._task, completed=self._finished + share, total=max(self._passes, self._finished + 1))
-        self._finished += done >= total
-
-    def end(self) -> None:
-        """Remove the bar; repeated calls are allowed."""
-        self._timer.cancel()
-        if self._timer.is_alive():
-            self._timer.join()
-        if self.visible:
-            self._line.stop()
-
-
-@contextmanager
-def waiting(words: str, console: Console, *, passes: int = 1) -> Generator[BusyBar]:
-    """Show the bar inside the block."""
-    line = BusyBar(words, console, passes=passes)
-    try:
-        with report_to(line.report):
-            yield line
-    finally:
-        line.end()
+"""Delay before the elapsed time of a command appears, in s."""
 
 
 _FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
@@ -176,27 +115,43 @@ def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: i
     )
 
 
-_waiting: ContextVar[BusyBar | None] = ContextVar("waiting", default=None)
+_waiting: ContextVar[Callable[[], None] | None] = ContextVar("waiting", default=None)
 
 
 @contextmanager
-def busy_bar(words: str, passes: int) -> Generator[None]:
-    """Show a bar after two seconds inside the block, until results are printed; nothing with -q."""
-    if verbosity().quiet:
+def elapsed_time(words: str, *, after: float = SILENT) -> Generator[None]:
+    """On a terminal, show the elapsed time inside the block from `after` seconds on, until the first output."""
+    console = PlainConsole(stderr=True)
+    if verbosity().quiet or not console.is_terminal:
         yield
         return
-    with waiting(words, PlainConsole(stderr=True), passes=passes) as line:
-        before = _waiting.set(line)
-        try:
-            yield
-        finally:
-            _waiting.reset(before)
+    shown = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    # Without redirection: Progress would send the results on stdout to the error stream.
+    line = Progress(*shown, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+    line.add_task(words, total=None)
+    timer = Timer(after, line.start)
+    timer.daemon = True
+
+    def end() -> None:
+        timer.cancel()
+        if timer.is_alive():
+            timer.join()
+        if line.live.is_started:
+            line.stop()
+
+    before = _waiting.set(end)
+    timer.start()
+    try:
+        yield
+    finally:
+        end()
+        _waiting.reset(before)
 
 
 def _end_waiting() -> None:
-    """Remove the waiting bar before results or other bars appear."""
-    if (line := _waiting.get()) is not None:
-        line.end()
+    """Remove the elapsed time before results or progress bars appear."""
+    if (end := _waiting.get()) is not None:
+        end()
 
 
 def out() -> PlainConsole:

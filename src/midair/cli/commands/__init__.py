@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -19,14 +19,6 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
 
 FOLDERS: Mapping[str, tuple[str, str]] = {name: (one["group"], one["help"]) for name, one in _STORED["folders"].items()}
 """Commands with subcommands: group and help."""
-
-PASSES: Mapping[str, int] = _STORED["passes"]
-"""For commands without their own progress bar: how many times they go through their data, which `busy_bar` needs."""
-
-
-def command_of(tokens: Sequence[str]) -> str:
-    """Key of `PASSES` that a command line names, such as "cut" or "calibrate measure"; "" if none."""
-    return next((name for name in (" ".join(tokens[:2]), *tokens[:1]) if name in PASSES), "")
 
 
 def summary_of(name: str) -> str:
