@@ -10,30 +10,10 @@ from rich.table import Table
 
 from midair.cli.console import out, print_note
 from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, ratio_text
-from midair.files import open_take
 from midair.model import PressureFrames, Provenance, TransducerArray
-from midair.pipeline import calibrated_pressure
-from midair.recordings import unreproduced
 from midair.rig import KeptCalibration, Outcome, array_calibration_for, comparison_rows
 from midair.settings import Settings
 from midair.streaming import TempFrames, blocks
-
-
-def calibrated_part(
-    source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
-) -> PressureFrames:
-    """Calibrated pressure of a part, in lazy frames if `streamed`."""
-    take = open_take(source, streamed=streamed)
-    # Cut after calibration, so that filters leave no edges.
-    pressure = calibrated_pressure(take.recording, take.calibration, settings)
-    return pressure if start == 0 and duration is None else pressure.cut(start, duration)
-
-
-def with_unreproduced(source: Path, pressure: PressureFrames, band: tuple[float, float]) -> PressureFrames:
-    """The same pressure, whose provenance holds the part of its whole recording that a drive does not reproduce."""
-    take = open_take(source, streamed=True)
-    told = unreproduced(take.recording, take.calibration, band)
-    return replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
 
 
 def unreproduced_rows(provenance: Provenance) -> list[tuple[str, str]]:

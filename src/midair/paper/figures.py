@@ -32,9 +32,9 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import focus_amplitude, propagate
-from midair.pipeline import calibrated_pressure, solve_with
+from midair.pipeline import solve_with
 from midair.progress import report_progress
-from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, record
+from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, pressure_of, record
 from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import MAPPINGS, interpolation_matrix
 
@@ -208,8 +208,7 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
     """Recording of an object by the virtual sensor, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
-        pressure = calibrated_pressure(record(sensor, duration + settle).recording, sensor.calibration, settings)
-    return pressure.cut(settle, duration)
+        return pressure_of(record(sensor, duration + settle), settings, settle, duration)
 
 
 def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
@@ -285,7 +284,7 @@ def figure_9(
 def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
-        return calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
+        return pressure_of(record(sensor, 1.26), settings)
 
 
 def _power(pushed: PressureFrames, band: tuple[float, float]) -> float:

@@ -9,12 +9,22 @@ from midair.dsp import strongest_window
 from midair.errors import InputError
 from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png_bytes
-from midair.files import open_take
 from midair.model import BAND, PressureFrames
 from midair.paper.figures import PaperResult, Row
 from midair.physics import focus_amplitude
-from midair.pipeline import calibrated_pressure, required_lead, target_amplitude
-from midair.rig import BudgetPlan, Loop, OpenRig, Stage, VirtualRig, error_budget, loop, no_progress, record
+from midair.pipeline import required_lead, target_amplitude
+from midair.rig import (
+    BudgetPlan,
+    Loop,
+    OpenRig,
+    Stage,
+    VirtualRig,
+    error_budget,
+    loop,
+    no_progress,
+    pressure_of,
+    record,
+)
 from midair.settings import Mode, Settings, paper_mode, with_fewer_points, with_paper_mode
 from midair.targets import add_lead
 
@@ -106,16 +116,13 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
     """
     rig, skin = plan.rig, plan.rig.skin()
     if thing not in (*SIGNALS, *OBJECTS):
-        take = open_take(thing)
-        return strongest_part(calibrated_pressure(take.recording, take.calibration, settings), plan.duration)
+        return strongest_part(pressure_of(thing, settings), plan.duration)
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
-            pressure = calibrated_pressure(record(sensor, 1.26).recording, sensor.calibration, settings)
-        return pressure.cut(0.55, plan.duration)
+            return pressure_of(record(sensor, 1.26), settings, 0.55, plan.duration)
     touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
-        pressure = calibrated_pressure(record(sensor, plan.duration + 0.2).recording, sensor.calibration, settings)
-    return pressure.cut(0.1, plan.duration)
+        return pressure_of(record(sensor, plan.duration + 0.2), settings, 0.1, plan.duration)
 
 
 def strongest_part(pressure: PressureFrames, duration: float) -> PressureFrames:

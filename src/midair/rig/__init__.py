@@ -100,6 +100,9 @@ from .playing import play_cleared as play_cleared
 from .playing import play_followed as play_followed
 from .playing import rerecord as rerecord
 from .playing import tracker_name as tracker_name
+from .prepare import pressure_of as pressure_of
+from .prepare import pressure_to_solve as pressure_to_solve
+from .prepare import solve_to_file as solve_to_file
 from .recorder import Played as Played
 from .recorder import play as play
 from .recorder import play_pressure as play_pressure

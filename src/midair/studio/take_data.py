@@ -16,8 +16,7 @@ from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.model import AmplitudeFrames, Provenance, Solution
 from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
-from midair.pipeline import calibrated_pressure
-from midair.rig import event_message
+from midair.rig import event_message, pressure_of
 from midair.settings import CHOICES, Settings, format_value, nearest_mode
 from midair.targets import frames_without_lead
 from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
@@ -289,4 +288,4 @@ def _wanted(path: str, stamp: str) -> AmplitudeFrames:
 
     take = _take(path, stamp)
     settings = Settings().but(rate=take.recording.rate)
-    return target_amplitude(calibrated_pressure(take.recording, take.calibration, settings), settings)
+    return target_amplitude(pressure_of(take, settings), settings)

@@ -1,6 +1,5 @@
 """Functions that run in the worker process: solve, compare, report, make samples and studies."""
 
-import secrets
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,11 +10,10 @@ import tomli_w
 
 from midair.errors import InputError
 from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
-from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
+from midair.files import load_solution, open_take
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, TransducerArray
-from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
-from midair.recordings import unreproduced
+from midair.pipeline import required_lead
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
@@ -26,7 +24,10 @@ from midair.rig import (
     original_of_drive,
     palm_of_drive,
     played_chain,
+    pressure_of,
+    pressure_to_solve,
     record,
+    solve_to_file,
     write_report,
 )
 from midair.settings import CHOICES, MODES, Mode, Settings
@@ -34,7 +35,6 @@ from midair.solvers import METHODS, check_terms, takes
 from midair.studio.jobs import Progressed
 from midair.studio.take_data import describe_settings, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
-from midair.targets import add_lead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,13 +76,8 @@ def settings_of(order: SolveRequest) -> Settings:
 
 def led_pressure(order: SolveRequest) -> tuple[TransducerArray, Settings, PressureFrames]:
     """Array, settings, and pressure with its lead, of a request."""
-    settings, take = settings_of(order), open_take(order.take)
-    pressure = calibrated_pressure(take.recording, take.calibration, settings)
-    if order.duration is not None:
-        pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
-    told = unreproduced(take.recording, take.calibration, settings.calibration.band)
-    pressure = replace(pressure, provenance=pressure.provenance.then("not reproduced", told))
-    led, array = add_lead(pressure, required_lead(settings)), TransducerArray.autd3()
+    settings, array = settings_of(order), TransducerArray.autd3()
+    led = pressure_to_solve(order.take, settings, order.start, order.duration)
     if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
         array, settings, led = kept.applied(array, settings, led)
     return array, settings, led
@@ -93,28 +88,20 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     progress("reading the take", 0, 1)
     array, settings, led = led_pressure(order)
     drive = Path(order.drive)
-    fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
-    try:
-        while True:
-            target, parts = reproduce_stream(led, array, settings, progress=partial(progress, "solving"))
-            save_solutions(parts, fresh, frames=target.frames, target=target)
-            made = load_solution(fresh, streamed=True).drive
-            weaker = weaker_settings(made, Settings.of(made.provenance) or settings)
-            if weaker is None:
-                break
-            settings = weaker
+
+    def confirm() -> None:
         # A command or another studio may have written a drive in the minutes since the request.
         if stamp_of(drive) != order.replaces:
             found = "another one" if drive.exists() else "none"
             expected = "the drive that was to be replaced" if order.replaces else "no drive of this name"
             raise InputError(f"{drive.name}: expected {expected}, found {found} since; it was not changed, solve again")
-        fresh.replace(drive)
-    finally:
-        fresh.unlink(missing_ok=True)
+
+    target, solution = solve_to_file(
+        led, array, settings, drive, progress=partial(progress, "solving"), confirm=confirm
+    )
     for path, stamp in order.outdated:
         if stamp_of(path) == stamp:
             Path(path).unlink(missing_ok=True)
-    solution = load_solution(order.drive)
     level, plays = level_of(solution, target, band=settings.calibration.band), solution.plays
     error = solution.error[plays]
     return {
@@ -134,7 +121,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     progress("comparing", 0, 3)
     take = open_take(again)
     settings = Settings.of(take.recording.provenance) or Settings()
-    pair = aligned_pair(_pressure_of(original, settings), take, settings)
+    pair = aligned_pair(pressure_of(original, settings), take, settings)
     before, after = pair.original, pair.piece
     progress("comparing", 1, 3)
     found = compare(before, pair.heard, first=pair.first, noise=pair.noise)
@@ -177,7 +164,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
     stamp = stamp_of(file)
     drive = load_solution(file).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, asked = original_of_drive(drive.provenance, _pressure_of(take, settings))
+    before, asked = original_of_drive(drive.provenance, pressure_of(take, settings))
     lead = (asked.frames - before.frames) // 2 / asked.rate
     judged = min(before.frames / before.rate, _PALM_SECONDS)
     played = min(round((lead + judged) * drive.rate), drive.frames)
@@ -203,7 +190,7 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
     stamp = stamp_of(file)
     drive = load_solution(file, streamed=True).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, _ = original_of_drive(drive.provenance, _pressure_of(take, settings))
+    before, _ = original_of_drive(drive.provenance, pressure_of(take, settings))
     judged = min(before.frames / before.rate, _BUDGET_SECONDS)
     band = settings.calibration.band
     height = settings.target.grid.height
@@ -224,17 +211,11 @@ _PALM_SECONDS = 2.0
 """A palm has a thousand points."""
 
 
-def _pressure_of(take: str, settings: Settings) -> PressureFrames:
-    source = open_take(take)
-    return calibrated_pressure(source.recording, source.calibration, settings)
-
-
 def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[str, Any]:
     """Solve, play, re-record, correct and compare on the virtual rig, and write the report."""
     solve, path = order
-    settings, take = settings_of(solve), open_take(solve.take)
-    pressure = calibrated_pressure(take.recording, take.calibration, settings)
-    made = loop(pressure, settings, "virtual", stage=partial(partial, progress))
+    settings = settings_of(solve)
+    made = loop(solve.take, settings, "virtual", stage=partial(partial, progress))
     progress("drawing the report", 0, 1)
     commands = (f"midair loop {Path(solve.take).name}",)
     write_report(made, Path(path), commands=commands)

@@ -8,14 +8,12 @@ from pathlib import Path, PurePath
 from typing import Literal
 
 from midair.errors import BrokenFileError, FileError, MismatchError, MissingFileError
-from midair.files import load_solution, open_take, read_toml, save_solutions
-from midair.model import PressureFrames, Progress, TransducerArray
+from midair.files import OpenedTake, load_solution, read_toml
+from midair.model import Progress, TransducerArray
 from midair.patterns import draw_file, load_pattern
-from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead
-from midair.rig import VirtualRig, record, sensor_named
+from midair.rig import VirtualRig, pressure_to_solve, record, sensor_named, solve_to_file
 from midair.settings import MODES, Mode, Settings
 from midair.study.design import Design, Stimulus
-from midair.targets import add_lead
 
 ENDING = ".drive.h5"
 Stage = Callable[[str], Progress | None]
@@ -94,16 +92,14 @@ def prepare_drives(
             draw_file(foci, found, target, TransducerArray.autd3(), progress=stage(source))
         elif found is not None:
             how, chosen = "solved", settings or MODES[mode]()
-            take = open_take(found)
-            _solve(calibrated_pressure(take.recording, take.calibration, chosen), chosen, target, stage(source))
+            _solve(found, chosen, target, stage(source))
         else:
             # At 4 kHz a simulated drive would take four times as long and four times the disk space.
             how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
             rig = VirtualRig(seed=seed, height=chosen.target.grid.height)
             with sensor_named(stimulus.made_from, rig) as touched:
                 take = record(touched, 1.28 if "am-" not in stimulus.made_from else 0.5)
-                pressure = calibrated_pressure(take.recording, take.calibration, chosen)
-            _solve(pressure, chosen, target, stage(source))
+            _solve(take, chosen, target, stage(source))
         target.chmod(0o600)
         gathered.append(StudyDrive(source=source, how=how, duration=_duration(target), digest=digest_of_file(target)))
     arrays = {
@@ -117,6 +113,10 @@ def prepare_drives(
                 f"for {array.name} with {array.count}; solve all drives for one array"
             )
     return gathered
+
+
+def _solve(take: OpenedTake | Path, settings: Settings, target: Path, progress: Progress | None) -> None:
+    solve_to_file(pressure_to_solve(take, settings), TransducerArray.autd3(), settings, target, progress=progress)
 
 
 def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimulus, ...]) -> None:
@@ -150,12 +150,6 @@ def _find_source(source: str, folder: Path | None) -> Path | None:
     if there[:2] == [ready, pattern] and ready.stat().st_mtime < pattern.stat().st_mtime:
         return pattern
     return there[0] if there else None
-
-
-def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:
-    led = add_lead(pressure, required_lead(settings))
-    wanted, parts = reproduce_stream(led, TransducerArray.autd3(), settings, progress=progress)
-    save_solutions(parts, target, frames=wanted.frames, target=wanted)
 
 
 def _duration(path: Path) -> float:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from midair.cli.comparisons import calibrated_part
 from midair.devices import check_exposure
 from midair.evaluate import advance, compare
 from midair.files import open_take, save
@@ -24,7 +23,7 @@ from midair.model import (
 )
 from midair.physics import SKINS, PlaybackChain, Transducers, focus_amplitude, focus_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
-from midair.rig import VirtualRig, aligned_pair, default_exposure, record, rerecord, rerecord_drive
+from midair.rig import VirtualRig, aligned_pair, default_exposure, pressure_of, record, rerecord, rerecord_drive
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.settings import Settings, paper_mode
 from midair.solvers import solve
@@ -217,7 +216,7 @@ def test_a_delay_of_a_perfect_chain_costs_nothing(tmp_path):
     rng, settings = np.random.default_rng(4), Settings().but(band=(20.0, 470.0))
     life = Provenance(source="bench")
     save(Recording(samples=rng.normal(0, 5, (300, 4, 4)), rate=1000.0, unit="Pa", provenance=life), tmp_path / "a.h5")
-    original = calibrated_part(tmp_path / "a.h5", settings)
+    original = pressure_of(tmp_path / "a.h5", settings)
     asked = add_lead(original, 0.1)
     for delay in (-0.0003, 0.0, 0.0003):
         played = life.then("lead", {"lead_s": 0.1}).then("play", {"rate_hz": 1000.0})

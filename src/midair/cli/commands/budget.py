@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from rich.table import Table
 
-from midair.cli.comparisons import calibrated_part, print_laboratory, print_palm, print_ratios, with_array_calibration
+from midair.cli.comparisons import print_laboratory, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import (
@@ -28,7 +28,7 @@ from midair.evaluate import FELT_BANDS, Budget
 from midair.figures import budget_figure, png_bytes
 from midair.files import load_array_calibration, load_laboratory, open_take, write_file
 from midair.pipeline import required_lead
-from midair.rig import BudgetPlan, LevelTrade, VirtualRig, band_power_share, error_budget, level_trade
+from midair.rig import BudgetPlan, LevelTrade, VirtualRig, band_power_share, error_budget, level_trade, pressure_of
 
 
 def budget_command(
@@ -81,7 +81,7 @@ def budget_command(
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)
-    original = calibrated_part(source, settings, start_at, duration)
+    original = pressure_of(source, settings, start_at, duration)
     band = settings.calibration.band
     height = settings.target.grid.height
     virtual = VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)

@@ -9,7 +9,6 @@ from typing import Any
 
 from midair.cli.comparisons import (
     cached_pressure,
-    calibrated_part,
     plain,
     print_metrics,
     print_palm,
@@ -40,6 +39,7 @@ from midair.rig import (
     original_of_drive,
     palm_frames_of_drive,
     played_chain,
+    pressure_of,
     rerecord_drive,
 )
 from midair.settings import Settings
@@ -119,7 +119,7 @@ def compare_command(
         take = open_take(reproduced, streamed=True)
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        pair = aligned_pair(calibrated_part(original, settings, streamed=True), take, settings)
+        pair = aligned_pair(pressure_of(original, settings, streamed=True), take, settings)
         before, heard = (stack.enter_context(cached_pressure(each)) for each in (pair.original, pair.heard))
         comparison = compare(before, heard, first=pair.first, noise=pair.noise)
         after = replace(pair, heard=heard).piece
@@ -205,7 +205,7 @@ def _played(
         raise InputError(
             f"{drive_file.name}: expected a drive with stored settings, got one without; make it with midair solve"
         )
-    felt = calibrated_part(original, settings)
+    felt = pressure_of(original, settings)
     piece, asked = original_of_drive(drive.provenance, felt)
     if asked.frames != drive.frames:
         raise InputError(

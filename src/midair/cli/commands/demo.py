@@ -17,7 +17,6 @@ from midair.evaluate import LaboratoryLoss
 from midair.files import OpenedTake, check_not_recording, save, save_solution, write_file
 from midair.headroom import level_of
 from midair.model import Palm, Progress
-from midair.pipeline import calibrated_pressure
 from midair.rig import (
     FIELD_TITLE,
     PALM_TITLE,
@@ -26,6 +25,7 @@ from midair.rig import (
     laboratory_of_loop,
     open_rig,
     palm_of_loop,
+    pressure_of,
     record,
     summarise_outcomes,
     write_report,
@@ -115,7 +115,7 @@ def demo_command(
 
 def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage: Callable[[str], Progress]) -> Outcome:
     settings = options.settings()
-    original = calibrated_pressure(take.recording, take.calibration, settings).cut(piece.start_at, piece.duration)
+    original = pressure_of(take, settings, piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=stage)
     return Outcome.of(

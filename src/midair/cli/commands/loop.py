@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import calibrated_part, plain, print_metrics, print_ratios, stated_array_calibration
+from midair.cli.comparisons import plain, print_metrics, print_ratios, stated_array_calibration
 from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air
 from midair.cli.options import (
@@ -21,7 +21,7 @@ from midair.cli.output import may_write, warn_level
 from midair.errors import InputError
 from midair.headroom import level_of
 from midair.pipeline import required_lead
-from midair.rig import Loop, PlaySettings, check_passes, metrics_of_loop, open_rig, write_report
+from midair.rig import Loop, PlaySettings, check_passes, metrics_of_loop, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 
 
@@ -73,7 +73,7 @@ def loop_command(
     settings = options.settings()
     options.refuse_idle_palm()
     may_write(target, force, ".html")
-    original = calibrated_part(source, settings, start_at, duration)
+    original = pressure_of(source, settings, start_at, duration)
     # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
     room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
     playing = settings_from(

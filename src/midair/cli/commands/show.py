@@ -10,14 +10,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.comparisons import calibrated_part, settings_of_rerecording
+from midair.cli.comparisons import settings_of_rerecording
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
 from midair.errors import InputError
 from midair.files import atomic_file, contents, load_solution, load_target, open_take, write_file
 from midair.pipeline import target_amplitude
-from midair.rig import aligned_pair
+from midair.rig import aligned_pair, pressure_of
 from midair.view import (
     Film,
     Part,
@@ -112,15 +112,15 @@ def _shown(source: Path, again: Path | None, part: Part, *, target: bool, option
     if again is not None:
         take = open_take(again)
         settings = settings_of_rerecording(take.recording.provenance, options.settings())
-        pair = aligned_pair(calibrated_part(source, settings), take, settings)
+        pair = aligned_pair(pressure_of(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()
     if target:
-        return show_target(target_amplitude(calibrated_part(source, settings), settings), part=part)
+        return show_target(target_amplitude(pressure_of(source, settings), settings), part=part)
     take = open_take(source)
-    felt = None if take.calibration is None else calibrated_part(source, settings)
+    felt = None if take.calibration is None else pressure_of(source, settings)
     return show_recording(take.recording, pressure=felt, part=part)
 
 

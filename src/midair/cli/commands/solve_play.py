@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from midair.cli.comparisons import calibrated_part, unreproduced_rows, with_array_calibration, with_unreproduced
+from midair.cli.comparisons import unreproduced_rows, with_array_calibration
 from midair.cli.console import (
     banner,
     print_json,
@@ -45,17 +45,11 @@ from midair.files import (
     load_solution,
     load_target,
     save,
-    save_solutions,
 )
 from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Medium, PressureFrames
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
-from midair.pipeline import (
-    Reproduction,
-    reproduce_stream,
-    required_lead,
-    weaker_settings,
-)
+from midair.pipeline import Reproduction
 from midair.rig import (
     PlaySettings,
     array_calibration_for,
@@ -71,12 +65,14 @@ from midair.rig import (
     play_cleared,
     play_followed,
     play_pressure,
+    pressure_to_solve,
     rerecord,
+    solve_to_file,
     tracker_name,
     transducers_of,
 )
 from midair.settings import Settings
-from midair.targets import add_lead, frames_without_lead
+from midair.targets import frames_without_lead
 
 
 def solve_command(
@@ -118,27 +114,15 @@ def solve_command(
     transducers = transducers_of(device, None if placement is None else load_placement(placement))
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    pressure = _led_pressure(source, settings, start_at, duration, lead)
+    pressure = pressure_to_solve(source, settings, start_at, duration, lead=lead, streamed=True)
     transducers, settings, pressure = with_array_calibration(
         array_calibration, transducers, settings, pressure, device=device
     )
     banner(pressure.provenance.simulated)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    used = settings
-    with reserved(target):
-        while True:
-            with progress_bars() as stage:
-                wanted, parts = reproduce_stream(pressure, transducers, used, progress=stage("solve"))
-                save_solutions(parts, target, frames=wanted.frames, target=wanted)
-            # Read back from the file: the lazy frames would be computed again.
-            solution = load_solution(target, streamed=True)
-            weaker = weaker_settings(solution.drive, Settings.of(solution.drive.provenance) or used)
-            if weaker is None:
-                break
-            # A drive above the stated level does not stay if the next solve is interrupted.
-            target.unlink()
-            used = weaker
-    made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
+    with reserved(target), progress_bars() as stage:
+        wanted, solution = solve_to_file(pressure, transducers, settings, target, progress=stage("solve"))
+    made = Reproduction(pressure=pressure, target=wanted, solution=solution)
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     plays = solution.plays
@@ -168,15 +152,6 @@ def solve_command(
         ]
     )
     return None
-
-
-def _led_pressure(
-    source: Path, settings: Settings, start_at: float, duration: float | None, lead: float | None
-) -> PressureFrames:
-    """The pressure of a part of a recording, with its lead, in lazy frames."""
-    piece = calibrated_part(source, settings, start_at, duration, streamed=True)
-    piece = with_unreproduced(source, piece, settings.calibration.band)
-    return add_lead(piece, required_lead(settings) if lead is None else lead)
 
 
 def _ears_rows(settings: Settings) -> list[tuple[str, str]]:
@@ -309,7 +284,7 @@ def play_command(
             if room is not None:
                 medium = replace(room, alpha=solving.acoustics.medium.alpha)
                 solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
-            pressure = _led_pressure(source, solving, start_at, duration, lead)
+            pressure = pressure_to_solve(source, solving, start_at, duration, lead=lead, streamed=True)
             return _play_recording(source, pressure, solving, settings, drive, target)
         if target is not None:
             return _play_on_virtual(source, target, settings, correct=correct_air)
