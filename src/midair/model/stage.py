@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy
 
 from midair.errors import InputError
 from midair.validation import positive
@@ -112,27 +112,13 @@ def check_reached(speed: float, way: float, *, largest: float, growth: float) ->
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
     """Speed over the middle half of a straight path, in m/s; None with fewer than three positions in it.
 
-    The median slope of all pairs of positions, in the order of time, at least half of that interval apart (Theil-Sen
-    estimator), which a late time stamp hardly affects.
+    The median slope of all pairs of positions (Theil-Sen estimator), which a late time stamp hardly affects.
     """
-    time = np.array([stamp.time for stamp in stamps])
-    way = _way(np.array([stamp.position for stamp in stamps]).reshape(-1, 3))
-    if not len(way) or way[-1] <= 0:
+    places, time = np.array([stamp.position for stamp in stamps]).reshape(-1, 3), [stamp.time for stamp in stamps]
+    if not len(places) or not (length := float(np.linalg.norm(places[-1] - places[0]))):
         return None
-    middle = (way >= 0.25 * way[-1]) & (way <= 0.75 * way[-1])
-    time, way = time[middle], way[middle]
-    if len(time) < 3:
+    way = (places - places[0]) @ (places[-1] - places[0]) / length
+    middle = (way >= 0.25 * length) & (way <= 0.75 * length)
+    if middle.sum() < 3:
         return None
-    late, early = np.triu_indices(len(time), k=1)[::-1]
-    far = time[late] - time[early] >= 0.5 * (time[-1] - time[0])
-    late, early = late[far], early[far]
-    return float(np.median((way[late] - way[early]) / (time[late] - time[early])))
-
-
-def _way(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of each position along the line from the first to the last, in m."""
-    if len(places) < 2:
-        return np.zeros(0)
-    line = places[-1] - places[0]
-    length = float(np.linalg.norm(line))
-    return (places - places[0]) @ line / length if length > 0 else np.zeros(0)
+    return float(scipy.stats.theilslopes(way[middle], np.array(time)[middle]).slope)

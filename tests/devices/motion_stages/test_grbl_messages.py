@@ -2,8 +2,7 @@
 
 import pytest
 
-from midair.devices.motion_stages.grbl_messages import Outbox, parse_status, with_meaning
-from midair.errors import DeviceError
+from midair.devices.motion_stages.grbl import parse_status, with_meaning
 
 
 def test_a_report_with_everything():
@@ -31,23 +30,3 @@ def test_alarms_and_errors_have_explanations():
     assert with_meaning("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
     assert with_meaning("error:15") == "error:15, the target is beyond the machine's travel"
     assert with_meaning("ALARM:77") == "ALARM:77"
-
-
-def test_never_more_is_on_its_way_than_the_buffer_holds():
-    outbox = Outbox()
-    for _ in range(10):
-        outbox.add("x" * 39)
-    assert outbox.due() == 3 * (b"x" * 39 + b"\n")  # 120 of 128
-    assert outbox.due() == b""
-    assert outbox.answered() == "x" * 39
-    assert len(outbox.due()) == 40
-
-
-def test_an_answer_to_nothing_is_an_error():
-    outbox = Outbox()
-    with pytest.raises(DeviceError, match="not sent"):
-        outbox.answered()
-    outbox.add("G4P0")
-    outbox.due()
-    outbox.clear()
-    assert outbox.empty

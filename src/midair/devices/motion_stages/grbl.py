@@ -1,7 +1,7 @@
 """A motion stage with Grbl 1.1, such as a small milling machine, on a serial port; needs the extra `serial`.
 
-Only one move is sent at a time, so that the machine stops at the end of that move if the connection fails. If the
-program is killed or hangs during a move, its guard (`port_guard`) stops the machine. Protocol: gnea/grbl, doc/markdown,
+Only one line is sent at a time, so that the machine stops at the end of a move if the connection fails. If the program
+is killed or hangs during a move, its guard (`port_guard`) stops the machine. Protocol: gnea/grbl, doc/markdown,
 interface.md and commands.md.
 """
 
@@ -9,38 +9,77 @@ import math
 import os
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
 
 import serial
 
 from midair.devices.interface import StageDevice
-from midair.devices.motion_stages.grbl_messages import (
-    GREETINGS,
-    STATES,
-    Outbox,
-    StatusReport,
-    parse_status,
-    with_meaning,
-)
 from midair.devices.safety import PortGuard, device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached
 
 QUERY_INTERVAL = 0.1
 """Seconds between two status queries; Grbl's makers advise against more than ten per second."""
-
 ANSWER_LIMIT = 2.0
 """Seconds without an answer to a query after which the connection counts as lost."""
-
 DAMAGED_LIMIT = 4
 """Number of damaged status reports in a row at which the connection counts as lost."""
-
 HOMING, MARGIN = 120.0, 2.0
 """Time limits in s: for homing, during which Grbl does not answer; for a move, beyond the time that it takes."""
-
 HOLD, RESET, QUERY = b"!", b"\x18", b"?"
+GREETINGS = ("Grbl ", "GrblHAL ")
+"""Begin of the line that Grbl and grblHAL send after a reset."""
+
+_STORED = tomllib.loads(Path(__file__).with_name("grbl_messages.toml").read_text(encoding="utf-8"))
+MEANINGS: Mapping[str, str] = _STORED["alarms_and_errors"]
+STATES: Mapping[str, str] = _STORED["states"]
+"""Explanations of the machine's states other than Idle and Alarm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusReport:
+    """Contents of a status report; positions in the unit of the report (mm or inches)."""
+
+    state: str
+    """For example Idle, Run or Hold:0."""
+    position: Place
+    work: bool
+    """True if the position is in work coordinates."""
+    offset: Place | None
+    """Machine position minus work position, if reported."""
+    feed: float
+    """Speed, per minute."""
+    pins: str
+    """Active inputs, one letter each."""
+
+
+def parse_status(line: str) -> StatusReport | None:
+    """Parse a status report; None for any other, incomplete or damaged line."""
+    state, *rest = line[1:-1].split("|")
+    if not (line.startswith("<") and line.endswith(">")) or state.partition(":")[0] not in ("Idle", "Alarm", *STATES):
+        return None
+    fields = dict(part.split(":", 1) for part in rest if ":" in part)
+    try:
+        return StatusReport(
+            state=state,
+            position=_parse_position(fields["WPos"] if "WPos" in fields else fields["MPos"]),
+            work="WPos" in fields,
+            offset=_parse_position(fields["WCO"]) if "WCO" in fields else None,
+            feed=float((fields.get("FS") or fields.get("F") or "0").split(",")[0]),
+            pins=fields.get("Pn", ""),
+        )
+    except (KeyError, ValueError):
+        return None
+
+
+def with_meaning(line: str) -> str:
+    """An alarm or error with its meaning, such as "ALARM:1, a limit switch was hit"."""
+    return f"{line}, {MEANINGS[line]}" if line in MEANINGS else line
 
 
 class GrblStage(StageDevice):
@@ -55,12 +94,12 @@ class GrblStage(StageDevice):
         self._resources = ExitStack()
         self._port: Any = None
         self._guard: PortGuard | None = None
-        self._beats: PortGuard | None = None  # the guard during a move
-        self._outbox = Outbox()
-        self._partial = b""
+        # starting: until the first report, answers are old ones. holding: answers to cancelled lines may still arrive.
+        self._phase: Literal["starting", "working", "holding", "locked"] = "starting"
+        self._greeted = self._moving = False
+        self._line, self._partial = "", b""
         self._asked: float | None = None
-        self._reported_at = self._when = -1e9
-        self._restarting, self._greeted, self._flushing, self._locked = True, False, False, False
+        self._reported_at = self._when = -math.inf
         self._damaged = 0
         self._report: StatusReport | None = None
         self._offset: Place = (0.0, 0.0, 0.0)
@@ -72,19 +111,18 @@ class GrblStage(StageDevice):
         with ExitStack() as hold:
             # The real path, since one port has several names; a sensor on the same port is refused as well.
             hold.enter_context(device_lock(f"serial:{os.path.realpath(self._port_name)}"))
-            exclusive = True if os.name == "posix" else None
+            how: dict[str, Any] = {"timeout": 0.01, "write_timeout": 1.0}
             try:
                 self._port = serial.Serial(
-                    self._port_name, self._baud, timeout=0.01, write_timeout=1.0, exclusive=exclusive
+                    self._port_name, self._baud, exclusive=True if os.name == "posix" else None, **how
                 )
             except (OSError, ValueError) as wrong:
                 raise DeviceError(f"{self.name}: expected a port, got: {wrong}; see midair doctor") from wrong
             hold.callback(self._release)
-            self._wait_for_greeting()
+            self._start()
             if sys.platform != "win32":
                 words = ("a move", "stopped the stage", "open the stage again")
-                confirm = (QUERY, b"Hold:0", RESET)
-                self._guard = PortGuard(self.name, [self._port.fileno()], HOLD, confirm, words=words)
+                self._guard = PortGuard(self.name, [self._port.fileno()], HOLD, (QUERY, b"Hold:0", RESET), words=words)
                 hold.callback(self._guard.close)
             self._resources = hold.pop_all()
 
@@ -110,9 +148,8 @@ class GrblStage(StageDevice):
         if state != "Idle":
             means = STATES.get(state, "it is not at rest")
             raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
-        for line in ("$$", "$I"):
-            self._send(line)
-        self._until_answered(lambda: ANSWER_LIMIT)
+        self._run("$$")
+        self._run("$I")
         if not self._version.startswith("1.1"):
             raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
         if pressed := sorted(set(report.pins) & set("XYZ")):
@@ -128,19 +165,17 @@ class GrblStage(StageDevice):
         """Run the homing cycle ($H), during which Grbl does not answer."""
         if (state := self._query_status().state) not in ("Idle", "Alarm"):
             raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
+        homed = False
         try:
             with self._guarded_motion():
-                self._send("$H")
-                self._until_answered(lambda: HOMING, stopped)
-        except BaseException:
-            # During homing Grbl ignores a hold, but not a reset.
-            with suppress(DeviceError):
-                self._write(RESET)
-                self._outbox.clear()
-            raise
-        if not self._outbox.empty:
-            self._write(RESET)
-            self._outbox.clear()
+                homed = self._run("$H", lambda: HOMING, stopped)
+        finally:
+            if not homed:
+                # During homing Grbl ignores a hold, but not a reset.
+                self._line = ""
+                with suppress(DeviceError):
+                    self._write(RESET)
+        if not homed:
             raise DeviceError(f"{self.name}: stopped during homing; its position is unknown, home it again")
 
     def check_speed(self, speed: float, way: float, axis: int) -> None:
@@ -153,15 +188,13 @@ class GrblStage(StageDevice):
     ) -> tuple[float, float] | None:
         """Move in one straight line (G1 in machine coordinates), then dwell; the answer to the dwell marks the end."""
         x, y, z = (1e3 * part for part in target)
+        line = f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}"
         with self._guarded_motion():
             try:
-                self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
-                self._until_answered(lambda: ANSWER_LIMIT, stopped, stamp)
+                taken = self._run(line, lambda: ANSWER_LIMIT, stopped, stamp)
                 begin = time.monotonic()
-                self._send("G4P0.01")
-                arrived = self._until_answered(lambda: self._time_left(target, speed), stopped, stamp)
-                end = time.monotonic()
-                if arrived:
+                if taken and self._run("G4P0.01", lambda: self._time_left(target, speed), stopped, stamp):
+                    end = time.monotonic()
                     stamp(self._stamp(self._query_status()))
                     return begin, end
             except DeviceError as wrong:
@@ -186,25 +219,25 @@ class GrblStage(StageDevice):
     @contextmanager
     def _guarded_motion(self) -> Generator[None]:
         """While inside, the guard stops the machine if this program is killed, or hangs."""
-        self._beats = self._guard
+        self._moving = True
         try:
             self._beat()
             yield
         finally:
-            self._beats = None
+            self._moving = False
             if self._guard is not None:
                 self._guard.rest()
 
     def _beat(self) -> None:
         """Send a heartbeat to the guard during a move; none after its error, while the move is stopped."""
-        guard, self._beats = self._beats, None
-        if guard is not None:
-            guard.beat()
-            self._beats = guard
+        if self._moving and self._guard is not None:
+            self._moving = False
+            self._guard.beat()
+            self._moving = True
 
-    def _wait_for_greeting(self) -> None:
+    def _start(self) -> None:
         """Wait for the first report; a restarting board sends its greeting first."""
-        end = time.monotonic() + self._search
+        end, self._report = time.monotonic() + self._search, None
         while self._report is None:
             if time.monotonic() > end:
                 raise DeviceError(
@@ -213,36 +246,38 @@ class GrblStage(StageDevice):
                 )
             self._asked = None
             self._wait_for_report(0.5)
-        self._restarting = False
+        self._phase = "working"
 
     def _setting(self, number: int) -> float:
         if number not in self._settings:
             raise DeviceError(f"{self.name}: expected the setting ${number} of Grbl 1.1, got none; check the firmware")
         return self._settings[number]
 
-    def _until_answered(
+    def _run(
         self,
-        limit: Callable[[], float],
+        line: str,
+        limit: Callable[[], float] = lambda: ANSWER_LIMIT,
         stopped: Callable[[], bool] = lambda: False,
         stamp: Callable[[StageStamp], object] | None = None,
     ) -> bool:
-        """Send and read until every line was answered; False if `stopped` first.
+        """Send a line and read until it is answered; False if `stopped` first.
 
         With `stamp`, the position is queried continuously. Raises LinkLostError after `limit` in s, which is renewed
         when a report makes it shorter: a machine that moves slowly has time, one that has ended or restarted has none.
         """
+        self._line = line
+        self._write(f"{line}\n".encode())
         least = limit()
         end = time.monotonic() + least
-        while not self._outbox.empty:
+        while self._line:
             if stopped():
                 return False
             if time.monotonic() > end:
                 state = "" if self._report is None else f"; it reports {self._report.state} at {self._position_text()}"
                 raise LinkLostError(
-                    f"{self.name}: expected the answer to {self._outbox.first} within {least:.3g} s, got none{state}; "
+                    f"{self.name}: expected the answer to {line} within {least:.3g} s, got none{state}; "
                     "check the cable, and home the machine if it was reset"
                 )
-            self._write(self._outbox.due())
             if stamp is not None:
                 self._query_when_due()
             if (report := self._listen()) is not None and stamp is not None:
@@ -261,13 +296,15 @@ class GrblStage(StageDevice):
 
     def _query_when_due(self) -> None:
         now = time.monotonic()
-        if self._asked is not None:
-            if now - self._asked > ANSWER_LIMIT:
-                raise LinkLostError(f"{self.name}: expected a status report, got no answer for {ANSWER_LIMIT:g} s")
-        elif now - self._reported_at >= QUERY_INTERVAL:
-            self._write(QUERY)
-            # Taken after writing, so that delays of this computer do not count as transmission time.
-            self._asked = time.monotonic()
+        if self._asked is None and now - self._reported_at >= QUERY_INTERVAL:
+            self._query()
+        elif self._asked is not None and now - self._asked > ANSWER_LIMIT:
+            raise LinkLostError(f"{self.name}: expected a status report, got no answer for {ANSWER_LIMIT:g} s")
+
+    def _query(self) -> None:
+        self._write(QUERY)
+        # Taken after writing, so that delays of this computer do not count as transmission time.
+        self._asked = time.monotonic()
 
     def _query_status(self) -> StatusReport:
         if (report := self._wait_for_report(ANSWER_LIMIT)) is None:
@@ -279,8 +316,7 @@ class GrblStage(StageDevice):
         end = time.monotonic() + limit
         while time.monotonic() < end:
             if self._asked is None:
-                self._write(QUERY)
-                self._asked = time.monotonic()
+                self._query()
             if (report := self._listen()) is not None:
                 return report
         return None
@@ -288,7 +324,7 @@ class GrblStage(StageDevice):
     def _listen(self) -> StatusReport | None:
         """Read the received data, up to a report."""
         self._beat()
-        self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
+        self._partial += self._io(lambda port: port.read(max(1, port.in_waiting)))
         while b"\n" in self._partial:
             line, _, self._partial = self._partial.partition(b"\n")
             if (report := self._handle_line(line.decode("ascii", "replace").strip())) is not None:
@@ -296,24 +332,22 @@ class GrblStage(StageDevice):
         return None
 
     def _handle_line(self, line: str) -> StatusReport | None:
-        if self._restarting and line.startswith(("ok", "error:")):
-            # An answer from before the port was opened, or from the start of a board with an empty memory.
-            return None
-        if line == "ok":
-            # During a hold, answers to cancelled lines may still arrive.
-            _ = None if self._flushing else self._outbox.answered()
-        elif line.startswith("error:"):
-            raise DeviceError(f"{self.name}: Grbl rejected {self._outbox.answered()}: {with_meaning(line)}")
+        if line == "ok" or line.startswith("error:"):
+            if self._phase == "starting" or (self._phase == "holding" and line == "ok"):
+                return None
+            answered, self._line = self._line, ""
+            if not answered:
+                raise DeviceError(f"{self.name}: got an answer to no line; close other programs that use the port")
+            if line != "ok":
+                raise DeviceError(f"{self.name}: Grbl rejected {answered}: {with_meaning(line)}")
         elif line.startswith("ALARM:"):
-            self._locked = True
+            self._phase = "locked"
             raise DeviceError(f"{self.name}: {with_meaning(line)}; reset the machine, inspect it, and home it again")
         elif line.startswith(GREETINGS):
-            self._greeted = True
-            self._outbox.clear()
+            self._greeted, self._line = True, ""
             # In a hold the guard may have reset it; a reset in motion would show as an alarm.
-            if self._restarting or self._flushing:
-                return None
-            raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
+            if self._phase not in ("starting", "holding"):
+                raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
         elif line.startswith("$") and "=" in line:
             number, _, value = line[1:].partition("=")
             with suppress(ValueError):
@@ -348,13 +382,15 @@ class GrblStage(StageDevice):
 
     def _hold(self) -> str:
         """Stop with a feed hold and cancel pending moves; return a description of the result."""
-        self._flushing = True
+        locked = self._phase == "locked"
+        self._phase = "locked" if locked else "holding"
         try:
             self._write(HOLD)
-            self._outbox.clear()
-            if not self._locked:
-                self._wait_for_standstill()
-                return f"the stage was stopped at {self._position_text()}"
+            self._line = ""
+            if locked:
+                return f"the stage is locked; its last position was {self._position_text()}"
+            self._wait_for_standstill()
+            return f"the stage was stopped at {self._position_text()}"
         except LinkLostError as wrong:
             return (
                 "the feed hold may not have reached the stage, which may finish its current move; switch it off "
@@ -363,8 +399,7 @@ class GrblStage(StageDevice):
         except DeviceError as wrong:
             return f"the stage was stopped, but: {wrong}"
         finally:
-            self._flushing = False
-        return f"the stage is locked; its last position was {self._position_text()}"
+            self._phase = "locked" if self._phase == "locked" else "working"
 
     def _wait_for_standstill(self) -> None:
         """Wait for standstill, then reset to cancel the rest of the move; a reset in motion would lose the position."""
@@ -372,33 +407,24 @@ class GrblStage(StageDevice):
         while (state := self._query_status().state) not in ("Hold:0", "Idle"):
             if state == "Alarm" or time.monotonic() > end:
                 raise DeviceError(f"{self.name}: expected standstill (Hold:0), got {state}")
-        self._restarting, self._greeted = True, False
+        self._phase, self._greeted = "starting", False
         self._write(RESET)
         end = time.monotonic() + ANSWER_LIMIT
         while not self._greeted and time.monotonic() < end:
             self._listen()
-        self._report = self._asked = None
-        self._wait_for_greeting()
-
-    def _send(self, line: str) -> None:
-        self._outbox.add(line)
-        self._write(self._outbox.due())
+        self._start()
 
     def _write(self, data: bytes) -> None:
-        if data:
-            self._guarded(lambda: self._opened().write(data))
+        self._io(lambda port: port.write(data))
 
-    def _guarded(self, call: Callable[[], Any]) -> Any:
-        """Convert pyserial's errors: OSError, and TypeError if the port was closed meanwhile."""
-        try:
-            return call()
-        except (OSError, TypeError) as wrong:
-            raise LinkLostError(f"{self.name}: lost the port: {wrong}") from wrong
-
-    def _opened(self) -> Any:
+    def _io(self, call: Callable[[Any], Any]) -> Any:
+        """Call the port, and convert pyserial's errors: OSError, and TypeError if it was closed meanwhile."""
         if self._port is None:
             raise DeviceStateError(f"{self.name}: expected open first")
-        return self._port
+        try:
+            return call(self._port)
+        except (OSError, TypeError) as wrong:
+            raise LinkLostError(f"{self.name}: lost the port: {wrong}") from wrong
 
     def _release(self) -> None:
         port, self._port = self._port, None
@@ -413,3 +439,8 @@ def grbl_stage(port: str, options: Mapping[str, str]) -> GrblStage:
         unknown = next(iter(set(options) - {"baud"}), f"baud={baud}")
         raise InputError(f"expected the option baud, bits per second, got {unknown}")
     return GrblStage(port, baud=int(baud))
+
+
+def _parse_position(text: str) -> Place:
+    x, y, z = (float(part) for part in text.split(",")[:3])
+    return x, y, z
