@@ -97,7 +97,6 @@ def test_inverse_of_hand_computed_matrices():
     assert undone == pytest.approx(np.array([1, -1]) * (1 - c + d**2) / ((1 - c) ** 2 + d**2))
 
 
-@pytest.mark.long
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.1))
 def test_crosstalk_round_trip(seed, strength):
     rng = np.random.default_rng(seed)

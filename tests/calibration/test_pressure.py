@@ -242,7 +242,6 @@ def test_other_settings_are_checked():
         calibrate(of(noise(0)), edges=(50.0, 10.0))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
     """Equal to the decay of the FFT filter after four periods of the narrowest edge; for the FIR filter to rounding."""

@@ -39,7 +39,6 @@ def test_a_constant_focus_has_no_error_and_needs_no_silencer():
     assert choose_silencer("auto", still).phase == 0
 
 
-@pytest.mark.long
 def test_phases_that_turn_together_are_spread():
     """A sudden turn causes a dip of the sound; transducers follow a slower turn better."""
     errors = silencer_errors(turning(120))
@@ -53,7 +52,6 @@ def test_a_dip_is_worth_two_time_constants_of_silence():
     assert error == pytest.approx(2 * TransducerDynamics().time_constant / 10e-3, rel=0.15)
 
 
-@pytest.mark.long
 def test_a_focus_that_jumps_is_not_spread():
     """An intermediate pattern resembles neither of the two positions."""
     errors = silencer_errors(jumping())
@@ -115,7 +113,6 @@ def test_a_step_is_complete_within_its_part_of_a_frame_or_in_the_shortest_time_t
     assert chosen.phase / 25e-6 == pytest.approx(round(chosen.phase / 25e-6))
 
 
-@pytest.mark.long
 def test_choices_by_name():
     assert choose_silencer("off", jumping()).phase == 0
     chosen = choose_silencer("default", jumping())

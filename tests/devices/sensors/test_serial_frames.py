@@ -56,7 +56,6 @@ def test_extremes_come_back(width, extremes):
         encode(too_much, counter=0, time_us=0, width=width)
 
 
-@pytest.mark.long
 @given(st.lists(st.tuples(st.binary(max_size=60), st.booleans()), min_size=1, max_size=12), st.integers(1, 50))
 def test_every_sent_frame_is_found_once_among_noise_however_it_is_cut(parts, size):
     # Noise after which a frame follows may only hide that frame if it looks like its beginning: no sync word in it.

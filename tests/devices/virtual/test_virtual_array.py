@@ -196,7 +196,6 @@ def wandering(frames=60):
     return Drive(phase=np.cumsum(step, axis=0), level=np.full(frames, 0.5), rate=1000.0, array=ARRAY)
 
 
-@pytest.mark.long
 def test_plays_what_the_simulation_says():
     """Blocks of a device compared with one call of the simulation, with transducers that differ."""
     skin = VirtualSkin(SensorModel())

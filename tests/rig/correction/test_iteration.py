@@ -103,18 +103,21 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(loo
 
 
 def test_it_stops_when_it_no_longer_helps(loop, monkeypatch):
-    start = loop.passes[1]
+    """The second step hardly helps; the target of each pass states all steps before it."""
+    start, lowered = loop.passes[1], iter((0.5, 0.49999))
 
     def hardly(original, asked, rig, settings, name, stage, *, step, made):
-        better = start.comparison.waveform_error * 0.9999
-        return replace(start, step=step, comparison=replace(start.comparison, waveform_error=better))
+        better = start.comparison.waveform_error * next(lowered)
+        return replace(start, step=step, asked=asked, comparison=replace(start.comparison, waveform_error=better))
 
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", hardly)
     skin = RIG.skin()
     with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
         further = run_iterations(loop.original, start, rig, COARSE, 9)
-    assert len(further.passes) == 1
     assert "less than 0.2 %" in further.end
+    stages = [[step.stage for step in one.asked.provenance.steps] for one in further.passes]
+    assert [each.count("correct") for each in stages] == [1, 2]
+    assert [one.step for one in further.passes] == [0.8, 0.8]
 
 
 def test_the_target_is_limited_to_playable_pressure():

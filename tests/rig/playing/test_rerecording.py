@@ -64,7 +64,6 @@ def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     assert not array.emitting
 
 
-@pytest.mark.long
 def test_a_drive_above_the_profile_is_refused_and_not_played(drive):
     array, sensor = real()
     with array, sensor, pytest.raises(InputError, match="exposure"):
