@@ -3,10 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from midair.cli.output import as_recording, may_write, print_written, reserved
+from midair.cli.output import as_recording, may_write, print_table, reserved
 from midair.errors import DeviceStateError, InputError
 from midair.files import FormatLoss, load, load_pressure, save
 from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.table import Row, printed
 
 PRESSURE = PressureFrames(
     pressure=np.arange(12.0).reshape(3, 2, 2),
@@ -49,20 +50,27 @@ def test_format_losses_are_printed(tmp_path):
     assert save(as_recording(PRESSURE), tmp_path / "b.npz", calibration=None) == ()
 
 
-def test_json_contains_what_is_printed(capsys):
-    told = ([("frames", "3 at 1 Hz")], {"frames": 3}, ["cut"], [FormatLoss(what="rate", text="No rate.")])
-    print_written(*told, simulated=True, json=True)
-    assert json.loads(capsys.readouterr().out) == {
-        "frames": 3,
-        "simulated": True,
-        "notes": ["cut"],
-        "lost": [{"what": "rate", "text": "No rate."}],
-    }
-    print_written(*told, simulated=True, json=False)
+def test_a_table_is_printed_or_json(capsys):
+    table = [
+        Row("rate", 1000.0, "Hz", key="rate_hz"),
+        Row("frames", 3, text="3 of 4"),
+        Row("note", None, text=""),
+        ("source", "towel"),
+        ("age", ""),
+        {"kind": "take"},
+    ]
+    assert printed(table) == [("rate", "1000 Hz"), ("frames", "3 of 4"), ("source", "towel")]
+    print_table(table, json=True)
+    values = {"rate_hz": 1000.0, "frames": 3, "note": None, "kind": "take"}
+    assert json.loads(capsys.readouterr().out) == values
+    how = {"notes": ["cut"], "lost": [FormatLoss(what="rate", text="No rate.")]}
+    print_table(table, json=True, simulated=True, **how)
+    more = {"simulated": True, "notes": ["cut"], "lost": [{"what": "rate", "text": "No rate."}]}
+    assert json.loads(capsys.readouterr().out) == values | more
+    print_table(table, json=False, simulated=True, **how)
     said = capsys.readouterr()
-    words = said.out + said.err
-    assert all(word in words for word in ("SIMULATED", "frames", "note: cut", "lost: No rate."))
-    print_written(*told, simulated=False, json=False)
+    assert all(word in said.out + said.err for word in ("SIMULATED", "frames", "note: cut", "lost: No rate."))
+    print_table(table, json=False, simulated=False)
     assert "SIMULATED" not in "".join(capsys.readouterr())
 
 

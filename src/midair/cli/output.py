@@ -1,9 +1,11 @@
 """Output of the commands: writing recordings, rows and JSON values of recordings, calibrations and drives."""
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
+from functools import singledispatch
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, SensorGrid, Solution
 from midair.recordings import dead_channels
 from midair.streaming import blocks
+from midair.table import Line, Row, plain, printed
 from midair.targets import frames_without_lead
 
 
@@ -26,34 +29,27 @@ def as_recording(pressure: PressureFrames) -> Recording:
     )
 
 
-def print_written(
-    rows: list[tuple[str, str]],
-    figures: Mapping[str, object],
-    notes: Iterable[str],
-    lost: Iterable[FormatLoss],
+def print_table(
+    table: Iterable[Line],
     *,
-    simulated: bool,
     json: bool,
+    simulated: bool | None = None,
+    notes: Iterable[str] | None = None,
+    lost: Iterable[FormatLoss] = (),
 ) -> None:
-    """Print rows, notes and losses, or JSON."""
+    """Print a table, or its values as JSON; `notes` and `lost`, if given, and `simulated` unless it is None."""
     if json:
-        losses = [{"what": loss.what, "text": loss.text} for loss in lost]
-        return print_json({**figures, "simulated": simulated, "notes": list(notes), "lost": losses})
-    banner(simulated)
-    print_rows(rows)
-    for note in notes:
-        out().print(f"note: {note}")
-    for loss in lost:
-        out().print(f"lost: {loss}")
+        values = plain(table)
+        if simulated is not None:
+            values["simulated"] = simulated
+        if notes is not None:
+            values["notes"], values["lost"] = list(notes), [{"what": loss.what, "text": loss.text} for loss in lost]
+        return print_json(values)
+    banner(bool(simulated))
+    print_rows(printed(table))
+    for line in (*(f"note: {note}" for note in notes or ()), *(f"lost: {loss}" for loss in lost)):
+        out().print(line)
     return None
-
-
-def print_result(rows: list[tuple[str, str]], *, simulated: bool, json: bool, **more: object) -> None:
-    """Print rows, or their values and more as JSON."""
-    if json:
-        return print_json({**dict(rows), **more, "simulated": simulated})
-    banner(simulated)
-    return print_rows(rows)
 
 
 def may_write(path: Path, force: bool, *endings: str) -> None:
@@ -94,18 +90,29 @@ def reserved(path: Path) -> Generator[None]:
         yield
 
 
-def recording_rows(recording: Recording) -> list[tuple[str, str]]:
-    """Description of a recording as names and values."""
-    sensor, dead = recording.sensor, np.flatnonzero(dead_channels(recording))
+@singledispatch
+def describe(thing: Any) -> list[Line]:
+    """The table of a recording or of a calibration of an array."""
+    raise TypeError(type(thing))
+
+
+@describe.register
+def _(recording: Recording) -> list[Line]:
+    sensor, silent = recording.sensor, np.flatnonzero(dead_channels(recording)).tolist()
+    low, high, unit = float(recording.samples.min()), float(recording.samples.max()), recording.unit
+    # Constant cells of a synthetic field are not broken but untouched.
+    synthetic = any(step.stage == "footprint" for step in recording.provenance.steps)
+    channels = ", ".join(map(str, silent)) or "none"
+    about = {"name": sensor.name, "rows": sensor.rows, "columns": sensor.columns, "pitch_m": sensor.pitch}
+    frames = f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"
     return [
-        ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
-        ("sensor", sensor_text(sensor)),
-        ("unit", recording.unit),
-        ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
-        (
-            "untouched cells" if _synthetic(recording) else "dead channels",
-            ", ".join(str(channel) for channel in dead) or "none",
-        ),
+        Row("frames", recording.frames, text=frames),
+        {"rate_hz": recording.rate, "duration_s": recording.duration},
+        Row("sensor", about, text=sensor_text(sensor)),
+        Row("unit", unit),
+        Row("range", [low, high], text=f"{low:.4g} to {high:.4g} {unit}"),
+        Row("dead channels", [] if synthetic else silent, key="dead_channels", text="" if synthetic else channels),
+        *([Row("untouched cells", silent, key="untouched_cells", text=channels)] if synthetic else []),
     ]
 
 
@@ -114,44 +121,14 @@ def sensor_text(sensor: SensorGrid) -> str:
     return f"{sensor.name}, {sensor.rows} x {sensor.columns}, pitch {format_quantity(sensor.pitch, 'm')}"
 
 
-def _synthetic(recording: Recording) -> bool:
-    """Whether the recording is a synthetic field, in which constant cells are not broken but untouched."""
-    return any(step.stage == "footprint" for step in recording.provenance.steps)
-
-
-def recording_figures(recording: Recording) -> dict[str, object]:
-    """Description of a recording as JSON values; names carry units."""
-    sensor = recording.sensor
-    synthetic, silent = _synthetic(recording), np.flatnonzero(dead_channels(recording)).tolist()
-    return {
-        "frames": recording.frames,
-        "rate_hz": recording.rate,
-        "duration_s": recording.duration,
-        "sensor": {"name": sensor.name, "rows": sensor.rows, "columns": sensor.columns, "pitch_m": sensor.pitch},
-        "unit": recording.unit,
-        "range": [float(recording.samples.min()), float(recording.samples.max())],
-        "dead_channels": [] if synthetic else silent,
-        **({"untouched_cells": silent} if synthetic else {}),
-    }
-
-
-def calibration_figures(calibration: Calibration | None) -> dict[str, object] | None:
-    """Identity of a calibration as JSON values."""
+def calibration_row(calibration: Calibration | None, *, hidden: bool = False) -> Row:
+    """Identity of a calibration, or advice without one; `hidden` rows are in JSON only."""
     if calibration is None:
-        return None
-    return {
-        "source": calibration.provenance.source,
-        "id": calibration.identifier,
-        "version": calibration.version,
-        "date": calibration.date or None,
-    }
-
-
-def calibration_text(calibration: Calibration | None) -> str:
-    """Source of a calibration, or advice without one."""
-    if calibration is None:
-        return "none; state one with midair calibrate --sensitivity or --peak"
-    return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
+        advice = "none; state one with midair calibrate --sensitivity or --peak"
+        return Row("calibration", None, text="" if hidden else advice)
+    source, date = calibration.provenance.source, calibration.date
+    known = {"source": source, "id": calibration.identifier, "version": calibration.version, "date": date or None}
+    return Row("calibration", known, text="" if hidden else " ".join(part for part in (source, date) if part))
 
 
 def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
@@ -183,8 +160,9 @@ def warn_level(level: PressureLevel) -> None:
         print_note(level.advice(), warn=True)
 
 
-def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
-    """Rows of an array calibration, with expanded uncertainties (k = 2)."""
+@describe.register
+def _(known: ArrayCalibration) -> list[Line]:
+    """With expanded uncertainties (k = 2)."""
     alive = ~known.dead
 
     def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:
@@ -195,7 +173,7 @@ def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
     quality = known.quality_uncertainty * known.quality
     dead = np.flatnonzero(known.dead)
     named = ", ".join(str(number) for number in dead[:20]) + (" and more" if len(dead) > 20 else "")
-    return [
+    rows = [
         ("array", f"{known.array.name}, {known.array.count} transducers"),
         ("dead", f"{len(dead)}: {named}" if len(dead) else "none"),
         ("strength", of(known.strength, known.strength_uncertainty, "of the model's", 3)),
@@ -206,6 +184,7 @@ def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
         *_unit_rows(known),
         ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
     ]
+    return [Row(name, text) for name, text in rows]
 
 
 def _unit_rows(known: ArrayCalibration) -> list[tuple[str, str]]:

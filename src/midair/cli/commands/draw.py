@@ -5,14 +5,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.console import print_json, print_rows, progress_bars
+from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
-from midair.cli.output import as_recording, may_write, parameter_values, reserved
+from midair.cli.output import as_recording, may_write, parameter_values, print_table, reserved
 from midair.files import load_placement, load_solution, load_target, save
 from midair.model import Calibration, Medium
 from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.rig import array_calibration_for, transducers_of
+from midair.table import Line, Row
 
 
 def draw_command(
@@ -79,20 +80,16 @@ def draw_command(
         cells = wanted_pressure(stored, medium)
         save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
     seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
-    if json:
-        figures = {"frames": foci.frames, "rate_hz": foci.rate, "duration_s": seconds, "foci": foci.pressure.shape[1]}
-        return print_json(
-            {"drive": str(target), **figures, "pressure_pa": loudest, "reach_used": used, "error": solution.error.max()}
-        )
-    rows = [
-        ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
-        ("frames", f"{foci.frames} at {foci.rate:g} Hz, {seconds:.4g} s"),
-        (
-            "foci",
-            f"{foci.pressure.shape[1]}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there",
-        ),
+    count, error = foci.pressure.shape[1], float(solution.error.max())
+    each = f"{count}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there"
+    of_foci = f"{100 * error:.2g} % at most, of the sound amplitude at the foci" if count > 1 else ""
+    table: list[Line] = [
+        Row("drive", str(target), text=f"{target} for {transducers.name}, {transducers.count} transducers"),
+        Row("frames", foci.frames, text=f"{foci.frames} at {foci.rate:g} Hz, {seconds:.4g} s"),
+        {"rate_hz": foci.rate, "duration_s": seconds},
+        Row("foci", count, text=each),
+        {"pressure_pa": loudest, "reach_used": used},
+        Row("E", error, key="error", text=of_foci),
+        ("wanted", "" if wanted is None else f"{wanted}, pressure on 4 x 4 cells"),
     ]
-    if foci.pressure.shape[1] > 1:
-        rows.append(("E", f"{100 * solution.error.max():.2g} % at most, of the sound amplitude at the foci"))
-    print_rows([*rows, *([] if wanted is None else [("wanted", f"{wanted}, pressure on 4 x 4 cells")])])
-    return None
+    print_table(table, json=json)

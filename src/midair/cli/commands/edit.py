@@ -11,11 +11,12 @@ from cyclopts import Parameter
 from midair import recordings
 from midair.cli.import_options import ChannelNumbers, channel_numbers, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
-from midair.cli.output import may_write, print_written, recording_figures, recording_rows
+from midair.cli.output import describe, may_write, print_table
 from midair.errors import InputError
 from midair.files import contents, open_take, save
 from midair.model import Recording
 from midair.settings import MOST_GAIN
+from midair.table import Row
 
 
 def cut_command(
@@ -235,7 +236,6 @@ def _edit(
     if any(take.stored and "pressure" in contents(source).parts for take, source in zip(takes, sources, strict=True)):
         notes.append("The calibrated pressure was left out; run midair calibrate again.")
     # Before writing, which may replace the source.
-    rows = [("recording", str(output)), *recording_rows(recording)]
+    table = [Row("recording", str(output)), *describe(recording)]
     lost = save(recording, output, calibration=calibration)
-    figures = {"recording": str(output), **recording_figures(recording)}
-    print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
+    print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)

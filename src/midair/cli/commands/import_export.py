@@ -17,15 +17,7 @@ from midair.cli.import_options import (
     scale_by,
 )
 from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
-from midair.cli.output import (
-    as_recording,
-    calibration_figures,
-    calibration_text,
-    may_write,
-    print_written,
-    recording_figures,
-    recording_rows,
-)
+from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.files import (
@@ -43,6 +35,7 @@ from midair.files import (
     writer_of,
 )
 from midair.recordings import GapFill, Mending, select
+from midair.table import Row
 
 
 def import_command(
@@ -174,14 +167,12 @@ def _convert(
     known = stated or imported.calibration
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
     lost = save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
-    rows = [("recording", str(target)), *recording_rows(recording)]
-    if recording.unit != "Pa" or known:
-        rows.append(("calibration", calibration_text(known)))
-    figures = {"recording": str(target), **recording_figures(recording), "calibration": calibration_figures(known)}
+    stated_by = calibration_row(known, hidden=recording.unit == "Pa" and not known)
+    table = [Row("recording", str(target)), *describe(recording), stated_by]
     notes = (*notes, *imported.report)
     if recording.duration < SHORT:
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
-    print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
+    print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
 
 
 SHORT = 0.02
@@ -234,8 +225,8 @@ def export_command(
         recording = select(recording, channel_numbers(channels, recording))
         calibration, made, notes = None, None, ("Calibration and places of the chosen channels were left out.",)
     lost = save(recording, output, calibration=calibration, pressure=made)
-    rows = [("written", str(output)), ("format", format_of(output).name)]
-    return print_written(rows, dict(rows), notes, lost, simulated=recording.provenance.simulated, json=json)
+    table = [Row("written", str(output)), Row("format", format_of(output).name)]
+    return print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> None:
@@ -259,11 +250,11 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
     else:
         with atomic_file(output) as partial, partial.open("wb") as file:
             np.savez_compressed(file, **plain)
-    rows = [
-        ("written", str(output)),
-        ("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),
+    table = [
+        Row("written", str(output)),
+        Row("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),
     ]
-    print_written(rows, dict(rows), (), (), simulated=drive.provenance.simulated, json=json)
+    print_table(table, notes=(), simulated=drive.provenance.simulated, json=json)
 
 
 def repair_command(source: Path, /) -> None:

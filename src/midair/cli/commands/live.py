@@ -7,16 +7,17 @@ from pathlib import Path
 from rich.live import Live as Screen
 from rich.text import Text
 
-from midair.cli.console import banner, err, print_json, print_note, print_rows, verbosity
+from midair.cli.console import banner, err, print_note, print_rows, verbosity
 from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json, StopInput, options_from, settings_from
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_table
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate
 from midair.rig import live as begin
+from midair.table import Line, Row
 
 WRONG_RATE = 0.05
 """Relative deviation of the sensor's rate beyond which the command ends with status 1."""
@@ -84,7 +85,8 @@ def live_command(
         print_air(settings.acoustics.medium, stated=room is not None)
         _watch(session, signals, quiet=json)
         ended = session
-    _print_result(ended, keep, json=json)
+    simulated = ended.opened.simulated if json else None  # printed above
+    print_table(_ended_table(ended, keep), json=json, simulated=simulated)
     if abs(ended.statistics.rate_error) > WRONG_RATE:
         return 1
     # Without a duration Ctrl-C is the normal end.
@@ -94,21 +96,15 @@ def live_command(
     return 130
 
 
-def _print_result(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
-    counts = ended.statistics
-    if json:
-        opened = ended.opened
-        beside = {
-            "simulated": opened.simulated,
-            "exposure": opened.exposure,
-            "array_calibration": opened.array_calibration,
-            "computer": opened.granted.words(),
-            "rehearsal": opened.rehearsal.words(),
-        }
-        kept = {} if keep is None else {"take": str(keep)}
-        return print_json(counts.plain() | {"error_by_band": _by_band(ended)} | beside | kept)
-    print_rows([*_statistics_rows(counts), *([] if keep is None else [("take", str(keep))])])
-    return None
+def _ended_table(ended: LiveSession, keep: Path | None) -> list[Line]:
+    counts, opened = ended.statistics, ended.opened
+    return [
+        {**counts.plain(), "error_by_band": _by_band(ended)},
+        {"exposure": opened.exposure, "array_calibration": opened.array_calibration},
+        {"computer": opened.granted.words(), "rehearsal": opened.rehearsal.words()},
+        *_statistics_rows(counts),
+        *([] if keep is None else [Row("take", str(keep))]),
+    ]
 
 
 def _rate_warning(rate: SensorRate, warned: bool) -> bool:
@@ -117,10 +113,6 @@ def _rate_warning(rate: SensorRate, warned: bool) -> bool:
         err().print(f"midair: {rate.rate_problem}", soft_wrap=True)
         return True
     return warned
-
-
-def _rate_rows(rate: SensorRate) -> list[tuple[str, str]]:
-    return [("rate", rate.rate_problem)] if rate.rate_problem else []
 
 
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
@@ -170,7 +162,7 @@ def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
 
     worst = "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
     tenths = "; ".join(f"{name} {' '.join(map(str, parts))}" for name, parts in counts.over_time.items())
-    rows = [
+    return [
         ("frames", f"{counts.frames}, {counts.played} of them played"),
         ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
         ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
@@ -181,6 +173,5 @@ def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
         ("work on a frame", times(counts.work)),
         ("worst seconds", worst),
         ("by tenths of the run", tenths if counts.worst or counts.gaps else ""),
-        *_rate_rows(counts),
+        ("rate", counts.rate_problem),
     ]
-    return [(name, text) for name, text in rows if text]

@@ -7,13 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from midair.cli.comparisons import unreproduced_rows, with_array_calibration
-from midair.cli.console import (
-    banner,
-    print_json,
-    print_note,
-    print_rows,
-    progress_bars,
-)
+from midair.cli.console import banner, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import (
     AirOptions,
     ExposureOptions,
@@ -34,7 +28,7 @@ from midair.cli.options import (
     options_from,
     settings_from,
 )
-from midair.cli.output import level_of_file, level_rows, may_write, reserved, solve_error, warn_level
+from midair.cli.output import level_of_file, level_rows, may_write, print_table, reserved, solve_error, warn_level
 from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
@@ -72,6 +66,7 @@ from midair.rig import (
     transducers_of,
 )
 from midair.settings import Settings
+from midair.table import Line, Row
 from midair.targets import frames_without_lead
 
 
@@ -128,38 +123,29 @@ def solve_command(
     plays = solution.plays
     error = solve_error(solution, made.target)
     warn_level(level)
-    if json:
-        told = {"frames": made.target.frames, "lead_frames": inside.start, "rate_hz": made.target.rate}
-        simulated = pressure.provenance.simulated
-        return print_json(
-            {"drive": str(target), "simulated": simulated, **told, **error.plain(), "level": level.plain()}
-            | {"not_reproduced": dict(pressure.provenance.last("not reproduced")), "ears_db": settings.target.ears}
-        )
-    print_rows(
-        [
-            ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
-            (
-                "frames",
-                f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent, {inside.start} of "
-                "lead at either end",
-            ),
-            *level.rows(),
-            *unreproduced_rows(pressure.provenance),
-            *_ears_rows(settings),
-            ("E", str(error)),
-            *_robustness_rows(made, settings),
-            ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
-        ]
-    )
-    return None
+    frames, rate, silent = made.target.frames, made.target.rate, int((~plays).sum())
+    table: list[Line] = [
+        Row("drive", str(target), text=f"{target} for {transducers.name}, {transducers.count} transducers"),
+        Row("frames", frames, text=f"{frames} at {rate:g} Hz, {silent} silent, {inside.start} of lead at either end"),
+        {"lead_frames": inside.start, "rate_hz": rate, **error.plain(), "level": level.plain()},
+        *level.rows(),
+        {"not_reproduced": dict(pressure.provenance.last("not reproduced"))},
+        *unreproduced_rows(pressure.provenance),
+        Row("ears", settings.target.ears, key="ears_db", text=_ears_text(settings)),
+        ("E", str(error)),
+        *([] if json else _robustness_rows(made, settings)),
+        ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
+    ]
+    # The mark of a simulated recording is printed above.
+    print_table(table, simulated=pressure.provenance.simulated if json else None, json=json)
 
 
-def _ears_rows(settings: Settings) -> list[tuple[str, str]]:
+def _ears_text(settings: Settings) -> str:
     """The level at the ears that a drive was solved for, and was checked to keep."""
     if settings.target.ears is None:
-        return []
+        return ""
     checked = "by the exposure check, at 14 to 30 °C, also if transducers differ by 0.2 rad"
-    return [("ears", f"at most {settings.target.ears:g} dB at ears and bystander {checked}")]
+    return f"at most {settings.target.ears:g} dB at ears and bystander {checked}"
 
 
 def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:

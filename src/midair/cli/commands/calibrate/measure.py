@@ -17,11 +17,11 @@ from midair.calibration import (
     calibrate,
     measure_calibration,
 )
-from midair.cli.console import banner, out, print_rows, progress_bars
+from midair.cli.console import out, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.import_options import calibration_from_options, stated_sensitivity
 from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time, quantity
-from midair.cli.output import calibration_text, may_write, print_result
+from midair.cli.output import calibration_row, may_write, print_table
 from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, load_pressure, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, Medium, SensorGrid
@@ -40,6 +40,7 @@ from midair.rig import (
     write_practice_recordings,
 )
 from midair.streaming import moments
+from midair.table import Line, Row
 
 
 @Parameter(name="*")
@@ -88,7 +89,7 @@ class OutputOptions:
         if self.supersedes is not None:
             notes = [*notes, drift(require_calibration(self.supersedes), calibration)]
         save_calibration(calibration, target)
-        print_calibration(calibration, [("written", str(target))], page=self.figure, json=self.json, notes=notes)
+        print_calibration(calibration, written=target, page=self.figure, json=self.json, notes=notes)
 
 
 def drift(old: Calibration, new: Calibration) -> str:
@@ -129,14 +130,16 @@ def prepare_page(page: Path | None, force: bool) -> None:
 
 
 def print_calibration(
-    calibration: Calibration, rows: list[tuple[str, str]], *, page: Path | None, json: bool, notes: Sequence[str] = ()
+    calibration: Calibration, *, written: Path | None = None, page: Path | None, json: bool, notes: Sequence[str] = ()
 ) -> None:
     """Print a calibration, and write its page if requested."""
     if page is not None:
         write_calibration_page(calibration, page)
-        rows = [*rows, ("page", str(page))]
-    rows = [*calibration_rows(calibration), *rows, *(() if json else (("note", note) for note in notes))]
-    print_result(rows, simulated=calibration.provenance.simulated, json=json, notes=notes)
+    files = {"written": written, "page": page}
+    table: list[Line] = [Row(name, text) for name, text in calibration_rows(calibration)]
+    table += [Row(name, str(file)) for name, file in files.items() if file is not None]
+    table += [*(("note", note) for note in notes), {"notes": notes}]
+    print_table(table, simulated=calibration.provenance.simulated, json=json)
 
 
 def apply_command(
@@ -181,18 +184,16 @@ def apply_command(
     found = None if take.stored else moments(pressure.pressure)
     save(recording, source, calibration=known, pressure=pressure)
     found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
-    banner(pressure.provenance.simulated)
-    print_rows(
-        [
-            ("recording", str(source)),
-            ("calibration", calibration_text(known)),
-            *(() if known is None else (("uncertainty", describe_uncertainty(known)),)),
-            ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
-            ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
-            ("largest pressure", f"{found.largest:.3g} Pa"),
-            ("rms of the strongest cell", f"{np.hypot(found.spread, found.mean).max():.3g} Pa"),
-        ]
-    )
+    table: list[Line] = [
+        ("recording", str(source)),
+        calibration_row(known),
+        ("uncertainty", "" if known is None else describe_uncertainty(known)),
+        ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
+        ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
+        ("largest pressure", f"{found.largest:.3g} Pa"),
+        ("rms of the strongest cell", f"{np.hypot(found.spread, found.mean).max():.3g} Pa"),
+    ]
+    print_table(table, simulated=pressure.provenance.simulated, json=False)
 
 
 def show_command(source: Path, page: Path | None = None, /, *, force: Force = False, json: Json = False) -> None:
@@ -210,7 +211,7 @@ def show_command(source: Path, page: Path | None = None, /, *, force: Force = Fa
     $ midair calibrate show take.h5 calibration.html
     """
     prepare_page(page, force)
-    print_calibration(require_calibration(source), [], page=page, json=json)
+    print_calibration(require_calibration(source), page=page, json=json)
 
 
 Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]

@@ -11,7 +11,7 @@ from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.keys import Keys
 from midair.cli.options import Force, Json, Length, Placement, Spread, Time, quantity
-from midair.cli.output import array_rows, may_write, print_result
+from midair.cli.output import describe, may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
 from midair.files import (
@@ -38,6 +38,7 @@ from midair.rig import (
     open_tracker,
     sensor_named,
 )
+from midair.table import Row
 
 
 def array_command(
@@ -137,10 +138,10 @@ def array_command(
         )
     save_array_calibration(found, target)
     simulated = found.provenance.simulated
-    rows = [*array_rows(found), ("written", str(target))]
+    table = [*describe(found), Row("written", str(target))]
     if not simulated:
-        rows.append(("used by default", f"for --device {device}: {keep_array_calibration(device, found)}"))
-    return print_result(rows, simulated=simulated, json=json)
+        table.append(Row("used by default", f"for --device {device}: {keep_array_calibration(device, found)}"))
+    return print_table(table, simulated=simulated, json=json)
 
 
 WORK = 9e-6
@@ -165,13 +166,14 @@ def _check(
     if kept is not None:
         keep_array_check(device, result)
     offsets = ", ".join(f"{1e9 * each:+.0f}" for each in found.offset)
-    rows = [
-        ("calibration", f"{known.identifier}, {known.date or 'no date'}: {result}"),
-        ("silent or changed", f"{len(found.dead)}, {len(found.drifted)} of {array.array.count} transducers"),
-        ("units", f"{offsets} ns out of step, ± {2e9 * found.offset_uncertainty:.0f} ns (k = 2)"),
-        ("air", f"{found.warming:+.1f} K off the stated one, ± {2 * found.warming_uncertainty:.1f} K (k = 2)"),
+    table = [
+        Row("calibration", f"{known.identifier}, {known.date or 'no date'}: {result}"),
+        Row("silent or changed", f"{len(found.dead)}, {len(found.drifted)} of {array.array.count} transducers"),
+        Row("units", f"{offsets} ns out of step, ± {2e9 * found.offset_uncertainty:.0f} ns (k = 2)"),
+        Row("air", f"{found.warming:+.1f} K off the stated one, ± {2 * found.warming_uncertainty:.1f} K (k = 2)"),
+        {"problems": problems},
     ]
-    print_result(rows, simulated=source.simulated, json=json, problems=problems)
+    print_table(table, simulated=source.simulated, json=json)
     return int(bool(problems))
 
 
@@ -256,5 +258,5 @@ def tracker_command(
     save_tracker(found, output)
     uncertainty = f"{2e3 * found.uncertainty:.1f} mm (k = 2)"
     offset = ", ".join(f"{1e3 * each:.1f}" for each in found.offset) + " mm"
-    rows = [("offset", offset), ("uncertainty", uncertainty), ("written", str(output))]
-    print_result(rows, simulated=array.simulated, json=json)
+    table = [Row("offset", offset), Row("uncertainty", uncertainty), Row("written", str(output))]
+    print_table(table, simulated=array.simulated, json=json)

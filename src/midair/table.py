@@ -1,0 +1,45 @@
+"""Tables of names, values and units, which commands print on a terminal or as JSON."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A value with its name and unit."""
+
+    name: str
+    value: object
+    unit: str = ""
+    _: KW_ONLY
+    key: str = ""
+    """Name in JSON; by default `name`."""
+    text: str | None = None
+    """The value as a person reads it; by default the value and its unit."""
+
+
+Line = Row | tuple[str, str] | Mapping[str, object]
+"""A row, or a name and a text that are printed only, or values that are in JSON only."""
+
+
+def printed(table: Iterable[Line]) -> list[tuple[str, str]]:
+    """Name and text of each row of a table that is printed; a row without a text is not."""
+    rows: list[tuple[str, str]] = []
+    for line in table:
+        if isinstance(line, Row):
+            value = f"{line.value:.4g}" if isinstance(line.value, float) else str(line.value)
+            rows.append((line.name, f"{value} {line.unit}".rstrip() if line.text is None else line.text))
+        elif isinstance(line, tuple):
+            rows.append(line)
+    return [(name, text) for name, text in rows if text]
+
+
+def plain(table: Iterable[Line]) -> dict[str, object]:
+    """The values of a table by their names in JSON."""
+    values: dict[str, object] = {}
+    for line in table:
+        if isinstance(line, Row):
+            values[line.key or line.name] = line.value
+        elif not isinstance(line, tuple):
+            values.update(line)
+    return values
