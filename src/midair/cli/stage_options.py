@@ -15,6 +15,7 @@ from midair.errors import InputError
 from midair.files import load_stage
 from midair.model import Provenance, Setting, StageSetup
 from midair.rig import StageStroke, move_to_start, stage_named
+from midair.table import Line
 
 Stopped = Callable[[], bool]
 
@@ -116,27 +117,18 @@ class Drawing(AbstractContextManager["Drawing"]):
         return StageStroke(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
 
 
-def recorded_strokes(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
+def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
     """First frame, frames, duration and speed (m/s, None if unknown) of each stroke of a recording."""
     steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
     frames: Any = steps.get("events", {}).get("strokes", ())
     speeds: Any = steps.get("stage", {}).get("speed_m_s", ())
-    return [
-        {"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed}
-        for (first, count), speed in zip(frames, speeds, strict=False)
-    ]
-
-
-def stroke_rows(provenance: Provenance, rate: float) -> list[tuple[str, str]]:
-    """The strokes of a recording in words."""
-    return [
-        (
-            "stroke",
-            f"frames {row['first_frame']} to {row['first_frame'] + row['frames']}, {row['seconds']:.3f} s, "
-            + ("speed unknown" if row["speed_m_s"] is None else f"{1e3 * row['speed_m_s']:.2f} mm/s in its middle"),
-        )
-        for row in recorded_strokes(provenance, rate)
-    ]
+    lines: list[Line] = []
+    strokes: list[dict[str, Any]] = []
+    for (first, count), speed in zip(frames, speeds, strict=False):
+        strokes.append({"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed})
+        said = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
+        lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {said}"))
+    return [*lines, {"strokes": strokes}]
 
 
 def _mm_s(speed: float) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.options import Json
 from midair.cli.output import calibration_row, describe, level_of_file, print_table, solve_error
-from midair.cli.stage_options import recorded_strokes, stroke_rows
+from midair.cli.stage_options import describe_strokes
 from midair.files import (
     contents,
     load_array_calibration,
@@ -85,8 +85,7 @@ def _take(source: Path) -> _Facts:
         Row(
             "largest pressure", largest, key="largest_pressure_pa", text="" if largest is None else f"{largest:.3g} Pa"
         ),
-        *stroke_rows(life, recording.rate),
-        {"strokes": recorded_strokes(life, recording.rate)},
+        *describe_strokes(life, recording.rate),
         *_notes(life),
     ], life
 

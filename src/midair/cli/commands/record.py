@@ -18,7 +18,7 @@ from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.options import Json, Quiet, options_from, parse_quantity, settings_from
 from midair.cli.output import sensor_text
-from midair.cli.stage_options import Drawing, StageOptions, recorded_strokes, stroke_rows
+from midair.cli.stage_options import Drawing, StageOptions, describe_strokes
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.files import open_take, printable
@@ -40,6 +40,7 @@ from midair.rig import (
     take_path,
     take_problems,
 )
+from midair.table import Line, Row, plain, printed
 
 WIDTH = 8
 """Width of a bar in characters."""
@@ -263,10 +264,12 @@ def record_command(
             for take in _takes(device, screen, signals, settings, output, about, drawing, key=key):
                 takes.append(take)
                 if take.frames and not json:
-                    print_rows(take_rows(take, device, staged=drawing is not None))
+                    print_rows(printed(describe_take(take, device, staged=drawing is not None)))
         finally:
             if json:
-                print_json([take_values(take, device, staged=drawing is not None) for take in takes if take.frames])
+                print_json(
+                    [plain(describe_take(take, device, staged=drawing is not None)) for take in takes if take.frames]
+                )
         # A signal in a pause between takes: the last take is complete, the remaining ones are missing.
         if signals.came and takes[-1].end != "kill" and len(takes) < settings.repeats:
             err().print(f"midair: stopped; kept {len(takes)} of {settings.repeats} takes")
@@ -366,35 +369,25 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     return 0
 
 
-def take_rows(take: Take, device: SensorDevice, *, staged: bool = False) -> list[tuple[str, str]]:
-    """A take as rows, with its problems; with its strokes if a motion stage moved the object."""
+def describe_take(take: Take, device: SensorDevice, *, staged: bool = False) -> list[Line]:
+    """A take with its problems, and with its strokes if a motion stage moved the object."""
+    levels, rate, low, high = take.levels, device.rate, take.lowest, take.highest
     return [
-        ("recording", str(take.path)),
-        ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
+        Row("recording", str(take.path)),
+        Row("frames", take.frames, text=f"{take.frames} at {rate:.6g} Hz, {take.frames / rate:.3f} s"),
         ("sensor", sensor_text(device.grid)),
-        ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
-        *(stroke_rows(_provenance(take), device.rate) if staged else []),
-        *take_problems(take, device.rate),
+        {"rate_hz": rate, "lost_frames": take.lost, "end": take.end},
+        Row("range", [low, high], text=f"{low:.4g} to {high:.4g} {device.unit}"),
+        {
+            "clipped_channels": levels.clipped.nonzero()[0].tolist(),
+            "dead_channels": levels.dead.nonzero()[0].tolist(),
+            "stuck_channels": levels.stuck.nonzero()[0].tolist(),
+            "rate_ppm": None if take.rate is None else take.rate.ppm,
+            "clock_ppm": None if take.clock is None else take.clock.ppm,
+        },
+        *(describe_strokes(_provenance(take), rate) if staged else []),
+        *take_problems(take, rate),
     ]
-
-
-def take_values(take: Take, device: SensorDevice, *, staged: bool = False) -> dict[str, object]:
-    """A take as JSON values."""
-    levels, strokes = take.levels, recorded_strokes(_provenance(take), device.rate) if staged else []
-    return {
-        "recording": str(take.path),
-        "frames": take.frames,
-        "rate_hz": device.rate,
-        "lost_frames": take.lost,
-        "end": take.end,
-        "range": [take.lowest, take.highest],
-        "clipped_channels": levels.clipped.nonzero()[0].tolist(),
-        "dead_channels": levels.dead.nonzero()[0].tolist(),
-        "stuck_channels": levels.stuck.nonzero()[0].tolist(),
-        "rate_ppm": None if take.rate is None else take.rate.ppm,
-        "clock_ppm": None if take.clock is None else take.clock.ppm,
-        **({"strokes": strokes} if strokes else {}),
-    }
 
 
 def _provenance(take: Take) -> Provenance:
