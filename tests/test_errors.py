@@ -1,19 +1,16 @@
 import inspect
 import pickle
 
-import pytest
-
 from midair import errors
 from midair.errors import MidairError
 
 LEAVES = [one for _, one in inspect.getmembers(errors, inspect.isclass) if one.__module__ == errors.__name__]
 
 
-@pytest.mark.parametrize("error", LEAVES, ids=lambda one: one.__name__)
-def test_every_error_is_a_midair_error_with_its_message(error):
-    with pytest.raises(MidairError) as caught:
-        raise error("expected this, got that")
-    assert str(caught.value) == "expected this, got that"
+def test_every_error_is_a_midair_error_with_its_message():
+    assert [
+        one for one in LEAVES if not issubclass(one, MidairError) or str(one("expected this")) != "expected this"
+    ] == []
 
 
 def test_an_input_error_names_parameters_as_they_are_typed_in_python_or_elsewhere():

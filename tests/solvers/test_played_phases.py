@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -26,19 +28,19 @@ WEIGHTS = np.kron(np.eye(2), np.full(4, 0.25))
 CELLS = CellTarget(weights=WEIGHTS, wanted=problem().amplitude ** 2 @ WEIGHTS.T)
 
 
-@pytest.mark.parametrize("asked", [problem(), problem(level=0.7), problem(cells=CELLS)], ids=["full", "level", "cells"])
-@pytest.mark.parametrize("level", [None, (300,), (300, 24)], ids=str)
-@pytest.mark.parametrize("bits", [None, 8])
-def test_phases_and_errors_are_those_of_the_host(name, asked, level, bits):
+def test_phases_and_errors_are_those_of_the_host(name):
     """More frames than a batch has."""
     rng = np.random.default_rng(2)
     theta = rng.uniform(-20, 20, (300, 24))
-    part = None if level is None else rng.uniform(0, 1, level)
-    phase, error = phases_and_errors(backend(name, precision="double"), asked, theta, part, bits)
-    expected = np.mod(theta, 2 * np.pi) if bits is None else quantise_phase(theta, bits=bits)
-    np.testing.assert_allclose(phase, expected, atol=1e-12)
-    np.testing.assert_allclose(error, error_of(asked, expected, part), rtol=1e-9)
-    assert error[3] == 0
+    problems = {"full": problem(), "level": problem(level=0.7), "cells": problem(cells=CELLS)}
+    for (which, asked), level, bits in product(problems.items(), (None, (300,), (300, 24)), (None, 8)):
+        part = None if level is None else rng.uniform(0, 1, level)
+        phase, error = phases_and_errors(backend(name, precision="double"), asked, theta, part, bits)
+        expected = np.mod(theta, 2 * np.pi) if bits is None else quantise_phase(theta, bits=bits)
+        case = f"{which}, level {level}, {bits} bits"
+        np.testing.assert_allclose(phase, expected, atol=1e-12, err_msg=case)
+        np.testing.assert_allclose(error, error_of(asked, expected, part), rtol=1e-9, err_msg=case)
+        assert error[3] == 0, case
 
 
 @pytest.mark.parametrize("amplitudes", ["equal", "bounded"])

@@ -10,13 +10,13 @@ from midair.devices import ExposureChoices, check_exposure, state_folder
 from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
-from midair.model import ControlGrid
+from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce
 from midair.rig import OpenRig, PlaySettings, VirtualRig, default_exposure, rerecord
 from midair.rig.correction.iteration import no_progress, play_pass
 from midair.settings import Settings
 
-RIG = VirtualRig()
+RIG = VirtualRig(array=TransducerArray.autd3(columns=1, rows=1))
 SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
 PROFILE = profile_named("occupational-110")
 ANSWERED = ExposureChoices(profile=PROFILE, override="A. Person")
