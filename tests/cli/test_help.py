@@ -70,7 +70,6 @@ BEFORE = {
     "study plan": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],
     "study analyse": [PLAN, "study run touch --simulate"],
-    "study verify": [PLAN, "study run touch --simulate"],
     "study export": [PLAN, "study run touch --simulate"],
     "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],
 }

@@ -111,7 +111,7 @@ def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
         assert ended.wait(60)
     assert got == [f"{code} {kind} p01-t00{n}" for n, own in ((1, 20), (2, 2))
                    for code, kind in ((1, "trial"), (own, "stimulus"), (3, "answer"))]  # fmt: skip
-    logged = [event["clock_s"] for event in read_events(folder.log(1), chained=True) if event["event"] == "marker"]
+    logged = [event["clock_s"] for event in read_events(folder.log(1)) if event["event"] == "marker"]
     np.testing.assert_allclose(clocks, logged, atol=2e-6)
 
 

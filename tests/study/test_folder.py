@@ -2,19 +2,25 @@ import json
 import os
 import shutil
 import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
 from tests.study.simulated import simulate
 
 from midair.cli import run as midair
-from midair.errors import BrokenFileError, DeviceStateError, FileError, InputError, MissingFileError
+from midair.errors import BrokenFileError, DeviceStateError, FileError, InputError, MismatchError, MissingFileError
 from midair.study.design import draw_plan
-from midair.study.design.session_state import answers_table
-from midair.study.folder import MADE, StudyFolder, log_derived_file, read_design, template_text, withdraw, withdrawn
-from midair.study.session import Session, SilentPresenter, read_events
-from midair.study.tables import read_bids, read_csv, write_csv
+from midair.study.folder import (
+    MADE,
+    StudyFolder,
+    data_of_study,
+    log_derived_file,
+    read_design,
+    template_text,
+    withdraw,
+    withdrawn,
+)
+from midair.study.session import Session, SilentPresenter
+from midair.study.tables import read_bids, read_csv
 
 
 def test_plan_round_trip(tmp_path):
@@ -65,25 +71,27 @@ def test_a_plan_that_was_changed_is_refused(tmp_path):
         folder.plan()
 
 
-def test_studies_of_version_0_1_can_be_continued(tmp_path):
-    """Kept as version 0.1.0 of 2026-11-22 wrote it: without links, sides, roles or digests of drives."""
-    shutil.copytree(Path(__file__).parent / "before", tmp_path / "s")
-    folder = StudyFolder(tmp_path / "s")
-    plan = folder.plan()
-    then, now = read_csv(tmp_path / "s" / "answers.csv"), answers_table(plan, folder.sessions())
-    assert set(then) - set(now) == set()
-    write_csv(now, tmp_path / "now.csv")
-    again = read_csv(tmp_path / "now.csv")
-    assert {name: again[name].tolist() for name in set(then) - {"time"}} == {
-        name: then[name].tolist() for name in set(then) - {"time"}
-    }
-    assert (np.diff(now["time"]) > 0).all()
-    with Session(plan, 1, folder.log(1), SilentPresenter(), simulated=True) as session:
-        assert session.step.kind == "done"
-    assert read_events(folder.log(1))[-1]["event"] == "done"
-    folder.log(1).write_bytes(folder.log(1).read_bytes().replace(b'"towel"', b'"brush"', 1))
-    with pytest.raises(BrokenFileError, match="chain"):
-        folder.sessions()
+def test_a_log_of_another_person_or_study_or_cut_short_is_reported(tmp_path, capsys):
+    text = template_text("paper").replace("repetitions = 4", "repetitions = 1")
+    made = []
+    for seed in (1, 2):
+        folder = StudyFolder.create(tmp_path / str(seed), text, read_design(text, name="s", participants=2, seed=seed))
+        simulate(folder)
+        made.append(folder)
+    folder, other = made
+    folder.log(2).write_bytes(b"".join(folder.log(2).read_bytes().splitlines(keepends=True)[:-20]))
+    state = folder.sessions()[1].state.removeprefix("not finished, ")
+    assert f"Sessions that are not finished: sub-02 ({state})." in data_of_study(folder).notes
+    assert midair(["study", "export", f"{folder.path}", f"{tmp_path}/bids"]) == 0
+    assert "sub-02: not finished" in capsys.readouterr().err
+    rows = [line.split("\t") for line in (tmp_path / "bids" / "participants.tsv").read_text().splitlines()]
+    assert [row[rows[0].index("finished")] for row in rows[1:]] == ["true", "false"]
+    shutil.copy(folder.log(1), folder.log(2))
+    with pytest.raises(MismatchError, match=r"sub-02\.jsonl: expected participant 2, got 1; .* another person"):
+        data_of_study(folder)
+    shutil.copy(other.log(2), folder.log(2))
+    with pytest.raises(MismatchError, match=r"sub-02\.jsonl: expected plan"):
+        data_of_study(folder)
 
 
 TOML = """
@@ -188,7 +196,6 @@ def made(tmp_path_factory):
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
         assert midair(["study", *line.split()]) == 0
     assert midair(["study", "export", f"{root}/s", f"{root}/table.csv", "--format", "csv"]) == 0
-    assert midair(["study", "export", f"{root}/s", f"{root}/psych", "--format", "psych-ds"]) == 0
     return root
 
 
@@ -220,7 +227,6 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
         "s/report.ipynb",
         "bids/sub-02/beh/sub-02_task-s_beh.tsv",
         "bids/sub-02/beh/sub-02_task-s_beh.json",
-        "psych/data/sub-02/study-s_subject-02_data.csv",
     }
     assert all(name.split("/")[0] in said or name in said for name in gone)
     assert "report.html: deleted" in " ".join(said.split())

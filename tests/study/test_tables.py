@@ -2,7 +2,6 @@ import json
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -11,7 +10,7 @@ from tests.study.simulated import simulate
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design.session_state import answers_table
 from midair.study.folder import StudyFolder, read_design, template_text
-from midair.study.tables import read_bids, read_csv, write_bids, write_csv, write_psych_ds
+from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 
 
 def test_bids_round_trip(small_study, tmp_path):
@@ -132,42 +131,3 @@ def test_missing_files_are_an_error(small_study, tmp_path):
 def test_answers_are_no_formulas_to_a_spreadsheet(tmp_path):
     write_csv(pd.DataFrame({"answer": ["=1+1", "@x", "-3", "towel"], "time": [-1.5, 2, 3, 4]}), tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().splitlines()[1:] == ["'=1+1,-1.5", "'@x,2.0", "-3,3.0", "towel,4.0"]
-
-
-# Rule `Datafile` of the specification's schema.
-DATA_FILE = r"([a-z]+-[a-zA-Z0-9]+)(_[a-z]+-[a-zA-Z0-9]+)*_data\.(csv|tsv)"
-
-
-def test_the_dataset_follows_the_rules_of_the_specification(small_study, tmp_path):
-    plan, answers = small_study
-    design = replace(plan.design, authors=("A. Person",), license="CC0")
-    written = write_psych_ds(answers, design, tmp_path / "p", files="All files are unchanged.")
-    description = json.loads((tmp_path / "p" / "dataset_description.json").read_text())
-    assert (description["@context"], description["@type"]) == ("https://schema.org/", "Dataset")
-    assert description["name"].startswith("SIMULATED: ")
-    assert description["description"]
-    assert [one["name"] for one in description["author"]] == ["A. Person"]
-    data = sorted((tmp_path / "p" / "data").rglob("*.csv"))
-    assert [path.name for path in data] == ["study-small_subject-01_data.csv", "study-small_subject-02_data.csv"]
-    assert all(re.fullmatch(DATA_FILE, path.name) for path in data)
-    tables = [pd.read_csv(path, keep_default_na=False) for path in data]
-    # Every column of a data file is in variableMeasured, and every variable is a column.
-    variables = [one["name"] for one in description["variableMeasured"]]
-    assert all(list(table) == variables for table in tables)
-    assert all(one["description"] for one in description["variableMeasured"])
-    assert pd.concat(tables)["answer"].astype(str).tolist() == answers["answer"].astype(str).tolist()
-    readme = (tmp_path / "p" / "README.md").read_text()
-    assert readme.startswith("SIMULATED")
-    assert "All files are unchanged." in readme
-    assert set(written) == {path for path in (tmp_path / "p").rglob("*") if path.is_file()}
-    assert {path.stat().st_mode & 0o077 for path in (tmp_path / "p").rglob("*")} == {0}
-
-
-def test_datasets_are_not_overwritten_and_not_empty(small_study, tmp_path):
-    plan, answers = small_study
-    (tmp_path / "p").mkdir()
-    (tmp_path / "p" / "kept.txt").write_text("kept")
-    with pytest.raises(FileError):
-        write_psych_ds(answers, plan.design, tmp_path / "p")
-    with pytest.raises(InputError, match="expected answers, got none"):
-        write_psych_ds(answers.iloc[:0], plan.design, tmp_path / "q")

@@ -24,6 +24,7 @@ from .design import markers_table as markers_table
 from .design import replay as replay
 from .design import threshold_cautions as threshold_cautions
 from .design import thresholds_of as thresholds_of
+from .design import unfinished_sessions as unfinished_sessions
 from .drives import StudyDrive as StudyDrive
 from .drives import check_digests as check_digests
 from .drives import media_type as media_type
@@ -43,6 +44,7 @@ from .findings import simulation_of as simulation_of
 from .folder import StudyFolder as StudyFolder
 from .folder import Template as Template
 from .folder import check_not_withdrawn as check_not_withdrawn
+from .folder import data_of_study as data_of_study
 from .folder import log_derived_file as log_derived_file
 from .folder import read_design as read_design
 from .folder import template_text as template_text
@@ -60,7 +62,6 @@ from .session import Session as Session
 from .session import SilentPresenter as SilentPresenter
 from .session import SimulatedParticipant as SimulatedParticipant
 from .session import SimulatedScreen as SimulatedScreen
-from .session import chain_hash as chain_hash
 from .session import read_events as read_events
 from .session import run as run
 from .statistics import Chance as Chance
@@ -130,8 +131,3 @@ from .tables import read_bids as read_bids
 from .tables import read_csv as read_csv
 from .tables import write_bids as write_bids
 from .tables import write_csv as write_csv
-from .tables import write_psych_ds as write_psych_ds
-from .verification import Verification as Verification
-from .verification import data_of_study as data_of_study
-from .verification import noted_seals as noted_seals
-from .verification import verify_study as verify_study

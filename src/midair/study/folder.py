@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -16,7 +16,20 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from midair.devices import append_line
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_folder, json_of, lock_or_raise, read_text, toml_of, write_file
-from midair.study.design import Design, Plan, SessionState, StimulusKind, digest_of, draw_plan, replay
+from midair.study.design import (
+    Design,
+    Plan,
+    SessionState,
+    StimulusKind,
+    answers_table,
+    digest_of,
+    draw_plan,
+    excluded_participants,
+    replay,
+    session_notes,
+    thresholds_of,
+)
+from midair.study.findings import StudyData, data_of_answers
 
 SETTINGS = ("kind", "source", "made_from", "share", "code", "duration_s")
 """Columns that are settings of the stimulus; all further ones but `stimulus` and `block` are factors."""
@@ -201,7 +214,7 @@ class StudyFolder:
             )
         try:
             content = json_of(read_text(file, "a plan"))
-            found = digest_of(content["design"], content["trials"], content.get("drives"), content.get("chain", False))
+            found = digest_of(content["design"], content["trials"], content.get("drives"))
             plan = TypeAdapter(Plan).validate_python(content)
         except (ValueError, KeyError, AttributeError, TypeError) as wrong:
             raise BrokenFileError(f"{file.name}: expected a plan, got other content; restore a copy") from wrong
@@ -223,13 +236,30 @@ class StudyFolder:
     def session(self, plan: Plan, participant: int) -> SessionState:
         """State of the session of one participant.
 
-        Raises MissingFileError without a log, BrokenFileError if the log was changed after it was written, and
-        MismatchError if it belongs to another participant or study.
+        Raises MissingFileError without a log, BrokenFileError if the log is damaged, and MismatchError if it belongs to
+        another participant or study.
         """
         from midair.study.session import read_events
 
         log = self.log(participant)
-        return replay(read_events(log, chained=plan.chain), plan, participant, name=log.name)
+        return replay(read_events(log), plan, participant, name=log.name)
+
+
+def data_of_study(folder: StudyFolder) -> StudyData:
+    """Read and sort the answers of a study for `analyse`.
+
+    Raises BrokenFileError if the plan was changed after it was drawn or a log is damaged, MismatchError if a log
+    belongs to another participant or another study, and InputError if no answer is scored.
+    """
+    plan, sessions = folder.plan(), folder.sessions()
+    data = data_of_answers(
+        answers_table(plan, sessions),
+        plan.design.analysis,
+        thresholds=thresholds_of(plan, sessions),
+        excluded=excluded_participants(plan, sessions),
+        design=plan.design,
+    )
+    return replace(data, notes=session_notes(plan, sessions))
 
 
 def _input_error(wrong: ValidationError) -> InputError:
@@ -314,11 +344,10 @@ def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:
         else:
             if (path / "participants.tsv").exists():
                 report.append(_delete_rows(path / "participants.tsv", "\t", person))
-            for data in (path / person, path / "data" / person):  # of BIDS, of Psych-DS
-                if data.is_dir():
-                    files = sum(one.is_file() for one in data.rglob("*"))
-                    shutil.rmtree(data)
-                    report.append(f"{data}: deleted, {files} files")
+            if (data := path / person).is_dir():
+                many = sum(one.is_file() for one in data.rglob("*"))
+                shutil.rmtree(data)
+                report.append(f"{data}: deleted, {many} files")
     return report
 
 

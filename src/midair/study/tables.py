@@ -1,11 +1,8 @@
-"""Answers as CSV, as behavioural tables of the Brain Imaging Data Structure (BIDS 1.10, "beh"), and as Psych-DS.
-
-Psych-DS is the standard for tables of behavioural data (https://psych-ds.github.io).
-"""
+"""Answers as CSV, and as behavioural tables of the Brain Imaging Data Structure (BIDS 1.10, "beh")."""
 
 import csv
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,22 +27,10 @@ def legend_of(finding: Finding) -> tuple[tuple[str, str], ...]:
     return tuple((name, known[name]) for name in names if name in known)
 
 
-_GENERATED_BY = {"Name": "midair", "Version": __version__}
-
-
-def write_csv(table: DataFrame, path: Path, *, files: str = "") -> None:
-    """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written.
-
-    `files`, the result of the check of the study's files, is written to a JSON file of the same name.
-    """
-    note = path.with_suffix(".json")
-    for one in (path, note) if files else (path,):
-        if one.exists():
-            raise FileError(f"{one.name}: expected a new file, the file exists; choose another name")
-    if files:
-        with atomic_file(note) as partial:
-            partial.chmod(0o600)
-            write_json(partial, {"GeneratedBy": [_GENERATED_BY | {"Description": files}]})
+def write_csv(table: DataFrame, path: Path) -> None:
+    """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written."""
+    if path.exists():
+        raise FileError(f"{path.name}: expected a new file, the file exists; choose another name")
     with atomic_file(path) as partial:
         partial.chmod(0o600)  # it contains the answers of participants
         write_separated(table, partial, ",")
@@ -64,30 +49,21 @@ def write_bids(
     design: Design,
     folder: Path,
     *,
-    files: str = "",
     unfinished: Collection[str] | None = None,
     markers: DataFrame | None = None,
 ) -> list[Path]:
     """Write answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar per participant.
 
     With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``. `answers` is the result of
-    `answers_table`; texts and factors of the design go to the sidecars, and `files`, the result of the check of the
-    study's files, to the README and the dataset description. `unfinished` are the participants with unfinished
-    sessions, for a column of the participants (no column if None); `markers`, the result of `markers_table`, is written
-    as ``*_events.tsv`` beside the answers. Returns the written files. Raises FileError if the folder is not empty and
-    InputError if there are no answers.
+    `answers_table`; texts and factors of the design go to the sidecars. `unfinished` are the participants with
+    unfinished sessions, for a column of the participants (no column if None); `markers`, the result of `markers_table`,
+    is written as ``*_events.tsv`` beside the answers. Returns the written files. Raises FileError if the folder is not
+    empty and InputError if there are no answers.
     """
-    return write_dataset(
-        answers, folder, lambda partial: _dataset(answers, design, partial, files, unfinished, markers)
-    )
-
-
-def write_dataset(answers: DataFrame, folder: Path, write: Callable[[Path], list[Path]]) -> list[Path]:
-    """Paths of the files that `write` creates in a new folder; raises InputError if there are no answers."""
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     with atomic_folder(folder) as partial:
-        written = write(partial)
+        written = _dataset(answers, design, partial, unfinished, markers)
         for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
             inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
@@ -97,13 +73,12 @@ def _dataset(
     answers: DataFrame,
     design: Design,
     folder: Path,
-    files: str,
     unfinished: Collection[str] | None,
     markers: DataFrame | None,
 ) -> list[Path]:
     simulated = bool(answers["simulated"].any())
-    written = [write_text(folder / "README", readme_of(design, simulation_of(answers), files))]
-    written.append(write_json(folder / "dataset_description.json", _description(design, simulated, files)))
+    written = [write_text(folder / "README", readme_of(design, simulation_of(answers)))]
+    written.append(write_json(folder / "dataset_description.json", _description(design, simulated)))
     written += _participants(answers, design, folder, unfinished)
     in_folders = design.sessions > 1
     of_session = answers["session"].map("ses-{:02d}".format) if in_folders else answers["participant"]
@@ -191,23 +166,22 @@ def write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
     )
 
 
-def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
+def _description(design: Design, simulated: bool) -> dict[str, Any]:
     stated = {"Authors": list(design.authors), "License": design.license}
     return {
         "Name": ("SIMULATED: " if simulated else "") + (design.title or design.name),
         "BIDSVersion": "1.10.0",
         "DatasetType": "raw",
-        "GeneratedBy": [_GENERATED_BY | ({"Description": files} if files else {})],
+        "GeneratedBy": [{"Name": "midair", "Version": __version__}],
     } | {name: value for name, value in stated.items() if value}
 
 
-def readme_of(design: Design, simulated: str, files: str) -> str:
+def readme_of(design: Design, simulated: str) -> str:
     """Text of the README of a dataset."""
     first = f"{simulated}.\n\n" if simulated else ""
     return (
         f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row per answer. The plan"
         f" was drawn before the first participant with seed {design.seed} for {design.participants} participants.\n"
-        + (f"\n{files}\n" if files else "")
     )
 
 
@@ -258,57 +232,3 @@ def write_text(path: Path, content: str) -> Path:
     """Write text and return the path."""
     path.write_text(content, encoding="utf-8")
     return path
-
-
-SCHEMA = "Psych-DS 1.5.0"
-"""Version of the specification that the datasets follow."""
-
-
-def write_psych_ds(answers: DataFrame, design: Design, folder: Path, *, files: str = "") -> list[Path]:
-    """Write answers as a Psych-DS dataset: ``data/sub-NN/study-NAME_subject-NN_data.csv`` for each participant.
-
-    `answers` is the result of `answers_table`; texts and factors of the design describe the columns. `files`, the
-    result of the check of the study's files, goes to the README. Returns the written files. Raises FileError if the
-    folder is not empty, and InputError if there are no answers.
-    """
-    return write_dataset(answers, folder, lambda partial: _psych_ds(answers, design, partial, files))
-
-
-def _psych_ds(answers: DataFrame, design: Design, folder: Path, files: str) -> list[Path]:
-    table = answers.rename(columns={"participant": "participant_id", "reaction_s": "response_time"})
-    table["correct"] = table["correct"].astype(str).replace("-1", "n/a")
-    simulated = bool(answers["simulated"].any())
-    written = [
-        write_json(folder / "dataset_description.json", _psych_ds_description(table, design, simulated)),
-        write_text(folder / "README.md", readme_of(design, simulation_of(answers), files)),
-    ]
-    for person, rows in table.groupby("participant_id", sort=False):
-        number = str(person).removeprefix("sub-")
-        path = folder / "data" / str(person) / f"study-{design.name}_subject-{number}_data.csv"
-        path.parent.mkdir(parents=True)
-        write_separated(rows, path, ",")
-        written.append(path)
-    return written
-
-
-def _psych_ds_description(table: DataFrame, design: Design, simulated: bool) -> dict[str, Any]:
-    mark = "SIMULATED: " if simulated else ""
-    title = design.title or design.name
-    stated = {
-        "author": [{"@type": "Person", "name": name} for name in design.authors],
-        "license": design.license,
-        "sourceOrganization": {"@type": "Organization", "name": design.institution} if design.institution else None,
-    }
-    return {
-        "@context": "https://schema.org/",
-        "@type": "Dataset",
-        "name": mark + title,
-        "description": f"{mark}Answers of the study of touch {title!r}, one row per answer.",
-        "schemaVersion": SCHEMA,
-        "variableMeasured": [_variable(str(name), design) for name in table.columns],
-    } | {name: value for name, value in stated.items() if value}
-
-
-def _variable(name: str, design: Design) -> dict[str, str]:
-    unit = {"unitText": "s"} if name in ("response_time", "time") else {}
-    return {"@type": "PropertyValue", "name": name, "description": column_meaning(name, design), **unit}

@@ -7,7 +7,7 @@ import pytest
 from midair.errors import DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
 from midair.model import Medium
 from midair.study.design.plan import draw_plan
-from midair.study.design.session_state import answers_table, consent_notes, replay
+from midair.study.design.session_state import answers_table, replay, session_notes
 from midair.study.folder import read_design, template_text
 from midair.study.session.event_log import read_events
 from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
@@ -328,9 +328,10 @@ def test_consent_and_stops_are_logged_and_a_stopped_person_agrees_to_go_on(tmp_p
         one.stop("the participant")
     with Session(plan, 1, tmp_path / "log1", SilentPresenter()) as one:
         one.acknowledge()
-        before = [replay(read_events(tmp_path / f"log{n}", chained=True), plan, n) for n in (1, 2)]
-    assert consent_notes(plan, [*before, replace(before[0], stops=(), answers={})]) == (
+        before = [replay(read_events(tmp_path / f"log{n}"), plan, n) for n in (1, 2)]
+    assert session_notes(plan, [*before, replace(before[0], stops=(), answers={})]) == (
         f"2 of 2 people agreed to the text of the plan (SHA-256 {words[:16]}).",
         "The sessions of 2 of 2 people were stopped: sub-01 (the participant, the participant; agreed to go on), "
         "sub-02 (left by the experimenter).",
+        "Sessions that are not finished: sub-01 (0 of 42 trials), sub-02 (0 of 42 trials).",
     )

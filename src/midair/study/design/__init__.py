@@ -19,11 +19,12 @@ from .question import right_answer as right_answer
 from .session_state import Policy as Policy
 from .session_state import SessionState as SessionState
 from .session_state import answers_table as answers_table
-from .session_state import consent_notes as consent_notes
 from .session_state import excluded_participants as excluded_participants
 from .session_state import markers_table as markers_table
 from .session_state import replay as replay
 from .session_state import right_answer_of_trial as right_answer_of_trial
+from .session_state import session_notes as session_notes
+from .session_state import unfinished_sessions as unfinished_sessions
 from .study_design import Analysis as Analysis
 from .study_design import Block as Block
 from .study_design import Design as Design

@@ -228,12 +228,10 @@ class Plan:
     """Digest of the content when the plan was drawn; every log states the digest of its plan."""
     drives: Mapping[str, str] = field(default_factory=dict[str, str])
     """SHA-256 of each drive by its source; empty if the drives did not exist when the plan was drawn."""
-    chain: bool = False
-    """Whether each line of a log must carry its chain hash; false for plans drawn before 2026-11-23."""
 
     def __post_init__(self) -> None:
         if not self.digest:
-            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials], self.drives, self.chain)
+            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials], self.drives)
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
@@ -254,13 +252,10 @@ class Plan:
 
 
 def digest_of(
-    design: Mapping[str, Any],
-    trials: Sequence[Mapping[str, Any]],
-    drives: Mapping[str, str] | None = None,
-    chain: bool = False,
+    design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]], drives: Mapping[str, str] | None = None
 ) -> str:
-    """First 16 hexadecimal digits of the SHA-256 over the JSON of a design, its trials, drives and chain flag."""
-    content = [dict(design), list(trials), *([dict(drives)] if drives else []), *(["chain"] if chain else [])]
+    """First 16 hexadecimal digits of the SHA-256 over the JSON of a design, its trials and drives."""
+    content = [dict(design), list(trials), *([dict(drives)] if drives else [])]
     # Sorted keys: the digest depends on the content, not on the order of keys in a file.
     return sha256(dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -287,7 +282,7 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
         if block.adaptive:
             check_sides(whole, block)
     trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _draw_session(whole, number))
-    return Plan(design=whole, trials=trials, drives=dict(drives or {}), chain=True)
+    return Plan(design=whole, trials=trials, drives=dict(drives or {}))
 
 
 def block_order(design: Design, participant: int) -> list[Block]:

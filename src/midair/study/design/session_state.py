@@ -239,8 +239,13 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
     )
 
 
-def consent_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ...]:
-    """Sentences on people who agreed to take part, and on people whose session was stopped."""
+def unfinished_sessions(sessions: Sequence[SessionState]) -> dict[str, str]:
+    """State of each unfinished session by participant."""
+    return {f"sub-{one.trials[0].participant:02d}": one.state for one in sessions if not one.finished}
+
+
+def session_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ...]:
+    """Sentences on people who agreed to take part, whose session was stopped, and whose session is not finished."""
     people = [one for one in sessions if any(given.by != "model" for given in one.answers.values()) or one.stops]
     notes: list[str] = []
     if plan.design.consent and people:
@@ -254,6 +259,9 @@ def consent_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ..
             for one in stopped
         ).replace("; )", ")")
         notes.append(f"The sessions of {len(stopped)} of {len(people)} people were stopped: {named}.")
+    if unfinished := unfinished_sessions(sessions):
+        named = ", ".join(f"{who} ({state.removeprefix('not finished, ')})" for who, state in unfinished.items())
+        notes.append(f"Sessions that are not finished: {named}.")
     return tuple(notes)
 
 

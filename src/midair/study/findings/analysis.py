@@ -188,8 +188,6 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
         words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
         table = DataFrame(data.questions, columns=["question", "text", "kind", "given", "analysed"])
         findings.append(Finding(title="Questions of the plan", words=words, table=table.assign(part=notes)))
-    if data.files:
-        findings.append(Finding(title="Check of the files", words=data.files))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

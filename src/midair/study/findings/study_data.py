@@ -70,8 +70,6 @@ class StudyData:
     """Mark of simulated answers, see `simulation_of`; empty if there are none."""
     left_out: int = 0
     """Number of answers that are not analysed: familiarisation, and exclusions by the plan."""
-    files: str = ""
-    """Result of the check of plan, drives and logs (`verify_study`); empty for imported tables."""
     notes: tuple[str, ...] = ()
     """Sentences on consent and stops; of an imported table on rows that are left out or may be counted twice."""
 
@@ -82,14 +80,12 @@ def data_of_answers(
     *,
     thresholds: DataFrame | None = None,
     excluded: DataFrame | None = None,
-    files: str = "",
     design: Design | None = None,
 ) -> StudyData:
     """Sort the answers of a study (`answers_table`) by the planned analyses.
 
-    `thresholds` is the result of `thresholds_of`, `excluded` that of `excluded_participants`, `files` that of the check
-    of plan, drives and logs; `design` gives the list of all questions and the form. Raises InputError if no answer is
-    scored.
+    `thresholds` is the result of `thresholds_of`, `excluded` that of `excluded_participants`; `design` gives the list
+    of all questions and the form. Raises InputError if no answer is scored.
     """
     scored = answers if answers.empty else answers.loc[answers["scored"].to_numpy(bool)]
     if scored.empty:
@@ -132,7 +128,6 @@ def data_of_answers(
         analysed=int((named | listed | (scored["kind"] != "text").to_numpy(bool)).sum()),
         simulated=simulation_of(scored),
         left_out=len(answers) - len(scored),
-        files=files,
     )
 
 

@@ -1,7 +1,5 @@
 """Sessions of a study: presentation, questions, timing, the event log and simulated participants."""
 
-from .event_log import chain_hash as chain_hash
-from .event_log import chain_hashes as chain_hashes
 from .event_log import read_events as read_events
 from .participant import SimulatedParticipant as SimulatedParticipant
 from .participant import SimulatedScreen as SimulatedScreen

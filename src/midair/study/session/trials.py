@@ -189,8 +189,7 @@ AGAIN = "The device interrupted the last presentation. It will be repeated from 
 class Session:
     """Session of one participant; a context manager that silences the presenter on every exit.
 
-    Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if the log was
-    changed after it was written.
+    Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if it is damaged.
 
     Participants are numbered from 1, and an existing `log` with answers is continued. `policy` is how an interrupted
     session continues, always at the beginning of a trial: "resume" repeats the unfinished trial and asks only
@@ -217,7 +216,7 @@ class Session:
         self.plan = plan
         self.participant = participant
         # Simulated answers need no sync: the model would give the same ones again.
-        self._log = EventLog(log, synced=not isinstance(presenter, SilentPresenter), chained=plan.chain)
+        self._log = EventLog(log, synced=not isinstance(presenter, SilentPresenter))
         self._presenter = presenter
         self._policy: Policy = policy
         self._simulated = simulated
@@ -272,14 +271,9 @@ class Session:
         """File of the log."""
         return self._log.path
 
-    @property
-    def seal(self) -> str:
-        """Last chain hash of the log; a noted hash reveals a log that was rewritten later."""
-        return self._log.seal
-
     def standing(self) -> SessionState:
         """State of the session, computed from its log."""
-        return replay(read_events(self._log.path, chained=self.plan.chain), self.plan, self.participant)
+        return replay(read_events(self._log.path), self.plan, self.participant)
 
     def acknowledge(self) -> None:
         """Continue after a text was read, which is logged if it asks for consent, or a break is over."""

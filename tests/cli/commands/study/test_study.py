@@ -17,7 +17,7 @@ from midair.physics import focus_phase
 from midair.settings import Settings
 from midair.study import template_text
 from midair.study.folder import StudyFolder
-from midair.study.session.event_log import chain_hash, read_events
+from midair.study.session.event_log import read_events
 from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import Session, run
 from midair.study.stimulus_rig import TerminalScreen
@@ -352,9 +352,7 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
             (tmp_path / "s" / "sessions" / "sub-01.jsonl").unlink()
     capsys.readouterr()
     assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
-    said = capsys.readouterr().out
-    assert "participant 1 has already finished" in said
-    assert chain_hash(tmp_path / "s" / "sessions" / "sub-01.jsonl") in "".join(said.split())
+    assert "participant 1 has already finished" in capsys.readouterr().out
 
 
 def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
@@ -364,7 +362,7 @@ def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
     assert not (folder / "sessions").exists()
 
 
-def test_every_command_reports_an_edited_log(tmp_path, capsys):
+def test_every_command_reports_a_damaged_log(tmp_path, capsys):
     folder = tmp_path / "edited"
     (tmp_path / "hand.toml").write_text(BY_HAND)
     study("new", folder, "--source", tmp_path / "hand.toml", "--participants", 2)
@@ -373,9 +371,9 @@ def test_every_command_reports_an_edited_log(tmp_path, capsys):
     study("analyse", folder, "--draws", 20, "--json")
     assert json.loads(capsys.readouterr().out)["simulated"] is True
     log = folder / "sessions" / "sub-02.jsonl"
-    log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))
+    log.write_bytes(log.read_bytes().replace(b'"answer": "', b'"answer": ', 1))
     for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
-        with pytest.raises(BrokenFileError, match=r"sub-02\.jsonl: .* changed after it was written"):
+        with pytest.raises(BrokenFileError, match=r"sub-02\.jsonl: .* damage in line"):
             study(*words)
 
 

@@ -21,7 +21,6 @@ from midair.study import (
     SimulatedScreen,
     StudyFolder,
     TerminalScreen,
-    chain_hash,
     check_not_withdrawn,
     keyboard_of_terminal,
     measure_markers,
@@ -93,8 +92,8 @@ def run_command(
     if participant < 1:
         raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
-    if done := _finished_log(folder, plan, participant):
-        out().print(f"participant {participant} has already finished; no question was asked. {done}")
+    if _is_finished(folder, plan, participant):
+        out().print(f"participant {participant} has already finished; no question was asked.")
         return 0
     air = air or AirOptions()
     room = air.medium()
@@ -144,9 +143,6 @@ def run_command(
                 "terminal: expected answers, got the end of input; the answers so far are stored"
             ) from closed
     out().print("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
-    out().print(
-        f"{folder.log(participant).name}: seal {session.seal}. Write it down elsewhere: it detects a replaced log."
-    )
     standing = session.standing()
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
@@ -189,14 +185,12 @@ def markers_command(study: Study, /, *, count: int = 500, serial: str = "") -> i
     return 0 if all(len(delay) for delay in delays.values()) else 1
 
 
-def _finished_log(folder: StudyFolder, plan: Plan, participant: int) -> str:
-    """Log name and seal if all trials are done, "" otherwise."""
+def _is_finished(folder: StudyFolder, plan: Plan, participant: int) -> bool:
     plan.of(participant)  # raises for a number without trials, before a log file is created
-    log = folder.log(participant)
-    if not log.exists():
-        return ""
+    if not folder.log(participant).exists():
+        return False
     standing = folder.session(plan, participant)
-    return f"{log.name}: seal {chain_hash(log)}" if standing.next_trial == len(standing.trials) else ""
+    return standing.next_trial == len(standing.trials)
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
@@ -211,6 +205,6 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
         for _ in range(plan.design.sessions):
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=InstantClock()) as session:
                 run(session, screen)
-        out().print(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
+        out().print(f"participant {number}: done")
     warn_simulated(NO_PERSON)
     return 0

@@ -1,4 +1,4 @@
-"""The commands `study analyse`, `study export` and `study verify`."""
+"""The commands `study analyse` and `study export`."""
 
 import os
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.console import out, warn_simulated
+from midair.cli.console import out, print_note, warn_simulated
 from midair.cli.options import Json, Study
 from midair.errors import InputError
 from midair.files import write_file
@@ -23,17 +23,15 @@ from midair.study import (
     load_table,
     log_derived_file,
     markers_table,
-    noted_seals,
     read_bids,
     read_csv,
     report_json,
     report_page,
     report_text,
     simulation_of,
-    verify_study,
+    unfinished_sessions,
     write_bids,
     write_csv,
-    write_psych_ds,
 )
 
 
@@ -145,13 +143,13 @@ def analyse_command(
     warn_simulated(data.simulated)
 
 
-def export_command(study: Study, output: Path, /, *, format: Literal["bids", "psych-ds", "csv"] = "bids") -> None:
-    """Export the answers of a study as a BIDS or Psych-DS dataset, or as one CSV table.
+def export_command(study: Study, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
+    """Export the answers of a study as a BIDS dataset or as one CSV table.
 
     Parameters
     ----------
     output
-        New folder (bids, psych-ds) or new file (csv).
+        New folder (bids) or new file (csv).
     format
         Output format.
 
@@ -160,45 +158,20 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "ps
     $ midair study export touch bids
     """
     folder = StudyFolder(study)
-    plan = folder.plan()
-    answers = answers_table(plan, folder.sessions())
-    verified = verify_study(folder)
-    if format == "csv" and answers.empty:
+    plan, sessions = folder.plan(), folder.sessions()
+    answers = answers_table(plan, sessions)
+    if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
     log_derived_file(folder, output, format)
-    files, told = verified.summary, ""
+    unfinished, told = unfinished_sessions(sessions), ""
     if format == "bids":
-        markers, unfinished = markers_table(folder.sessions()), tuple(verified.unfinished)
-        written = write_bids(answers, plan.design, output, files=files, unfinished=unfinished, markers=markers)
+        markers = markers_table(sessions)
+        written = write_bids(answers, plan.design, output, unfinished=tuple(unfinished), markers=markers)
         told = f"{len(written)} files, "
-    elif format == "psych-ds":
-        told = f"{len(write_psych_ds(answers, plan.design, output, files=files))} files, "
     else:
-        write_csv(answers, output, files=files)
+        write_csv(answers, output)
     out().print(f"{output}: {told}{len(answers)} answers.")
-    out().print(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
+    for who, state in unfinished.items():
+        print_note(f"{who}: {state}", warn=True)
     warn_simulated(simulation_of(answers))
-
-
-def verify_command(study: Study, /, *, seal: Path | None = None) -> int:
-    """Verify that plan, drives and session logs of a study are unchanged.
-
-    Checks the hash chain and the seal of each log, and prints one line per session and a summary.
-    The exit status is 1 if a file was changed, is missing or belongs to another study.
-    An unfinished session is no error, unless a noted seal is missing.
-
-    Parameters
-    ----------
-    seal
-        Text file of noted seals, in lines as printed by midair study run or verify.
-        Keep it where users of the study folder cannot write.
-
-    Examples
-    --------
-    $ midair study verify touch
-    """
-    verified = verify_study(StudyFolder(study), noted=None if seal is None else noted_seals(seal))
-    for line in (*verified.sessions, verified.summary):
-        out().print(line)
-    return 1 if verified.faults else 0
