@@ -67,7 +67,6 @@ PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
     "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],
-    "study plan": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],
     "study analyse": [PLAN, "study run touch --simulate"],
     "study export": [PLAN, "study run touch --simulate"],

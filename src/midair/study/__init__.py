@@ -7,7 +7,6 @@ from .design import Incomplete as Incomplete
 from .design import MarkerOutputs as MarkerOutputs
 from .design import Plan as Plan
 from .design import Policy as Policy
-from .design import PowerTest as PowerTest
 from .design import Question as Question
 from .design import SessionState as SessionState
 from .design import Staircase as Staircase
@@ -50,7 +49,6 @@ from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .folder import withdraw as withdraw
 from .folder import withdrawn as withdrawn
-from .registration import plan_page as plan_page
 from .session import ArrayPresenter as ArrayPresenter
 from .session import Headphones as Headphones
 from .session import InstantClock as InstantClock

@@ -32,6 +32,4 @@ from .study_design import Exclusions as Exclusions
 from .study_design import Incomplete as Incomplete
 from .study_design import MarkerOutputs as MarkerOutputs
 from .study_design import MaskingNoise as MaskingNoise
-from .study_design import PlannedPower as PlannedPower
-from .study_design import PowerTest as PowerTest
 from .study_design import UnpresentedAnswers as UnpresentedAnswers

@@ -1,4 +1,4 @@
-"""Settings of a whole study: planned analyses, exclusion rules, power, blocks of trials and extra trials in them."""
+"""Settings of a whole study: planned analyses, exclusion rules, blocks of trials and extra trials in them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -48,29 +48,6 @@ class Analysis:
         one_of(self.foils, UnpresentedAnswers, "analysis: foils")
         if not 0 <= self.lapse_most < 0.5:
             raise InputError(f"analysis: expected lapse_most from 0 to below 0.5, got {self.lapse_most:g}")
-
-
-PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]
-"""Paired t-test over participants; identification above chance; effect of a two-level factor on a rating; equivalence
-of two conditions within a margin; median threshold whose confidence interval excludes a bound."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannedPower:
-    """A test and an effect size for which the plan page computes the power."""
-
-    test: PowerTest
-    effect: float
-    """Effect size, in the unit of the test: d_z (paired); mean d' (identification); difference in rating steps
-    (rating); margin over the standard deviation of the participants' differences (equivalence); distance of the bound
-    from the median of the log thresholds, over their standard deviation (threshold)."""
-    objects: int = 3
-    """Number of alternatives (identification)."""
-    trials: int = 12
-    """Trials per participant (identification)."""
-
-    def __post_init__(self) -> None:
-        one_of(self.test, PowerTest, "power: test")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -290,10 +267,6 @@ class Design:
     markers: MarkerOutputs | None = None
     """Outputs of the event markers; none if None."""
     exclusions: Exclusions = field(default_factory=Exclusions)
-    hypotheses: tuple[str, ...] = ()
-    """Hypotheses as text, for the page to be registered."""
-    power: tuple[PlannedPower, ...] = ()
-    """Tests for which the plan page computes the power."""
     authors: tuple[str, ...] = ()
     """Authors of published datasets."""
     license: str = ""

@@ -73,8 +73,6 @@ def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_tabl
     assert "hand:surface:object:rated" in [row["effect"] for row in mine]
     assert len(mine) == 15
     assert (mine[0]["df1"], mine[0]["df2"]) == (2, 3)
-    study("plan", "s", "--runs", 2)
-    assert "Factors between people: hand." in (tmp_path / "s" / "plan.html").read_text()
     # The same from a table by the names of its columns.
     study("export", "s", "a.csv", "--format", "csv")
     table = read_csv(tmp_path / "a.csv")

@@ -1,7 +1,6 @@
-"""The commands `study new`, `study plan`, `study withdraw`, `study power` and `study paper`."""
+"""The commands `study new`, `study withdraw`, `study power` and `study paper`."""
 
 import shlex
-from hashlib import sha256
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +31,6 @@ from midair.study import (
     chance_of_published,
     participants_for_median,
     participants_for_paired_t,
-    plan_page,
     power_curve,
     power_figure,
     power_paired_t,
@@ -136,30 +134,6 @@ def new_command(
     _print_next(path, design, gathered)
 
 
-def plan_command(study: Study, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
-    """Write a page for preregistration: hypotheses, exclusions, analyses, power and digests.
-
-    Parameters
-    ----------
-    output
-        HTML file to write. [default: plan.html in the folder]
-    runs
-        Simulated studies per statement of power.
-    force
-        Overwrite an existing page.
-
-    Examples
-    --------
-    $ midair study plan touch
-    """
-    plan, target = StudyFolder(study).plan(), output or study / "plan.html"
-    if target.exists() and not force:
-        raise InputError(f"{target}: already exists; give another name, or --force to overwrite it")
-    page = plan_page(plan, runs=runs)
-    write_file(target, page)
-    out().print(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
-
-
 def withdraw_command(study: Study, participant: int, /, *, force: Force = False) -> None:
     """Delete all data of one participant: the log, and every export and report made from this folder.
 
@@ -210,7 +184,6 @@ def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
     out().print(f"Next: midair study run {there} --participant 1{array}")
-    out().print(f"To preregister it: midair study plan {there}")
     out().print(f"To simulate participants: midair study run {there} --simulate")
 
 
