@@ -1,4 +1,4 @@
-"""Report, notebook, Python and export analyse the same trials, whatever excludes the others."""
+"""Report, Python and export analyse the same trials, whatever excludes the others."""
 
 import json
 
@@ -107,21 +107,12 @@ def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
     assert all(row["note"] for row in rows if row["participant"] not in people)
     assert [counts[who] for who in sorted(people)] == [50, 45, 43]
 
-    # The notebook loads the study by Python; the psychometric function has no catch trials.
+    # The psychometric function has no catch trials.
     data = data_of_study(folder)
     assert data.thresholds.equals(thresholds_of(plan, sessions))
     assert len(data.strengths) == len(analysed) - sum(
         row["role"] == "catch" and row["scored"] for row in answers_table(plan, sessions).to_dict("records")
     )
-    cells = json.loads((folder.path / "report.ipynb").read_text())["cells"]
-    known = {}
-    for cell in cells:
-        source = "".join(cell["source"])
-        if cell["cell_type"] == "code" and ("import midair" in source or "data_of_study" in source):
-            exec(source.replace("Path('.')", f"Path({str(folder.path)!r})"), known)
-    assert trials(known["answers"]) == analysed
-    assert known["data"].thresholds.equals(data.thresholds)
-
     for kind, read in (("csv", read_csv), ("bids", read_bids)):
         study_app(["export", str(folder.path), str(tmp_path / kind), "--format", kind], result_action="return_value")
         assert trials(read(tmp_path / kind)) == analysed

@@ -224,7 +224,6 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     assert gone == {
         "s/sessions/sub-02.jsonl",
         "s/report.html",
-        "s/report.ipynb",
         "bids/sub-02/beh/sub-02_task-s_beh.tsv",
         "bids/sub-02/beh/sub-02_task-s_beh.json",
     }

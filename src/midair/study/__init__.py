@@ -116,10 +116,7 @@ from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
 from .stimulus_rig import stop_on_signals as stop_on_signals
 from .stimulus_rig import study_code as study_code
-from .study_report import analysis_notebook as analysis_notebook
 from .study_report import chance_figure as chance_figure
-from .study_report import load_study as load_study
-from .study_report import load_table as load_table
 from .study_report import power_figure as power_figure
 from .study_report import report_json as report_json
 from .study_report import report_page as report_page

@@ -1,4 +1,4 @@
-"""Report of a study as an HTML file with tables, text and figures (paper, Figs. 6 to 8); a notebook that repeats it."""
+"""Report of a study as an HTML file with tables, text and figures (paper, Figs. 6 to 8)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pandas import DataFrame
 from midair.errors import InputError
 from midair.figures import STYLE, Picture, label_axes, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
-from midair.study.findings import Choices, Finding, Report, StudyData
+from midair.study.findings import Choices, Finding, Report
 from midair.study.statistics import Chance
 from midair.study.tables import legend_of
 from midair.version import __version__
@@ -258,47 +258,3 @@ def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str) -> None
             label=f"{colour}: {level}" if colour else None,
         )
     _name_ticks(axes, [str(place) for place in places])
-
-
-def load_study(folder: str) -> str:
-    """Python code that loads the answers of a study; `folder` is relative to the notebook."""
-    return f"""\
-folder = study.StudyFolder(Path({folder!r}))
-answers = study.answers_table(folder.plan(), folder.sessions())
-data = study.data_of_study(folder)
-answers
-"""
-
-
-def load_table(path: str, columns: Mapping[str, Any], *, bids: bool = False) -> str:
-    """Python code that loads answers from a table or a BIDS folder; `columns` are the options of `data_of_columns`."""
-    named = "".join(f"    {name}={value!r},\n" for name, value in columns.items())
-    reader = "read_bids" if bids else "read_csv"
-    return f"answers = study.{reader}(Path({path!r}))\ndata = study.data_of_columns(\n    answers,\n{named})\nanswers\n"
-
-
-def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 0, draws: int = 10_000) -> str:
-    """The analysis as a Jupyter notebook (JSON of nbformat 4.5); `data` decides which steps it has.
-
-    `loading` is Python code that creates `data`, run in the folder of the notebook with `Path` and `study` defined;
-    `seed` and `draws` as for `analyse`.
-    """
-    code = render_page("study/notebook.py.j2", data=data, loading=loading, seed=seed, draws=draws)
-    said = f"**{data.simulated}.** " if data.simulated else ""
-    cells = [_cell(f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}.")]
-    for part in code.split("# %%")[1:]:
-        heading, _, lines = part.partition("\n")
-        cells += [_cell(f"##{heading}")] if heading else []
-        cells.append(_cell(lines, code=True))
-    for number, cell in enumerate(cells):
-        cell["id"] = f"cell-{number}"
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    content = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-def _cell(source: str, *, code: bool = False) -> dict[str, object]:
-    lines = source.strip("\n").splitlines(keepends=True)
-    if not code:
-        return {"cell_type": "markdown", "metadata": {}, "source": lines}
-    return {"cell_type": "code", "metadata": {}, "source": lines, "outputs": [], "execution_count": None}

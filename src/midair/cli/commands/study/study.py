@@ -1,8 +1,7 @@
 """The commands `study analyse` and `study export`."""
 
-import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -15,12 +14,9 @@ from midair.study import (
     StudyFolder,
     UnpresentedAnswers,
     analyse,
-    analysis_notebook,
     answers_table,
     data_of_columns,
     data_of_study,
-    load_study,
-    load_table,
     log_derived_file,
     markers_table,
     read_bids,
@@ -62,7 +58,7 @@ def analyse_command(
     source
         Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns given below.
     output
-        HTML file to write, with a notebook of the analysis beside it.
+        HTML file to write.
         [default: report.html in the study folder, or beside the table]
     seed
         Random seed of permutations and simulated data.
@@ -97,7 +93,7 @@ def analyse_command(
     --------
     $ midair study analyse touch
     """
-    selected = [tuple(one.partition("=")[::2]) for one in where if "=" in one]
+    selected = [(name, value) for name, equals, value in (one.partition("=") for one in where) if equals]
     if len(selected) < len(where):
         raise InputError(f"--where: expected COLUMN=VALUE, got {' '.join(where)}")
     if (source / "plan.json").exists():
@@ -108,38 +104,33 @@ def analyse_command(
         folder = StudyFolder(source)
         plan, data = folder.plan(), data_of_study(folder)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
-        loading = load_study(os.path.relpath(source, target.parent))
     else:
         table = read_bids(source) if source.is_dir() else read_csv(source)
-        columns: dict[str, Any] = {
-            "participant": participant,
-            "presented": presented,
-            "answered": answered,
-            "condition": condition,
-            "rating": rating,
-            "within": within,
-            "between": between,
-            "incomplete": incomplete,
-            "foils": foils,
-            "margin": margin,
-            "where": selected,
-            "simulated": simulation_of(table),
-        }
-        data = data_of_columns(table, **columns)
+        data = data_of_columns(
+            table,
+            participant=participant,
+            presented=presented,
+            answered=answered,
+            condition=condition,
+            rating=rating,
+            within=within,
+            between=between,
+            incomplete=incomplete,
+            foils=foils,
+            margin=margin,
+            where=selected,
+            simulated=simulation_of(table),
+        )
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
-        loading = load_table(os.path.relpath(source, target.parent), columns, bids=source.is_dir())
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
-        for file in (target, target.with_suffix(".ipynb")):
-            log_derived_file(StudyFolder(source), file, "report")
+        log_derived_file(StudyFolder(source), target, "report")
     write_file(target, report_page(report, title=title, within=data.within), private=True)
-    notebook = analysis_notebook(data, loading, title=title, seed=seed, draws=draws)
-    write_file(target.with_suffix(".ipynb"), notebook, private=True)
     if json:
         print(report_json(report))  # noqa: T201
         return
     out().print(report_text(report))
-    out().print(f"\nreport {target}, notebook of the analysis {target.with_suffix('.ipynb')}")
+    out().print(f"\nreport {target}")
     warn_simulated(data.simulated)
 
 
