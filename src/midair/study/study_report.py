@@ -217,13 +217,11 @@ def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F")
 
 
 def power_figure(curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False) -> Figure:
-    """Power against the number of participants; `curves` have columns participants, power, and low, high if known."""
+    """Power against the number of participants; `curves` have columns participants and power."""
     figure = new_figure(5, 3, simulated=simulated)
     axes = plain_axes(figure.add_subplot(), x="pairs or participants", y="power")
     for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
         axes.plot(table["participants"], table["power"], line, label=name, color=STYLE.reproduced)
-        if "low" in table:
-            axes.fill_between(table["participants"], table["low"], table["high"], color=STYLE.band)
     axes.axhline(0.8, color=STYLE.ink, linewidth=0.8, linestyle=":")
     axes.set_ylim(0, 1.02)
     axes.legend(fontsize=8, frameon=False)

@@ -2,84 +2,63 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import (
-    IdentificationExperiment,
-    RatingExperiment,
-    paired_t,
-    participants_for_median,
-    participants_for_paired_t,
-    power_curve,
-    power_median,
-    power_paired_t,
-    simulated_power,
-)
-from midair.study.statistics.power import Published, chance_of_published, published_statistics
+from midair.study.statistics import POWER, equivalence, participants_for, power_paired, rm_anova
+from midair.study.statistics.power import power_equivalence, power_identification, power_rating, power_threshold
+from midair.study.statistics.published import Published, chance_of_published, published_statistics
 
 
-@pytest.mark.parametrize(("d_z", "pairs"), [(0.3, 90), (0.5, 34), (0.8, 15)])
-def test_pairs_for_eighty_percent(d_z, pairs):
-    assert participants_for_paired_t(d_z=d_z) == pairs
-    assert power_paired_t(pairs, d_z=d_z) >= 0.8 > power_paired_t(pairs - 1, d_z=d_z)
-
-
-def test_power_of_a_median_is_that_of_the_sign_test():
-    # With 12 people, the limits are the third value from each end: 79 of 4096 sign patterns lie beyond each.
-    assert power_median(12, distance=0) == pytest.approx(2 * 79 / 4096)
-    assert power_median(5, distance=3) == 0
-    many = participants_for_median(distance=1)
-    assert power_median(many, distance=1) >= 0.8 > power_median(many - 1, distance=1)
-    with pytest.raises(InputError, match=r"expected to reach 0.8 with a distance of 0 and 20 people"):
-        participants_for_median(distance=0, most=20)
-
-
-def test_power_of_three_objects():
-    assert power_paired_t(3, d_z=1) == pytest.approx(0.18, abs=0.01)
-    assert power_paired_t(10, d_z=0) == pytest.approx(0.05)
-
-
-@pytest.mark.long
-def test_simulation_agrees_with_the_formula():
-    def experiment(n, rng):
-        return paired_t(rng.normal(0.8, 1, n), np.zeros(n)).p
-
-    found = simulated_power(experiment, 12, rng=np.random.default_rng(0), runs=600)
-    assert found.low - 0.01 < power_paired_t(12, d_z=0.8) < found.high + 0.01
-
-
-@pytest.mark.long
-def test_two_levels_of_ratings_are_a_paired_t():
-    found = simulated_power(RatingExperiment(means=(3.0, 4.0), noise=1.0), 10, rng=np.random.default_rng(1), runs=300)
-    assert found.power == pytest.approx(power_paired_t(10, d_z=1 / np.sqrt(2)), abs=0.09)
-
-
-@pytest.mark.long
-def test_more_people_more_power_and_none_without_an_effect():
-    rng = np.random.default_rng(2)
-    curve = power_curve(IdentificationExperiment(objects=3, trials=12, d_prime=0.4), [4, 10, 30], rng=rng, runs=200)
-    assert (np.diff(curve["power"]) > 0).all()
-    null = simulated_power(IdentificationExperiment(objects=3, trials=12, d_prime=0, spread=0), 10, rng=rng, runs=400)
-    assert null.low < 0.06
-
-
-def test_invalid_arguments_are_refused():
-    with pytest.raises(InputError, match="100 pairs, got less"):
-        participants_for_paired_t(d_z=0.001, most=100)
+def test_participants_for_eighty_percent():
+    found = {d_z: participants_for("paired", effect=d_z) for d_z in (0.3, 0.5, 0.8)}
+    assert found == {0.3: 90, 0.5: 34, 0.8: 15}  # as of G*Power and pwr of R
+    for test in POWER:
+        many = participants_for(test, effect=0.5)
+        assert POWER[test](many, effect=0.5) >= 0.8 > POWER[test](many - 1, effect=0.5), test
+    with pytest.raises(InputError, match=r"expected 0\.8 with 100 participants, got less"):
+        participants_for("paired", effect=0.001, most=100)
     with pytest.raises(InputError):
-        power_paired_t(1, d_z=1)
+        power_paired(1, effect=1)
 
 
-@pytest.mark.long
-def test_power_is_that_of_the_tests_that_the_report_makes():
-    # With two further factors the report corrects for seven effects: a factor that is found in .85 of studies of 20
-    # people by itself is found in some .57 of them.
-    rng = np.random.default_rng(3)
-    alone = simulated_power(RatingExperiment(means=(0.0, 1.0)), 20, rng=rng, runs=100).power
-    holm = simulated_power(RatingExperiment(means=(0.0, 1.0), others=(3, 3)), 20, rng=rng, runs=100).power
-    assert alone == pytest.approx(0.85, abs=0.12)
-    assert holm == pytest.approx(0.57, abs=0.16)
-    # The permutation test of macro F; a t-test of shares would give .68.
-    found = simulated_power(IdentificationExperiment(objects=3, trials=12, d_prime=0.4), 10, rng=rng, runs=150).power
-    assert found == pytest.approx(0.82, abs=0.1)
+def test_power_without_an_effect_is_the_level():
+    assert power_paired(3, effect=1) == pytest.approx(0.18, abs=0.01)
+    assert power_paired(10, effect=0) == pytest.approx(0.05)
+    assert power_rating(10, effect=0, others=(3, 3)) == pytest.approx(0.05 / 7)
+    assert power_identification(10, effect=0, spread=0) == pytest.approx(0.05, abs=0.02)
+    # With 12 people, the limits are the third value from each end: 79 of 4096 sign patterns lie beyond each.
+    assert power_threshold(12, effect=0) == pytest.approx(2 * 79 / 4096)
+    assert power_threshold(5, effect=3) == 0
+
+
+def test_simulated_tests_have_the_power_of_the_formulas():
+    from scipy.stats import binomtest
+
+    rng, runs = np.random.default_rng(3), 300
+    equal = [equivalence(rng.normal(size=12), np.zeros(12), margin=1.0).p < 0.05 for _ in range(runs)]
+    assert np.mean(equal) == pytest.approx(power_equivalence(12, effect=1.0), abs=0.08)
+    right = POWER["identification"](8, effect=0.4)
+    from midair.study.statistics import proportion_correct
+
+    found = [
+        binomtest(
+            int(rng.binomial(12, proportion_correct(rng.normal(0.4, 0.3, 8), alternatives=3)).sum()),
+            96,
+            1 / 3,
+            alternative="greater",
+        ).pvalue
+        < 0.05
+        for _ in range(runs)
+    ]
+    assert np.mean(found) == pytest.approx(right, abs=0.08)
+
+
+def test_a_rating_of_two_levels_is_a_paired_t():
+    rng, found = np.random.default_rng(1), []
+    who, level = (each.ravel() for each in np.indices((10, 2)))
+    for _ in range(60):
+        y = level + rng.normal(0, 1, who.size) + rng.normal(0, 0.8, 10)[who]
+        table = rm_anova({"y": y, "who": who, "level": level}, value="y", participant="who", within=["level"])
+        found.append(table["p_GG"][0] < 0.05)
+    assert np.mean(found) == pytest.approx(power_rating(10, effect=1.0), abs=0.2)
 
 
 def value(table, begin):

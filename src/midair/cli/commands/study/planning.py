@@ -2,7 +2,7 @@
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -17,11 +17,7 @@ from midair.progress import report_progress
 from midair.settings import Mode
 from midair.study import (
     Design,
-    EquivalenceExperiment,
-    Experiment,
-    IdentificationExperiment,
     PowerTest,
-    RatingExperiment,
     StudyDrive,
     StudyFolder,
     Template,
@@ -29,11 +25,9 @@ from midair.study import (
     block_order,
     chance_figure,
     chance_of_published,
-    participants_for_median,
-    participants_for_paired_t,
-    power_curve,
+    participants_for,
     power_figure,
-    power_paired_t,
+    power_paired,
     prepare_drives,
     prepare_media,
     published_statistics,
@@ -196,37 +190,32 @@ def power_command(
     trials: int = 12,
     others: Annotated[tuple[int, ...], Parameter(consume_multiple=True)] = (3, 3),
     power: float = 0.8,
-    runs: int = 500,
-    seed: int = 0,
 ) -> None:
-    """Estimate how many participants a planned test needs.
+    """Compute how many participants a planned test needs.
 
     Parameters
     ----------
     test
-        Test of the report; the first two by formula, the others by simulation.
+        Test of the report.
         paired: paired t-test.
-        threshold: the confidence interval of the median threshold excludes a bound.
-        identification: macro F against shuffled answers.
-        rating: a factor of two levels in the analysis of variance, Holm-corrected for all its effects.
+        identification: share of correct answers above chance, by a binomial test.
+        rating: a factor of two levels in the analysis of variance, corrected for all its effects.
         equivalence: two equal conditions are shown to differ by less than a margin.
+        threshold: the confidence interval of the median threshold excludes a bound.
     effect
         Effect size, which depends on the test.
-        paired: d_z. identification: mean d'. rating: difference in rating steps.
+        paired: d_z. identification: mean d'.
+        rating: difference over the standard deviation of a person's mean rating at one level.
         equivalence: margin over the standard deviation of the participants' differences.
         threshold: distance of the bound over the standard deviation of the participants' log thresholds.
     objects
-        Alternatives of the choice.
+        Alternatives of the choice (identification).
     trials
-        Trials per participant.
+        Trials per participant (identification).
     others
-        Levels of each further factor of the ratings; the default is the paper's.
+        Levels of each further factor of the ratings (rating); the default is the paper's.
     power
         Power to reach.
-    runs
-        Simulated studies per number of participants.
-    seed
-        Random seed of the simulation.
 
     Examples
     --------
@@ -234,26 +223,12 @@ def power_command(
     """
     if not 0 < power < 1:
         raise InputError(f"--power: expected between 0 and 1, got {power:g}")
-    if test == "paired":
-        many = participants_for_paired_t(d_z=effect, power=power)
-        out().print(f"{many} pairs for power {power:g} at d_z = {effect:g}.")
-        return
-    if test == "threshold":
-        many = participants_for_median(distance=effect, power=power)
-        out().print(f"{many} thresholds for power {power:g} at a distance of {effect:g}.")
-        return
-    experiment: Experiment = {
-        "identification": IdentificationExperiment(objects=objects, trials=trials, d_prime=effect),
-        "rating": RatingExperiment(means=(0.0, effect), others=others),
-        "equivalence": EquivalenceExperiment(margin=effect),
-    }[test]
-    curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
-    for row in curve.to_dict("records"):
-        out().print(
-            f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
-        )
-    enough = curve["participants"][curve["power"] >= power].tolist()
-    out().print(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
+    further: dict[PowerTest, dict[str, Any]] = {
+        "identification": {"objects": objects, "trials": trials},
+        "rating": {"others": others},
+    }
+    many = participants_for(test, power=power, effect=effect, **further.get(test, {}))
+    out().print(f"{many} participants for power {power:g} of the test {test} at an effect of {effect:g}.")
 
 
 def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
@@ -280,7 +255,7 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
         return
     output.mkdir(parents=True, exist_ok=True)
     pairs = range(3, 61)
-    power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
+    power = {d_z: [power_paired(n, effect=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
     curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
     drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
     for name, figure in report_progress(drawn.items(), len(drawn)):
