@@ -37,8 +37,8 @@ SLOW = (
 )
 """Beginnings of those whose whole run takes longer than a fast test may."""
 
-FAST = ("import song.wav", "info take.h5", "cut", "calibrate take.h5", "study power")
-"""Beginnings of one of each kind of work: a reader, an inspection, an edit, a calibration, runs."""
+FAST = ("import song.wav", "info take.h5", "cut", "calibrate take.h5")
+"""Beginnings of one of each kind of work: a reader, an inspection, an edit, a calibration."""
 
 OWN_BARS = (
     "calibrate b",
