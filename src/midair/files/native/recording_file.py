@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
+from midair.files.atomic import existing_file
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.hdf5 import check_kind, finite, new_file, read_group, signature, stored_group, write_group
 from midair.files.native.journal import (
@@ -142,7 +143,7 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     Returns a sentence on what is kept, or nothing if the recording was complete. Raises MissingFileError,
     BrokenFileError or FileError if the file is damaged, or a program is still recording into it.
     """
-    report = read_recording(Path(path), ImportOptions()).report
+    report = read_recording(existing_file(path), ImportOptions()).report
     load_pressure(path)
     load_played(path)
     return report
