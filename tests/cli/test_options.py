@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from midair.cli import run
 from midair.cli.options import BandOptions, SolveOptions, format_quantity, mode_name, paper_options, parse_quantity
-from midair.errors import InputError
 from midair.files import load_palm, load_solution
 from midair.model import Acoustics, ControlGrid, Medium
 from midair.settings import MODES, Settings, best_mode
@@ -63,16 +62,9 @@ def test_terms_are_switched_on_off_and_changed():
     )
     circled = SolveOptions(circle=2e-3, circle_rate=4.0).settings()
     assert circled.target.circle == Circle(radius=2e-3, frequency=4.0)
-    with pytest.raises(InputError, match="--circle-rate: expected --circle beside it"):
-        SolveOptions(circle_rate=4.0).settings()
     assert SolveOptions(points=8).settings().target.grid == ControlGrid(rows=8, columns=8)
     point = SolveOptions(mode="paper", directivity="point").settings()
     assert point.acoustics == Acoustics(directivity="point")
-
-
-def test_mode_and_file_together_are_refused(tmp_path):
-    with pytest.raises(InputError, match="expected --mode or --settings"):
-        SolveOptions(mode="best", settings_file=tmp_path / "take.toml").settings()
 
 
 @pytest.mark.long
@@ -146,13 +138,6 @@ def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
     term = Settings.of(drive.provenance).solver.quiet_palm
     assert (term.weight, term.outline) == (0.2, load_palm(tmp_path / "hand.toml").rows)
     assert stages(tmp_path / "hand.drive.h5")["solve"]["quiet_palm_outline"] == term.outline
-
-
-@pytest.mark.parametrize("command", ["solve", "loop", "sweep recordings x.zarr"])
-def test_an_unused_palm_outline_is_refused(stroke, tmp_path, command, capsys):
-    (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
-    assert run([*command.split(), str(stroke), *SMALL.split(), "--palm", str(tmp_path / "hand.toml")]) == 1
-    assert "--palm: expected --quiet-palm or --mode finest with it" in capsys.readouterr().err
 
 
 def test_typed_options_name_the_palm(tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.cli.import_options import calibration_from_options
-from midair.errors import InputError, MismatchError
+from midair.errors import InputError
 from midair.model import Recording, SensorGrid
 
 SENSOR = SensorGrid(rows=1, columns=2)
@@ -32,22 +32,6 @@ def test_a_peak_is_the_largest_change_from_the_median_of_any_channel():
     assert calibration.provenance.source == "stated: the largest change of any channel, 2 V, is 40 Pa"
 
 
-def test_only_one_can_be_stated():
-    with pytest.raises(MismatchError, match="got both"):
-        calibration_from_options(TAKE, "20mV/Pa", 40.0)
-
-
-@pytest.mark.parametrize("peak", [0.0, -1.0])
-def test_a_peak_that_is_none(peak):
-    with pytest.raises(InputError, match="above 0"):
-        calibration_from_options(TAKE, None, peak)
-
-
 def test_a_recording_that_never_changes_has_no_peak():
     with pytest.raises(InputError, match="a recording that changes"):
         calibration_from_options(recording(np.ones((4, 2))), None, 40.0)
-
-
-def test_a_sensitivity_of_another_kind():
-    with pytest.raises(InputError, match=r"--sensitivity: expected a quantity .* another quantity"):
-        calibration_from_options(recording(np.ones((4, 2)), unit="count"), "20mV/Pa", None)

@@ -35,7 +35,7 @@ def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.json"])
-def test_a_drive_is_exported_with_phases_and_levels(answer, capsys, name):
+def test_a_drive_is_exported_with_phases_and_levels(answer, name):
     array, drive = TransducerArray.autd3(columns=1, rows=1), Path("a.drive.h5")
     phase, level = RNG.uniform(0, 6.28, (3, array.count)), RNG.uniform(0, 1, (3, array.count))
     save_drive(drive, phase, level, array=array)
@@ -46,8 +46,6 @@ def test_a_drive_is_exported_with_phases_and_levels(answer, capsys, name):
     np.testing.assert_allclose(made["level"], known.level, atol=1e-4)
     np.testing.assert_allclose(made["position_m"], known.array.position)
     assert (float(made["rate_hz"]), bool(made["simulated"])) == (known.rate, known.provenance.simulated)
-    assert run(["export", str(drive), "a.csv"]) == 1
-    assert "expected a name that ends in .npz or .json" in capsys.readouterr().err
 
 
 def test_chosen_channels_are_exported_as_flac(answer):

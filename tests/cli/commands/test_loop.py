@@ -66,7 +66,7 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 
 @pytest.mark.long
-def test_budget_trades_levels_at_the_ears(capsys, one_line):
+def test_budget_trades_levels_at_the_ears(capsys):
     words = ["budget", "take.h5", "--points", "6", "--pitch", "11mm", "--duration", "0.03s", "--lead", "5ms"]
     assert run([*words, "--gain", "3", "--trade", "100dB,118dB,120dB", "--json"]) == 0
     first, second, third = json.loads(capsys.readouterr().out)
@@ -75,12 +75,10 @@ def test_budget_trades_levels_at_the_ears(capsys, one_line):
     assert first["vibration"][2] < second["vibration"][2]
     # The gain is the highest, so that a level above its own changes nothing.
     assert third == second | {"limit": 120.0}
-    assert run([*words, "--trade", "110"]) == 1
-    assert "--trade: expected a quantity such as 110dB, got '110'; add the unit" in one_line()
 
 
 @pytest.mark.long
-def test_budget_as_json_and_as_a_figure(capsys, one_line):
+def test_budget_as_json_and_as_a_figure(capsys):
     assert run(["budget", "take.h5", "budget.png", *QUICK, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["stages"][0]["stage"] == "mapping"
@@ -88,5 +86,3 @@ def test_budget_as_json_and_as_a_figure(capsys, one_line):
     assert answer["palm"]["palm"] == "disc of 85 mm"
     assert len(answer["palm"]["sdr_displacement_db"]) == 4
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
-    assert run(["budget", "take.h5", "budget.png", *QUICK]) == 1
-    assert "budget.png" in one_line()

@@ -36,21 +36,6 @@ def test_files_that_are_there_stay(capsys):
     assert Path("made/figure9.json").read_text() == "mine"
 
 
-@pytest.mark.parametrize(
-    ("wrong", "status", "words"),
-    [
-        (["--figure", "5"], 2, "5"),
-        (["--fidelity", "--things", "carpet"], 1, "carpet"),
-        (["--duration", "2"], 2, "unit"),
-        (["--temperature", "60C"], 1, "0 to 50 degrees Celsius, got 60"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(wrong, status, words, capsys):
-    assert run(["paper", "made", *wrong]) == status
-    assert words in capsys.readouterr().err
-    assert not Path("made").exists()
-
-
 def test_a_table_of_few_rows_and_many_columns_fits_into_a_terminal(capsys):
     row = {f"{one}_as_{other}": 12 for one in ("brush", "sponge", "towel") for other in ("brush", "sponge", "towel")}
     about: dict[str, object] = {"strokes": [f"brush {number}" for number in range(36)], "duration_s": 0.3}

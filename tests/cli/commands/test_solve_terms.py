@@ -71,10 +71,3 @@ def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tm
     assert "use --strength" in told.err
     assert run(["info", str(drive), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["pressure"] == level
-
-
-def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
-    assert run(["loop", str(stroke), str(tmp_path / "r.html"), "--strength", "0.1", *SMALL]) == 1
-    assert "strength: expected none in a loop" in capsys.readouterr().err
-    assert run(["loop", str(stroke), str(tmp_path / "r.html"), "--mapping", "receptors", *SMALL]) == 1
-    assert "mapping: expected one that keeps the waveform in a loop" in capsys.readouterr().err

@@ -139,22 +139,15 @@ def test_practice_writes_the_inputs_of_measure(capsys, one_line, monkeypatch):
 
 PAIR = ["all-a.h5", "--reference", "all-a-ref.h5"]
 WRONG = {
-    "no recording": (["measure"], 1, "one or more"),
-    "no reference": (["measure", "all-a.h5"], 1, "neither"),
     "no sensitivity": (["measure", *PAIR], 1, "--reference-sensitivity"),
     "a wrong unit": (["measure", *PAIR, "--reference-sensitivity", "5mm"], 1, "--reference-sensitivity"),
     "an odd cell": (["measure", *PAIR, *MEASURE, "--cell", "left"], 1, "--cell"),
     "one cell only": (["measure", *PAIR, *MEASURE, "--cell", "0"], 1, "no take on cells 1"),
     "another ending": (["measure", *PAIR, *MEASURE, "--output", "a.h5"], 1, ".calibration.h5"),
-    "another page": (["measure", *PAIR, *MEASURE, "--figure", "a.pdf"], 1, ".html"),
     "a file that is there": (["measure", *PAIR, *MEASURE, "--output", "all-a.h5"], 1, "--force"),
     "unrelated": (["measure", "all-a.h5", "--reference", "all-b-ref.h5", *MEASURE], 1, "coherence"),
     "no such take": (["measure", "x.h5", "--reference", "all-a-ref.h5", *MEASURE], 1, "x.h5"),
-    "nothing to show": (["show", "all-a.h5"], 1, "none"),
     "unknown crosstalk": (["all-a.h5", "--sensitivity", "20mV/Pa", "--crosstalk", "undo"], 1, "press on each"),
-    "air that is none": (["beam", "--temperature", "60C"], 1, "0 to 50 degrees"),
-    "too few levels": (["beam", "--levels", "3"], 1, "5 or more"),
-    "an unknown array": (["beam", "--device", "autd9"], 2, "autd9"),
 }
 
 
