@@ -29,10 +29,16 @@ def pytest_configure():
     settings.load_profile("midair")
 
 
-def pytest_collection_finish():
-    """The thousands of collected tests stay: the garbage collector need not look at them again and again."""
-    gc.collect()
-    gc.freeze()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """The thousands of collected tests stay: the garbage collector need not look at them, neither now nor later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")
