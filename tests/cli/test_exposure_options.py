@@ -5,28 +5,12 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.exposure_options import ExposureOptions, print_check_time
+from midair.cli.exposure_options import ExposureOptions
 from midair.devices import ExposureChoices, check_exposure
 from midair.errors import ExposureError, InputError
 from midair.files import profile_named
-from midair.model import Drive, TransducerArray
+from midair.model import Drive
 from midair.rig import VirtualRig
-
-PROFILE = profile_named("occupational-110")
-ARRAY = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]))
-
-
-def drive(frames):
-    return Drive(phase=np.zeros((frames, 1)), level=np.ones(frames), rate=1000.0, array=ARRAY)
-
-
-def test_a_long_drive_gets_a_time_estimate_and_a_short_one_none(capsys):
-    print_check_time(drive(100), PROFILE, few=0.0, sample=50)
-    assert capsys.readouterr().err == ""
-    print_check_time(drive(1000), PROFILE, few=0.0, sample=50)
-    assert capsys.readouterr().err.startswith("exposure of 1000 frames: ")
-    print_check_time(drive(1000), PROFILE, few=1e6, sample=50)
-    assert capsys.readouterr().err == ""
 
 
 def test_options_are_one_choice():
@@ -52,7 +36,7 @@ def test_every_command_accepts_the_options_that_its_refusal_advises(command, cap
     loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
     device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)
     with pytest.raises(ExposureError) as refused:
-        check_exposure(loud, device, ExposureChoices(profile=PROFILE))
+        check_exposure(loud, device, ExposureChoices(profile=profile_named("occupational-110")))
     advised = re.findall(r"--[a-z-]+", str(refused.value))
     assert {"--attenuate", "--profile", "--override-exposure"} <= set(advised)
     assert run([*command.split(), "--help"]) == 0

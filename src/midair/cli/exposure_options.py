@@ -1,7 +1,6 @@
 """Options for the air of the room, and the exposure limits, and messages about both."""
 
-import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,11 +8,10 @@ from cyclopts import Parameter
 
 from midair.cli.console import err, print_note
 from midair.cli.options import Time, quantity
-from midair.devices import Cooling, ExposureChoices, measure_exposure
+from midair.devices import Cooling, ExposureChoices
 from midair.errors import InputError
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Drive, Medium
-from midair.physics import ExposureProfile
+from midair.model import Medium
 
 
 @Parameter(name="*")
@@ -65,22 +63,6 @@ class ExposureOptions:
             override=self.override_exposure,
             room=room,
         )
-
-
-def print_check_time(
-    drive: Drive, profile: ExposureProfile, *, room: Medium | None = None, few: float = 3.0, sample: int = 1024
-) -> None:
-    """Print the time of the exposure check of a drive if it is above `few` seconds; `sample` frames are timed twice."""
-    if drive.frames < 10 * sample:
-        return
-    level = drive.level[:sample]
-    first = replace(drive, phase=drive.phase[:sample], level=level)
-    measure_exposure(first, drive.array, profile, room=room)
-    began = time.perf_counter()
-    measure_exposure(first, drive.array, profile, room=room)
-    lasts = (time.perf_counter() - began) * drive.frames / first.frames
-    if lasts > few:
-        print_note(f"exposure of {drive.frames} frames: {lasts:.0f} s")
 
 
 @Parameter(name="*")

@@ -75,7 +75,6 @@ def open_stimulus_rig(
     *,
     exposure: ExposureChoices | None = None,
     room: Medium | None = None,
-    before: Callable[[Drive], None] | None = None,
     noise: str = "default",
     serial: str = "",
     show: Callable[[str], None] = lambda _: None,
@@ -84,8 +83,8 @@ def open_stimulus_rig(
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
-    Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
-    must pass the exposure check; every playback is logged. The effect of the room air, the noise level and the marker
+    Before the session begins, the digests of all drives are checked, and each drive must pass the exposure check; every
+    playback is logged. The effect of the room air, the noise level and the marker
     outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
     `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. With `follow`, drives
     follow the palm of its tracker. Raises InputError if the plan has pictures or sounds.
@@ -111,9 +110,7 @@ def open_stimulus_rig(
     check_digests(folder.path, plan.drives, plan.design.stimuli)
     with ExitStack() as stack:
         markers = stack.enter_context(open_markers(plan, serial=serial))
-        presenter = stack.enter_context(
-            _array_presenter(array, folder, plan, by_hand, exposure, room, before, console, follow)
-        )
+        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, console, follow))
         presenter.array.participant = study_code(folder, participant) if participant else ""
         rig = _marked(presenter, markers, console)
         about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None, **rig.about}
@@ -168,7 +165,6 @@ def _array_presenter(
     by_hand: Presenter,
     exposure: ExposureChoices | None,
     room: Medium | None,
-    before: Callable[[Drive], None] | None,
     console: Console,
     follow: PlaySettings | None,
 ) -> Generator[ArrayPresenter]:
@@ -194,8 +190,6 @@ def _array_presenter(
     @lru_cache(maxsize=32)
     def admitted_share(source: str, share: float) -> tuple[Drive, ExposureClearance]:
         drive = load_solution(folder.path / source).drive
-        if share == 1 and before is not None:
-            before(drive)
         # Radiation pressure is proportional to the square of the sound pressure, which is proportional to the level.
         drive = drive if share == 1 else replace(drive, level=drive.level * share**0.5)
         if follow is not None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.cli.console import print_figures, print_json, print_rows
-from midair.cli.exposure_options import AirOptions, print_check_time
+from midair.cli.exposure_options import AirOptions
 from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write
 from midair.devices import felt_pressure_text, measure_exposure
@@ -71,7 +71,6 @@ def exposure_command(
         may_write(target, force)
     drive = load_solution(source, streamed=True).drive
     array = _array_to_play(drive, device, placement)
-    print_check_time(drive, chosen, room=room)
     found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))

@@ -13,7 +13,6 @@ from midair.cli.exposure_options import (
     ExposureOptions,
     HeatOptions,
     print_air,
-    print_check_time,
 )
 from midair.cli.options import (
     ArrayCalibration,
@@ -29,7 +28,7 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, print_table, reserved, solve_error, warn_level
-from midair.devices import ArrayDevice, ExposureClearance, PlayReport, check_exposure, stop_on_input
+from midair.devices import PlayReport, check_exposure, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
@@ -302,7 +301,7 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, *, corr
     _print_room_air(drive, source, room, simulated=True)
     drive, settings = follow_as_set(drive, settings, print_note)
     with progress_bars() as stage, rig:
-        admission = _admitted(drive, rig.array, settings)
+        admission = check_exposure(drive, rig.array, settings.exposure, repeats=settings.repeats)
         sensor: Any = rig.sensor
         sensor.streamed = True
         recording = rerecord(admission, rig.array, sensor, source=source, progress=stage("play and re-record"))
@@ -354,12 +353,6 @@ def _play_recording(
     return int(played.report is not None and bool(played.report.broken))
 
 
-def _admitted(drive: Drive, device: ArrayDevice, settings: PlaySettings) -> ExposureClearance:
-    """Check the exposure of a drive on this device, after an estimate of the time for a long one."""
-    print_check_time(drive, settings.exposure.profile, room=settings.exposure.room)
-    return check_exposure(drive, device, settings.exposure, repeats=settings.repeats)
-
-
 def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
     if room is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
@@ -395,7 +388,7 @@ def _play_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> in
             known = Settings.of(drive.provenance) or Settings()
             print_note(f"array calibration: {kept.described(known)}")
         drive = _corrected(drive, source, room) if correct else drive
-        admission = _admitted(drive, array, settings)
+        admission = check_exposure(drive, array, settings.exposure, repeats=settings.repeats)
         _print_room_air(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name, device))]
@@ -423,7 +416,6 @@ def _follow_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> 
         open_tracker(tracker_name(settings.follow, settings.tracker_latency)) as tracker,
         progress_bars() as stage,
     ):
-        print_check_time(drive, settings.exposure.profile, room=room)
         admission = clear_followed(drive, array, settings, grid)
         _print_room_air(drive, source, room)
         banner(array.simulated)

@@ -3,11 +3,10 @@
 import numpy as np
 
 from midair.cli.console import PlainConsole, out, warn_simulated
-from midair.cli.exposure_options import AirOptions, ExposureOptions, print_check_time
+from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.options import OptionalTime, StopInput, Study
 from midair.devices import stop_on_input
 from midair.errors import InputError
-from midair.model import Drive
 from midair.rig import PlaySettings
 from midair.study import (
     NO_PERSON,
@@ -103,9 +102,6 @@ def run_command(
     )
     following = PlaySettings(follow=follow, tracker_latency=tracker_latency) if follow or tracker_latency else None
 
-    def before(drive: Drive) -> None:
-        print_check_time(drive, choices.profile, room=room)
-
     with (
         stop_on_signals(),
         stop_on_input(stop_input),
@@ -115,7 +111,6 @@ def run_command(
             plan,
             exposure=choices,
             room=room,
-            before=before,
             noise=noise,
             serial=serial,
             show=screen.present_text,
