@@ -40,6 +40,7 @@ def files(tmp_path_factory):
         gaps[3, 3] = np.nan
         np.savetxt("gaps.csv", gaps, delimiter=",")
         Path("x.m4a").write_text("x")
+        Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n')
         Path("there").mkdir()
         Path("there/report.html").write_text("x")
     return folder

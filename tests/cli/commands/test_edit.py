@@ -3,7 +3,7 @@ import pytest
 
 from midair.cli import run
 from midair.files import load, load_calibration, load_pressure, save, save_pressure
-from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
+from midair.model import Calibration, PressureFrames, Provenance, Recording
 
 
 @pytest.fixture(autouse=True)
@@ -74,9 +74,3 @@ def test_the_result_can_be_of_any_format_and_losses_are_printed(take, answer):
 def test_force_replaces_the_file_itself(take):
     assert run(["gain", "take.h5", "take.h5", "--by", "2", "--force"]) == 0
     np.testing.assert_array_equal(load("take.h5").samples, 2 * take.samples)
-
-
-def test_recordings_of_other_sensors_do_not_join(take, capsys):
-    save(Recording(samples=np.ones((5, 2, 2)), rate=1000, sensor=SensorGrid(rows=2, columns=2)), "small.h5")
-    assert run(["join", "take.h5", "small.h5", "x.h5"]) == 1
-    assert "sensor" in capsys.readouterr().err

@@ -254,27 +254,6 @@ def test_nothing_plays_without_its_hardware_stop(command, capsys):
     assert not Path("state/played.jsonl").exists()
 
 
-def test_the_virtual_array_takes_no_hardware_stop(capsys):
-    assert run(["play", make("a.drive.h5"), "--stop-input", "keyboard"]) == 1
-    assert "got --device virtual, which is silent" in said(capsys)[0]
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["play", "a.drive.h5", "--delay", "1s"], "--delay: expected an array, got --device virtual"),
-        *(
-            (["play", "a.drive.h5", *EMULATOR, *words], "--spread: expected --device virtual, got autd3:emulator")
-            for words in (["--output", "b.h5"], ["--force"], ["--seed", "3"], ["--spread", "boards"])
-        ),
-    ],
-)
-def test_options_without_an_effect_are_refused(words, line, capsys):
-    make("a.drive.h5")
-    assert run(words) == 1
-    assert line in said(capsys)[0]
-
-
 def test_stop_reports_what_it_could_not_stop(capsys):
     """A process that holds a player's file and does not answer."""
     Path("state").mkdir()
@@ -450,12 +429,6 @@ def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     assert run(["play", "take.drive.h5", *EMULATOR]) == 1
     assert "solve the target again" in said(capsys)[0]
     assert run(["play", "take.drive.h5", *EMULATOR, "--placement", "tilted.toml"]) == 0
-
-
-def test_the_virtual_array_takes_no_placement(capsys):
-    Path("tilted.toml").write_text(TILTED, encoding="utf-8")
-    assert run(["play", make("a.drive.h5"), "--placement", "tilted.toml"]) == 1
-    assert "virtual array: expected no sensor, calibration or placement" in said(capsys)[0]
 
 
 @pytest.mark.long

@@ -58,12 +58,6 @@ def test_another_array_and_another_file_are_refused_in_one_line(take, one_line):
     assert not Path("take.drive.h5").exists()
 
 
-def test_a_name_that_is_there_is_refused(capsys):
-    save_array_calibration(known(TransducerArray.autd3()), "a.array.h5")
-    assert run(["calibrate", "array", "virtual", "a.array.h5"]) == 1
-    assert "--force" in capsys.readouterr().err
-
-
 @pytest.mark.long
 def test_a_real_array_is_solved_for_its_stored_calibration(take, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
