@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnknownCommandError, UnusedCliTokensError
 
-from midair.cli.commands import COMMANDS, FOLDERS, summary_of
+from midair.cli.commands import COMMANDS, FOLDERS, GROUPED, summary_of
 from midair.cli.console import elapsed_time, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
 from midair.errors import MidairError, UnknownDeviceError
@@ -69,9 +69,10 @@ def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
     sys.stdout.write(app.generate_completion(shell=shell))
 
 
-for order, (name, (group, _)) in enumerate(COMMANDS.items()):
-    summary = summary_of(name)
-    app.command(f"midair.cli.commands:{name}_app", name=name, help=summary, group=GROUPS[group], sort_key=order)
+for group, listed in GROUPED.items():
+    for order, name in enumerate(listed):
+        placed: Any = {"group": GROUPS[group], "sort_key": order}
+        app.command(f"midair.cli.commands:{name}_app", name=name, help=summary_of(name), **placed)
 for name, (group, summary) in FOLDERS.items():
     app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=summary, group=GROUPS[group])
 add_command(app, completion_command, "completion", group="Help")
