@@ -1,6 +1,6 @@
 """Signal processing along the frame axis: band windows, zero-delay filters, spectra, resampling.
 
-Time is always the first axis; all other axes are kept. Filters and `resample` return lazy frames for lazy frames.
+Time is always the first axis; all other axes are kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ import scipy
 from midair.array_types import Array, Complex
 from midair.errors import BandError, InputError
 from midair.model import BAND
-from midair.streaming import BYTES, LazyFrames, convolve_lazily, extend, filter_lazily, read_frames, resample_poly
+from midair.streaming import LazyFrames, extend, filter_lazily
 from midair.validation import positive
 
 Band = tuple[float, float]
@@ -66,7 +66,8 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     therefore filtered exactly, and a signal that starts at rest is assumed to have been at rest before.
 
     `x` has the shape (frame, ...) and any unit. `response` takes frequencies (bin,) from 0 to half the rate in Hz, and
-    returns factors (bin, ...). `reach` is its duration in s, by which the signal is extended on both sides.
+    returns factors (bin, ...). `reach` is its duration in s, by which the signal is extended on both sides. A target
+    that is computed when it is read is also filtered then.
     """
     if isinstance(x, LazyFrames):
         return cast("Array", filter_lazily(x, rate, response, reach=reach))
@@ -106,13 +107,11 @@ def filter_fir(x: Array, fir: Array) -> Array:
     """
     if len(fir) % 2 == 0:
         raise InputError(f"taps: expected an odd number, got {len(fir)}")
-    if isinstance(x, LazyFrames):
-        return cast("Array", convolve_lazily(x, fir))
     pad = len(fir) - 1
     return np.asarray(scipy.signal.oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
 
 
-def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
+def welch(x: Array, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
     """One-sided power spectral density by Welch's method: Hann segments that overlap by half, mean removed.
 
     Returns the frequencies (bin,) in Hz and the density (bin, ...) in unit^2/Hz of `x`, shape (frame, ...); its
@@ -120,17 +119,7 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
     """
     segment = min(len(x), max(2, round(rate / positive(resolution, "resolution", "Hz"))))
     step = segment - segment // 2
-    count = (len(x) - segment // 2) // step
-    together = (
-        count if not isinstance(x, LazyFrames) else max(1, BYTES // (8 * step * max(1, int(np.prod(x.shape[1:])))))
-    )
-    density = 0.0
-    # Lazy frames are processed some segments at a time; their results are averaged with weights.
-    for first in range(0, count, together):
-        last = min(first + together, count)
-        part = read_frames(x, first * step, (last - 1) * step + segment)
-        density = density + _density(part, rate, segment, step, (0.5, 0.5)) * ((last - first) / count)
-    return fft_frequencies(segment, rate), np.asarray(density, np.float64)
+    return fft_frequencies(segment, rate), _density(np.asarray(x), rate, segment, step, (0.5, 0.5))
 
 
 def _density(x: Array, rate: float, segment: int, step: int, cosines: tuple[float, ...]) -> Array:
@@ -188,12 +177,32 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     ratio = Fraction(fast / slow).limit_denominator(1000)
     up, down = (ratio.numerator, ratio.denominator) if new_rate > rate else (ratio.denominator, ratio.numerator)
     if up == down:
-        return x if isinstance(x, LazyFrames) else np.array(x, float)
+        return np.array(x, float)
     slower = max(up, down)
     # Kaiser's beta is 8 for 80 dB of stop-band attenuation; 64 frames of the lower rate per side set the edge width.
     fir = np.kaiser(128 * slower + 1, 8.0) * np.sinc(np.arange(-64 * slower, 64 * slower + 1) / slower)
     fir /= fir.sum()
-    return cast("Array", resample_poly(x if isinstance(x, LazyFrames) else np.asarray(x, float), up, down, fir))
+    return _resample_poly(np.asarray(x, float), up, down, fir)
+
+
+def _resample_poly(x: Array, up: int, down: int, fir: Array) -> Array:
+    """`x` at `up / down` times its rate, as by `scipy.signal.resample_poly`, whose import takes a third of a second.
+
+    `fir` is a low-pass filter of odd length for `up` times the rate. Beyond its ends, `x` is held.
+    """
+    taps, frames = -(-len(fir) // up), -(-len(x) * up // down)
+    # The taps for each place of an output between two frames, those for the last frame first.
+    phases = np.pad(up * fir, (0, taps * up - len(fir))).reshape(taps, up)[::-1].T.copy()
+    held = np.concatenate([np.repeat(x[:1], taps, axis=0), x, np.repeat(x[-1:], taps, axis=0)])
+    windows = np.lib.stride_tricks.sliding_window_view(held.reshape(len(held), -1).T.copy(), taps, axis=1)
+    y = np.empty((frames, *x.shape[1:]))
+    for first in range(min(up, frames)):
+        last, phase = divmod(first * down + len(fir) // 2, up)
+        out = y[first::up]
+        # Every sum is computed alike, so that a part has the bits of the whole.
+        found = np.einsum("ctk,k->tc", windows[:, last + 1 :: down][:, : len(out)], phases[phase])
+        out[:] = found.reshape(out.shape)
+    return y
 
 
 def _ramp(x: Array, width: float) -> Array:

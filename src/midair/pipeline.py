@@ -3,12 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import cast
 
 import numpy as np
 
 from midair import ram
-from midair.array_types import Array
 from midair.calibration import calibrate
 from midair.correct import EnvelopePrediction
 from midair.devices import measure_exposure
@@ -41,7 +39,7 @@ from midair.solvers import (
     solve,
     solve_parts,
 )
-from midair.streaming import blocks, pad_with_silence, read_frames
+from midair.streaming import blocks, read_frames
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 
 
@@ -76,7 +74,7 @@ def calibrated_pressure(
     # A number of frames that is whole at the other rate too.
     ratio = Fraction(rate / recording.rate).limit_denominator(1000)
     pad = -(-band_settling_frames(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
-    longer = replace(recording, samples=cast("Array", pad_with_silence(recording.samples, pad)))
+    longer = replace(recording, samples=np.pad(recording.samples, ((pad, pad), (0, 0), (0, 0))))
     whole = resample_pressure(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
     first = pad * ratio.numerator // ratio.denominator
     return replace(whole, pressure=whole.pressure[first : whole.frames - first])
@@ -112,8 +110,8 @@ def compensate_pressure(pressure: PressureFrames, settings: Settings) -> Pressur
     return pressure
 
 
-def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
-    """Sound amplitude at the control points for a pressure from `compensate_pressure`."""
+def map_pressure(pressure: PressureFrames, settings: Settings, *, streamed: bool = False) -> AmplitudeFrames:
+    """Sound amplitude at the control points for a pressure from `compensate_pressure`, `streamed` as in `prepare`."""
     chosen = settings.target
     return prepare(
         pressure,
@@ -123,36 +121,41 @@ def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrame
         interpolate=chosen.interpolate,
         gain=chosen.gain,
         circle=chosen.circle,
+        streamed=streamed,
     )
 
 
-def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
+def target_amplitude(pressure: PressureFrames, settings: Settings, *, streamed: bool = False) -> AmplitudeFrames:
     """Sound amplitude at the control points that reproduces the pressure: all stages before the solver.
 
-    Raises InputError if a setting is out of range or unknown.
+    `streamed` is as in `prepare`. Raises InputError if a setting is out of range or unknown.
     """
     chosen = settings.compensation
     if chosen.compensate not in ("sound", "pressure"):
         raise InputError(f"compensate: expected sound or pressure, got {chosen.compensate!r}")
-    target = map_pressure(compensate_pressure(pressure, settings), settings)
+    target = map_pressure(compensate_pressure(pressure, settings), settings, streamed=streamed)
     if chosen.precompensate and chosen.compensate == "sound":
         target = precompensate_sound(target, dynamics=chosen.dynamics, ramp=chosen.ramp)
     return target
 
 
-def with_fitted_gain(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
+def with_fitted_gain(
+    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, streamed: bool = False
+) -> Settings:
     """The settings with the gain for their strength, reduced where they limit the level at the ears.
 
-    Unchanged if they have neither. Raises InputError if the target is zero everywhere.
+    Unchanged if they have neither; `streamed` is as in `prepare`. Raises InputError if the target is zero everywhere.
     """
     if settings.target.ears is not None:
         limit = settings.target.ears
-        strong = with_fitted_gain(pressure, array, settings.but(ears=None)).but(strength=None, ears=limit)
-        return strong.but(gain=strong.target.gain * _part_under(limit, pressure, array, strong))
+        strong = with_fitted_gain(pressure, array, settings.but(ears=None), streamed=streamed).but(
+            strength=None, ears=limit
+        )
+        return strong.but(gain=strong.target.gain * _part_under(limit, pressure, array, strong, streamed))
     if settings.target.strength is None:
         return settings
     plain = settings.but(strength=None, gain=1.0)
-    peak = float(target_amplitude(pressure, plain).amplitude.max())
+    peak = float(target_amplitude(pressure, plain, streamed=streamed).amplitude.max())
     if not peak > 0:
         raise InputError("strength: expected a pressure above 0 in some frame, got silence; leave --strength out")
     focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
@@ -185,12 +188,14 @@ _PROBED = 128
 """Loudest frames, and frames in regular distances, that are solved to find the gain for a level at the ears."""
 
 
-def _part_under(limit: float, pressure: PressureFrames, array: TransducerArray, settings: Settings) -> float:
+def _part_under(
+    limit: float, pressure: PressureFrames, array: TransducerArray, settings: Settings, streamed: bool
+) -> float:
     """Part of the gain, up to 1, with which some frames of a target meet a level at the ears."""
     if settings.solver.name in ("lm", "exact"):
         # A thousand frames and more are solved for the gain.
         raise InputError(f"ears: expected a faster method, got {settings.solver.name}; use --mode quiet")
-    target = target_amplitude(pressure, settings)
+    target = target_amplitude(pressure, settings, streamed=streamed)
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
     some = np.union1d(np.argsort(power)[-_PROBED:], np.arange(0, target.frames, max(1, target.frames // _PROBED)))
     amplitude = np.concatenate([read_frames(target.amplitude, frame, frame + 1) for frame in some.tolist()])
@@ -281,8 +286,9 @@ def reproduce_stream(
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=True)
-    settings = with_fitted_gain(pressure, array, settings)
-    target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+    settings = with_fitted_gain(pressure, array, settings, streamed=True)
+    noted = replace(pressure, provenance=settings.noted(pressure.provenance))
+    target = target_amplitude(noted, settings, streamed=True)
     parts = solve_parts(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
     return target, compensate_envelope(parts, target, array, settings)
 

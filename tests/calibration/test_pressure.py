@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,6 @@ from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
 from midair.recordings import dead_channels
-from midair.streaming import LazyFrames
 
 RATE = 1000.0
 BAND = (20.0, 470.0)
@@ -240,27 +237,3 @@ def test_other_settings_are_checked():
         calibrate(of(noise(0)), floor=-1.0)
     with pytest.raises(BandError, match="edges"):
         calibrate(of(noise(0)), edges=(50.0, 10.0))
-
-
-@pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
-def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
-    """Equal to the decay of the FFT filter after four periods of the narrowest edge; for the FIR filter to rounding."""
-    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
-    recording = recorded(noise(3, frames=10_000), rng=np.random.default_rng(1))
-    reel = LazyFrames(lambda first, last: recording.samples[first:last], recording.samples.shape)
-    whole = calibrate(recording, CALIBRATION, band=BAND, method=method)
-    made = calibrate(replace(recording, samples=reel), CALIBRATION, band=BAND, method=method)
-    assert isinstance(made.pressure, LazyFrames)
-    assert made.provenance == whole.provenance
-    pressure = np.asarray(made.pressure)
-    assert np.abs(pressure - whole.pressure).max() < tolerance * np.abs(whole.pressure).max()
-    np.testing.assert_array_equal(made.pressure.read(2_345, 6_456), pressure[2_345:6_456])
-
-
-@pytest.mark.long
-def test_a_recording_on_disk_with_nothing_in_the_band_is_refused_as_one_in_memory():
-    slow = np.sin(2 * np.pi * 2 * np.arange(40_000) / RATE)[:, None, None] * np.ones((4, 4))
-    for samples in (slow, LazyFrames(lambda first, last: slow[first:last], slow.shape)):
-        recording = Recording(samples=samples, rate=RATE)
-        with pytest.raises(BandError, match="a share of"):
-            calibrate(recording, CALIBRATION, band=(200.0, 300.0))

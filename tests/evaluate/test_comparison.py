@@ -2,13 +2,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import firwin
 
-from midair.dsp import filter_fir, welch
+from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, peak_position, spectral_error
 from midair.model import ControlGrid, PressureFrames, Provenance, SensorGrid
-from midair.streaming import LazyFrames
 
 
 def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
@@ -113,31 +111,6 @@ def test_other_cells_and_other_rates_are_refused():
     other = PressureFrames(pressure=np.ones((400, 2, 2)), rate=1000.0, sensor=SensorGrid(rows=2, columns=2))
     with pytest.raises(MismatchError, match="cells"):
         compare(frames(), other)
-
-
-def reeled(pressure):
-    x = pressure.pressure
-    return dataclasses.replace(pressure, pressure=LazyFrames(lambda first, last: x[first:last], x.shape))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
-def test_lazy_frames_give_the_same_figures(highest, apart, monkeypatch):
-    """Except near half the rate, because the impulse response of a fractional delay does not end there."""
-    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
-    rng = np.random.default_rng(0)
-    noise = rng.standard_normal((2, 20_000, 4, 4))
-    if highest < 500:
-        fir = firwin(401, (20, highest), fs=1000.0, pass_zero=False)[:, None, None]
-        noise = np.stack([filter_fir(each, fir) for each in noise])
-    original = PressureFrames(pressure=noise[0], rate=1000.0, band=(20, 470))
-    later = dataclasses.replace(original, pressure=advance(0.7 * noise[0] + noise[1], -0.0034, 1000.0))
-    whole, read = compare(original, later), compare(reeled(original), reeled(later))
-    assert {name: value for name, (value, _) in read.figures().items()} == pytest.approx(
-        {name: value for name, (value, _) in whole.figures().items()}, rel=apart
-    )
-    assert read.delay == whole.delay
-    np.testing.assert_allclose(read.channel_correlation, whole.channel_correlation, rtol=apart)
 
 
 def test_the_figures_equal_their_definitions():

@@ -6,7 +6,6 @@ import pytest
 from midair.dsp import band_edges, band_window
 from midair.evaluate import apply_band_twice, band_settling_frames, compare
 from midair.model import PressureFrames
-from midair.streaming import LazyFrames
 from midair.targets import add_lead
 
 RATE, BAND = 1000.0, (20.0, 470.0)
@@ -32,13 +31,6 @@ def test_uses_the_edges_of_the_calibration():
     wide, narrow = noise(), noise()
     narrow = replace(narrow, provenance=narrow.provenance.then("calibrate", {"edges_hz": (1.0, 2.0)}))
     assert compare(apply_band_twice(wide), apply_band_twice(narrow)).waveform_error > 0.03
-
-
-def test_lazy_frames_give_the_same():
-    x = noise(6000)
-    reel = replace(x, pressure=LazyFrames(lambda first, last: x.pressure[first:last], x.pressure.shape))
-    got = np.asarray(apply_band_twice(reel).pressure)
-    np.testing.assert_allclose(got, apply_band_twice(x).pressure, atol=3e-4)
 
 
 def test_pressure_without_a_band_is_unchanged():

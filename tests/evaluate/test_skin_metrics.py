@@ -8,7 +8,6 @@ import pytest
 from midair.errors import MismatchError, RateError, ShapeError
 from midair.evaluate import advance, perceptual_metrics
 from midair.model import PressureFrames, SensorGrid
-from midair.streaming import LazyFrames
 
 
 def frames(signal=None, channel=5, rate=1000.0):
@@ -85,22 +84,6 @@ def test_mismatched_recordings_are_rejected():
     short = PressureFrames(pressure=np.ones((20, 4, 4)) * np.arange(20)[:, None, None], rate=1000.0)
     with pytest.raises(ShapeError, match="64 ms"):
         perceptual_metrics(short, short)
-
-
-@pytest.mark.long
-def test_lazy_frames_give_the_same_figures():
-    rng = np.random.default_rng(0)
-    # Long enough for more than one segment of blocks at 8 kHz.
-    x = 10 * rng.standard_normal((70_000, 1, 2))
-    original = PressureFrames(pressure=x, rate=1000.0, sensor=SensorGrid(rows=1, columns=2))
-    later = scaled(original, 0.9)
-    kept = [
-        dataclasses.replace(each, pressure=LazyFrames(lambda a, b, p=each.pressure: p[a:b], x.shape))
-        for each in (original, later)
-    ]
-    for read, whole in zip(perceptual_metrics(*kept).figures, perceptual_metrics(original, later).figures, strict=True):
-        assert read.overall == pytest.approx(whole.overall, rel=1e-12)
-        np.testing.assert_allclose(read.channels, whole.channels, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """One contract for all recording formats and the functions that read and write them."""
 
-import re
 import tracemalloc
 from pathlib import Path
 
@@ -24,7 +23,6 @@ from midair.errors import (
 from midair.files import FORMATS, contents, load, open_take, save, save_calibration, save_solution
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import cut
-from midair.streaming import LazyFrames
 
 ROUNDED = ".flac"
 """Has fewer bits and channels: tests/files/importers/test_sound_file.py."""
@@ -227,74 +225,30 @@ def test_refuses_to_write_read_only_formats(ending, recording, tmp_path):
         save(recording, tmp_path / f"a{ending}")
 
 
-@pytest.mark.parametrize("ending", [".h5", ".wav", ".csv", ".npz", ".mat"])
-def test_a_streamed_recording_is_written_as_one_in_memory(tmp_path, ending):
-    samples = np.random.default_rng(0).standard_normal((5000, 4, 4))
-    save(Recording(samples=samples, rate=1000), tmp_path / "a.h5")
-    streamed = open_take(tmp_path / "a.h5", streamed=True).recording
-    assert isinstance(streamed.samples, LazyFrames)
-    save(streamed, tmp_path / f"b{ending}")
-    again = load(tmp_path / f"b{ending}")
-    np.testing.assert_array_equal(again.samples, samples)
-    assert (again.rate, again.sensor, again.provenance) == (streamed.rate, streamed.sensor, streamed.provenance)
-
-
 def test_float32_stays_float32_and_other_numbers_stay_as_they_are(tmp_path):
     import h5py
     import soundfile
 
     single = np.random.default_rng(0).standard_normal((3000, 16)).astype(np.float32)
     soundfile.write(tmp_path / "a.wav", single, 48_000, subtype="FLOAT")
-    for streamed in (False, True):
-        save(open_take(tmp_path / "a.wav", unit="V", streamed=streamed).recording, tmp_path / "a.h5")
-        with h5py.File(tmp_path / "a.h5") as file:
-            assert file["samples"].dtype == "<f4"
-        np.testing.assert_array_equal(load(tmp_path / "a.h5").samples, single.reshape(-1, 4, 4))
-        # A part of it, and a copy, are float32 too.
-        save(cut(open_take(tmp_path / "a.h5", streamed=streamed).recording, 0.01, 0.02), tmp_path / "b.h5")
-        with h5py.File(tmp_path / "b.h5") as file:
-            assert file["samples"].dtype == "<f4"
+    save(open_take(tmp_path / "a.wav", unit="V").recording, tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["samples"].dtype == "<f4"
+    np.testing.assert_array_equal(load(tmp_path / "a.h5").samples, single.reshape(-1, 4, 4))
+    # A part of it, and a copy, are float32 too.
+    save(cut(open_take(tmp_path / "a.h5").recording, 0.01, 0.02), tmp_path / "b.h5")
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert file["samples"].dtype == "<f4"
     save(Recording(samples=np.full((3, 4, 4), 0.1), rate=1000), tmp_path / "c.h5")
     with h5py.File(tmp_path / "c.h5") as file:
         assert file["samples"].dtype == "<f8"
 
 
-def test_a_streamed_file_that_was_replaced_is_refused(tmp_path):
-    save(Recording(samples=np.zeros((30, 4, 4)), rate=1000), tmp_path / "a.h5")
-    lazy = open_take(tmp_path / "a.h5", streamed=True).recording.samples
-    save(Recording(samples=np.ones((30, 4, 4)), rate=1000), tmp_path / "a.h5")
-    with pytest.raises(BrokenFileError, match="a new one of that name"):
-        lazy.read(0, 10)
-
-
-def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
-    import h5py
-
-    save(Recording(samples=np.full((30, 4, 4), 0.1), rate=1000), tmp_path / "a.h5")
-    with h5py.File(tmp_path / "a.h5", "r+") as file:
-        file["samples"][20, 1, 2] = np.nan
-    lazy = open_take(tmp_path / "a.h5", streamed=True).recording.samples
-    assert lazy.read(0, 20).shape == (20, 4, 4)
-    with pytest.raises(NonFiniteError, match=r"\(20, 1, 2\)"):
-        lazy.read(10, 30)
-
-
-@each_writer
-def test_lazy_frames_are_written_like_an_array(ending, tmp_path, monkeypatch):
-    """With runs of one value over the ends of blocks."""
-    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**10)
-    samples = np.round(np.random.default_rng(3).normal(size=(700, 3, 5)).cumsum(axis=0))
-    whole = Recording(samples=samples, rate=1000.0, sensor=SensorGrid(rows=3, columns=5), unit="V")
-    lazy = LazyFrames(lambda first, last: samples[first:last], samples.shape, stored="f4")
-    read = Recording(samples=lazy, rate=1000.0, sensor=whole.sensor, unit="V")
-    one, two = tmp_path / f"one{ending}", tmp_path / f"two{ending}"
-    assert save(whole, one) == save(read, two)
-    if ending in BOTH:
-        np.testing.assert_array_equal(open_take(one).recording.samples, samples)
-        np.testing.assert_array_equal(open_take(two).recording.samples, samples)
-    else:
-        dated = [re.sub(r'"(date|project)": ?"[^"]*"', "", path.read_text()) for path in (one, two)]
-        assert dated[0] == dated[1]
+def test_a_recording_that_does_not_fit_is_refused_with_the_length_that_would(recording, tmp_path, monkeypatch):
+    save(Recording(samples=np.zeros((1000, 4, 4)), rate=100.0), tmp_path / "a.h5")
+    monkeypatch.setattr("midair.ram.available_memory", lambda: 1000 * 16 * 24 // 4)
+    with pytest.raises(InputError, match=r"for 10 s at 100 Hz, got .* GB; 2\.5 s would fit: take a part"):
+        load(tmp_path / "a.h5")
 
 
 def test_files_read_as_a_whole_need_enough_memory(ending_of_whole, tmp_path, monkeypatch):

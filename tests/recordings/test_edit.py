@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,6 @@ from midair.errors import InputError, MismatchError, NonFiniteError, ShapeError
 from midair.files.native.provenance_json import from_json, to_json
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import Mending, edit, mend
-from midair.streaming import LazyFrames
 
 
 def noise(frames=200, rate=1000.0, **says):
@@ -18,17 +15,11 @@ def noise(frames=200, rate=1000.0, **says):
     return Recording(samples=samples, rate=rate, provenance=life, **says)
 
 
-@pytest.mark.parametrize("lazy", [False, True])
-def test_a_fade_begins_and_ends_at_rest_and_keeps_the_middle(lazy):
+def test_a_fade_begins_and_ends_at_rest_and_keeps_the_middle():
     whole = noise(200)
-    source = (
-        replace(whole, samples=LazyFrames(lambda first, last: whole.samples[first:last], whole.samples.shape))
-        if lazy
-        else whole
-    )
-    made = edit.fade(source, 0.05, 0.02)
+    made = edit.fade(whole, 0.05, 0.02)
     rest = np.median(whole.samples, axis=0)
-    samples = np.asarray(made.samples)
+    samples = made.samples
     np.testing.assert_array_equal(samples[50:180], whole.samples[50:180])
     away = np.abs((samples - rest) / (whole.samples - rest)).reshape(200, -1)
     assert away[0].max() < 0.001
@@ -218,22 +209,6 @@ EDITS = {
     "mask": lambda r: edit.mask(r, [0, 5]),
     "mask by neighbours": lambda r: edit.mask(r, [0, 5], fill="neighbours"),
 }
-
-
-@pytest.mark.parametrize("act", EDITS.values(), ids=list(EDITS))
-def test_lazy_recordings_are_edited_like_arrays(act, monkeypatch):
-    monkeypatch.setattr("midair.streaming.lazy_frames.BYTES", 2**14)
-    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**14)
-    whole = noise(4001)
-    x = whole.samples.astype(np.float32).astype(np.float64)
-    whole = replace(whole, samples=x)
-    read = replace(whole, samples=LazyFrames(lambda a, b: x[a:b], x.shape, stored="f4"))
-    want, made = act(whole), act(read)
-    assert isinstance(made.samples, LazyFrames)
-    np.testing.assert_array_equal(made.samples, want.samples)
-    assert made.provenance == want.provenance
-    single = np.array_equal(want.samples.astype(np.float32), want.samples)
-    assert single or made.samples.stored == "f8"
 
 
 TIME = np.arange(1500) / 1000

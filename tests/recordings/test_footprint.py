@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +6,6 @@ from hypothesis import strategies as st
 from midair.errors import InputError, ShapeError
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
-from midair.streaming import LazyFrames
 
 SENSOR = SensorGrid()
 CELL = SENSOR.pitch**2
@@ -186,20 +183,3 @@ def test_refuses_invalid_footprints():
     ):
         with pytest.raises(InputError, match="footprint"):
             Footprint(**says)
-
-
-def test_the_field_of_a_lazy_waveform_is_lazy():
-    waveform, asked = np.random.default_rng(0).normal(size=(5000, 1, 1)), []
-
-    def read(first, last):
-        asked.append((first, last))
-        return waveform[first:last]
-
-    footprint = Footprint(speed=0.02, turn="back")
-    whole = footprint_field(mono(waveform), footprint)
-    asked.clear()
-    field = footprint_field(replace(mono(waveform), samples=LazyFrames(read, waveform.shape)), footprint)
-    asked.clear()
-    np.testing.assert_array_equal(field.samples[1200:1300], whole.samples[1200:1300])
-    assert asked == [(1200, 1300)]
-    np.testing.assert_array_equal(np.concatenate(list(field.samples.blocks(700))), whole.samples)

@@ -6,7 +6,6 @@ import pytest
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, channel_response, sense
 from midair.recordings import at_limit, dead_channels, suspicious, unreproduced
-from midair.streaming import LazyFrames
 
 
 def recording(samples):
@@ -106,13 +105,6 @@ def test_a_pattern_of_held_values_is_not_clipping(levels, samples):
     assert not any("clipped" in sentence for sentence in report(samples))
 
 
-def test_clipping_is_found_in_lazy_frames(samples):
-    samples[:, 5] = np.clip(samples[:, 5], -0.9, 0.9)
-    long = np.tile(samples.reshape(-1, 4, 4), (20, 1, 1))
-    lazy = LazyFrames(lambda first, last: long[first:last], long.shape)
-    assert suspicious(Recording(samples=lazy, rate=1000, unit="count")) == (CLIPPED,)
-
-
 def test_names_a_magnitude_and_no_offset():
     noise = np.random.default_rng(0).normal(size=(2, 2000, 16))
     assert "magnitude" in report(np.hypot(*noise))[0]
@@ -126,15 +118,12 @@ def test_names_an_outlier_in_a_short_recording():
     assert "channel 0 (1e+20 count in frame 17)" in report(short.reshape(60, 16))[0]
 
 
-@pytest.mark.parametrize("lazy", [False, True])
-def test_names_outliers_and_no_taps(samples, lazy):
+def test_names_outliers_and_no_taps(samples):
     samples[700, 3], samples[[20, 21], 9] = 1e19, -9e3
     samples[:, 4] = 0
     samples[100, 4] = 1  # an impulse, as a program computes it
     samples[500:540, 5] += 1e4 * np.exp(-np.arange(40) / 5)  # a tap
-    frames = (
-        LazyFrames(lambda a, b: samples[a:b].reshape(-1, 4, 4), (2000, 4, 4)) if lazy else samples.reshape(-1, 4, 4)
-    )
+    frames = samples.reshape(-1, 4, 4)
     assert [line for line in suspicious(Recording(samples=frames, rate=1000, unit="V")) if "Outliers" in line] == [
         "Outliers, more than a thousand times as far from the median as the other values: channel 3 (1e+19 V in frame"
         " 700), 9 (-9000 V in frame 20); check them, since a wrong bit or a lost cable looks the same."

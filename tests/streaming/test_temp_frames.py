@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.errors import FileError
-from midair.streaming import TempChannels, TempFrames
+from midair.streaming import TempFrames
 
 
 def test_appended_frames_are_read_in_any_order():
@@ -17,15 +17,6 @@ def test_appended_frames_are_read_in_any_order():
         np.testing.assert_array_equal(spool.reel().read(35, 45), x[35:45])
 
 
-def test_channels_and_frames_are_two_ways_to_read_the_same():
-    x = np.random.default_rng(1).standard_normal((100, 2, 3))
-    columns = TempChannels(100, 6).fill(x)
-    np.testing.assert_array_equal(columns.channel(4, 10, 90), x[10:90, 1, 1])
-    np.testing.assert_array_equal(columns.reel(2, 3), x)
-    columns.put(4, 20, np.ones(5))
-    np.testing.assert_array_equal(columns.reel(2, 3)[20:25][:, 1, 1], np.ones(5))
-
-
 @pytest.fixture
 def small():
     """Limit the file size of this process to a megabyte."""
@@ -36,11 +27,10 @@ def small():
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@pytest.mark.parametrize("put", [lambda x: TempFrames(1).append(x), lambda x: TempChannels(len(x), 1).put(0, 0, x)])
 @pytest.mark.filterwarnings("error")
-def test_a_full_disk_is_one_line_that_names_the_folder(put, small):
+def test_a_full_disk_is_one_line_that_names_the_folder(small):
     """The message was "File too large", without a file name."""
-    put(np.zeros((small // 16, 1)))
+    TempFrames(1).append(np.zeros((small // 16, 1)))
     with pytest.raises(FileError, match=r"disk space for temporary frames, .* File too large; .* set TMPDIR") as told:
-        put(np.zeros((small // 4, 1)))
+        TempFrames(1).append(np.zeros((small // 4, 1)))
     assert str(told.value).startswith(f"{tempfile.gettempdir()}: ")

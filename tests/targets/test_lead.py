@@ -1,12 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.model import PressureFrames
-from midair.streaming import LazyFrames
 from midair.targets import add_lead, default_lead, mapping_of, remove_lead
 
 RATE = 1000.0
@@ -29,17 +26,6 @@ def test_it_swells_from_silence_and_keeps_the_middle():
     assert longer.provenance.steps[-1].settings == {"lead_s": 0.15}
     np.testing.assert_array_equal(remove_lead(longer, 300).pressure, piece().pressure)
     assert add_lead(piece(), 0.0).frames == 300
-
-
-@pytest.mark.parametrize("lead", [0.02, 0.0437, 0.15])
-def test_of_a_reel_it_is_the_same(lead):
-    whole = piece()
-    reel = LazyFrames(lambda first, last: whole.pressure[first:last], whole.pressure.shape)
-    longer = add_lead(replace(whole, pressure=reel), lead)
-    want = add_lead(whole, lead).pressure
-    np.testing.assert_array_equal(np.asarray(longer.pressure), want)
-    parts = [longer.pressure.read(first, min(first + 7, len(want))) for first in range(0, len(want), 7)]
-    np.testing.assert_array_equal(np.concatenate(parts), want)
 
 
 @pytest.mark.parametrize("band", [(20.0, 470.0), (5.0, 400.0)])

@@ -7,7 +7,7 @@ from midair.errors import InputError
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import sound_amplitude
 from midair.streaming import LazyFrames
-from midair.targets import MAPPINGS, Circle, decouple, interpolation_matrix, precompensate, precompensate_sound, prepare
+from midair.targets import MAPPINGS, Circle, interpolation_matrix, precompensate_sound, prepare
 
 PITCH = 11e-3
 
@@ -113,37 +113,20 @@ def test_wrong_settings_are_refused(options, message):
         prepare(frames(np.ones((1, 4, 4))), **options)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("mapping", MAPPINGS)
 @pytest.mark.parametrize("circle", [None, Circle()], ids=["still", "on a circle"])
-@pytest.mark.parametrize("compensate", ["not", "pressure", "sound"])
-def test_pressure_on_disk_becomes_the_target_of_the_same_in_memory(mapping, circle, compensate, monkeypatch):
-    """To rounding; filters of `receptors` to 1e-4, pre-compensation to what its answer has left after two seconds.
-
-    Most is left at half the rate, and white noise has all of that there is.
-    """
+@pytest.mark.parametrize("compensate", [False, True])
+def test_a_streamed_target_is_the_same_as_one_in_memory(circle, compensate, monkeypatch):
+    """To rounding; pre-compensated to what its answer has left after two seconds, most of it at half the rate."""
     monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
+    grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
-    reel = LazyFrames(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
-    whole, made = (_target(each, mapping, circle, compensate) for each in (pressure, frames_of(reel)))
+    whole, made = (prepare(pressure, circle=circle, grid=grid, streamed=streamed) for streamed in (False, True))
+    if compensate:
+        whole, made = precompensate_sound(whole), precompensate_sound(made)
     assert isinstance(made.amplitude, LazyFrames)
     assert made.provenance == whole.provenance
-    exact = 1e-4 if mapping == "receptors" else 1e-9
-    tolerance = {"not": exact, "pressure": 1e-3, "sound": 1e-2}[compensate]
     difference = np.linalg.norm(np.asarray(made.amplitude) - whole.amplitude)
-    assert difference < tolerance * np.linalg.norm(whole.amplitude)
-
-
-def frames_of(reel):
-    return PressureFrames(pressure=reel, rate=1000.0, sensor=SensorGrid())
-
-
-def _target(pressure, mapping, circle, compensate):
-    pressure = decouple(pressure)
-    if compensate == "pressure":
-        pressure = precompensate(pressure)
-    target = prepare(pressure, mapping=mapping, circle=circle)
-    return precompensate_sound(target) if compensate == "sound" else target
+    assert difference < (1e-2 if compensate else 1e-9) * np.linalg.norm(whole.amplitude)
 
 
 FINE = ControlGrid(rows=61, columns=61, pitch=1e-3)

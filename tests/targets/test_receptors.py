@@ -4,7 +4,6 @@ import pytest
 from midair.errors import RateError
 from midair.model import BAND, PressureFrames, SensorGrid
 from midair.settings import CHOICES, Settings
-from midair.streaming import as_lazy
 from midair.targets import Circle, add_lead, default_lead, receptor_levels, receptors
 
 RATE = 1000.0
@@ -34,12 +33,6 @@ def test_a_slow_press_is_kept_and_bands_are_shared_at_their_limits():
     assert max(fast[1000:3000].max(), pacinian[1000:3000].max()) < 1e-3
     at_the_limit = receptor_levels(np.sin(2 * np.pi * 60 * TIME)[:, None], RATE)
     assert [float(each[1000:3000].mean()) for each in at_the_limit] == pytest.approx([0, 0.5, 0.5], abs=2e-3)
-
-
-def test_lazy_frames_have_the_same_pressure():
-    pressure = np.random.default_rng(0).normal(size=(4000, 2, 2))
-    read = receptors(as_lazy(pressure), RATE).read(700, 1900)
-    np.testing.assert_allclose(read, receptors(pressure, RATE)[700:1900], atol=1e-4)
 
 
 def test_its_lead_begins_in_silence():

@@ -18,15 +18,11 @@ from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, fi
 from midair.errors import BandError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
-from midair.streaming import LazyFrames, blocks, channels, each_frame, moments
 from midair.validation import check_type, one_of
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6
 """Smallest accepted share of a channel's variance inside the band: -60 dB."""
-
-_LONG = 2**16
-"""Block length in frames for the band check of lazy frames: 1.4 s at 48 kHz, one minute at 1 kHz."""
 
 
 def calibrate(
@@ -98,7 +94,7 @@ def calibrate(
     else:
         taps, pressure = None, _by_fft(recording, used, band, edges, floor)
     if mix is not None:
-        pressure = each_frame(pressure, lambda block: (block.reshape(len(block), -1) @ mix.T).reshape(block.shape))
+        pressure = (pressure.reshape(len(pressure), -1) @ mix.T).reshape(pressure.shape)
     settings: dict[str, Setting] = {
         "band_hz": band,
         "edges_hz": edges,
@@ -191,16 +187,14 @@ def _share_inside(recording: Recording, band: Band) -> float:
     The whole recording and ever shorter segments are analysed, so that a short tap near one end counts too. For shorter
     segments the band is narrowed, so that power outside it does not leak in.
     """
-    variance = np.square(moments(recording.samples).spread).reshape(-1)
+    variance = recording.samples.var(axis=0).reshape(-1)
     inside = np.zeros_like(variance)
-    for block in blocks(recording.samples, _LONG if isinstance(recording.samples, LazyFrames) else recording.frames):
-        # One channel at a time, because a spectrum takes several times the memory of its signal.
-        for channel, one in enumerate(channels(block)):
-            before = inside[channel]
-            for found in _inside(one, recording.rate, band):
-                inside[channel] = max(inside[channel], before + float(found) * (len(block) / recording.frames))
-                if inside[channel] >= LEAST * variance[channel] > 0:
-                    return float(inside[channel] / variance[channel])
+    # One channel at a time, because a spectrum takes several times the memory of its signal.
+    for channel, one in enumerate(recording.samples.reshape(recording.frames, -1).T):
+        for found in _inside(one, recording.rate, band):
+            inside[channel] = max(inside[channel], float(found))
+            if inside[channel] >= LEAST * variance[channel] > 0:
+                return float(inside[channel] / variance[channel])
     return float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
 
 

@@ -1,10 +1,7 @@
 """Inputs and output of commands that compare."""
 
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
 
 from rich.table import Table
 
@@ -13,23 +10,12 @@ from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFid
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.rig import KeptCalibration, Outcome, array_calibration_for, comparison_rows
 from midair.settings import Settings
-from midair.streaming import TempFrames, blocks
 
 
 def unreproduced_rows(provenance: Provenance) -> list[tuple[str, str]]:
     """Row of the part of a recording that its drive does not reproduce; none where it is small."""
     text = provenance.last("not reproduced").get("text")
     return [("not reproduced", str(text))] if text else []
-
-
-@contextmanager
-def cached_pressure(pressure: PressureFrames) -> Generator[PressureFrames]:
-    """The same pressure, computed once into a temporary file, inside the block."""
-    with TempFrames(*pressure.sensor.shape) as spool:
-        for block in blocks(pressure.pressure):
-            spool.append(block)
-        # The field is typed as an array; functions that accept lazy frames declare it.
-        yield replace(pressure, pressure=cast("Any", spool.reel()))
 
 
 def stated_array_calibration(path: Path | None, device: str, settings: Settings) -> KeptCalibration | None:

@@ -15,8 +15,7 @@ from midair.cli.options import format_quantity, options_from, parse_quantity, qu
 from midair.errors import InputError, MismatchError
 from midair.files import ImportOptions, OpenedTake, open_take
 from midair.model import Calibration, Provenance, Recording, SensorGrid
-from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
-from midair.streaming import LazyFrames, medians, moments
+from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample
 
 Patch = tuple[str, float]
 """Shape and size (m) of a footprint."""
@@ -114,18 +113,14 @@ _TYPED: Mapping[str, str] = MappingProxyType(
 """Options for parameters of `open_take` that errors advise to give."""
 
 
-def import_recording(
-    file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None
-) -> OpenedTake:
-    """The recording in a file and the assumptions made; lazy frames if `streamed`, unless gaps are filled."""
+def import_recording(file: File, options: FileOptions, *, mending: Mending | None = None) -> OpenedTake:
+    """The recording in a file and the assumptions made."""
     try:
         shared = [field.name for field in fields(ImportOptions) if hasattr(options, field.name)]
         facts = {name: getattr(options, name) for name in shared}
         layout = None if options.footprint else options.layout
-        taken = open_take(file, **facts, sensor=layout, mending=mending, streamed=streamed)
+        taken = open_take(file, **facts, sensor=layout, mending=mending)
         recording, report = taken.recording, taken.report
-        if isinstance(recording.samples, LazyFrames):
-            report = (*report, *suspicious(recording))
         if options.resample is not None:
             recording = resampled(recording, options.resample)
         if options.footprint is not None:
@@ -164,8 +159,7 @@ def calibration_from_options(recording: Recording, sensitivity: str | None, peak
         return Calibration.flat(recording.sensor, sensitivity=value, unit=recording.unit)
     if peak is None:
         return None
-    rest, found = medians(recording.samples), moments(recording.samples)
-    change = np.maximum(found.greatest - rest, rest - found.least).max()
+    change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max()
     if change == 0 or not 0 < peak <= 1e5:
         raise InputError(
             f"--peak: expected a pressure above 0 and at most 100000 Pa, and a recording that changes, "

@@ -1,14 +1,12 @@
 """Synthetic pressure signals: the paper's modulated foci (5.2) and binary patterns (5.1), taps, probe signals."""
 
-from typing import Literal, cast, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from midair.array_types import Array
 from midair.errors import InputError, RateError
 from midair.model import RATE, PressureFrames, Provenance, SensorGrid
-from midair.streaming import LazyFrames
 from midair.validation import one_of, positive, within
 
 Stimulus = Literal["i", "ii", "iii"]
@@ -37,26 +35,17 @@ def am_stimulus(
     channels = (0, sensor.count - 1) if kind == "ii" else (0,)
     peak = positive(peak, "peak", "Pa")
 
-    def pressed(first: int, last: int) -> Array:
-        time = np.arange(first, last) / rate
-        pressure = np.zeros((len(time), sensor.count))
-        wave = np.sum([share * (0.5 - 0.5 * np.cos(2 * np.pi * f * time)) for f, share in parts.items()], axis=0)
-        pressure[:, list(channels)] = peak * wave[:, None]
-        return pressure.reshape(-1, *sensor.shape)
-
-    # A long one is computed when it is read.
-    whole = LazyFrames(pressed, (frames, *sensor.shape))
+    time = np.arange(frames) / rate
+    wave = np.sum([share * (0.5 - 0.5 * np.cos(2 * np.pi * f * time)) for f, share in parts.items()], axis=0)
+    pressure = np.zeros((frames, sensor.count))
+    pressure[:, list(channels)] = peak * wave[:, None]
     settings = {"kind": kind, "peak_pa": float(peak), "channels": channels, "frequencies_hz": tuple(parts)}
     return PressureFrames(
-        pressure=cast("Array", whole if duration > LAZY_FROM else np.asarray(whole)),
+        pressure=pressure.reshape(-1, *sensor.shape),
         rate=rate,
         sensor=sensor,
         provenance=Provenance(source=f"virtual:AM {kind}", simulated=True).then("AM stimulus", settings),
     )
-
-
-LAZY_FROM = 20.0
-"""Duration in s above which a stimulus is computed when it is read."""
 
 
 Probe = Literal["25+250 Hz", "noise", "bursts"]

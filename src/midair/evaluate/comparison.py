@@ -11,7 +11,7 @@ from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.perception import dominant_frequency, spectral_error
 from midair.model import ControlGrid, PressureFrames, SensorGrid
-from midair.streaming import LazyFrames, blocks
+from midair.streaming import blocks
 from midair.validation import check_type
 
 
@@ -85,8 +85,7 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate; the shorter one sets the number of compared frames. Lazy frames
-        are read block by block.
+        Pressures of the same cells at the same rate; the shorter one sets the number of compared frames.
     first : int
         Frame of the reproduction at which the original begins; everything before and after is ignored. If the
         reproduction was cut before its delay was known, samples at its ends are missing, and even a perfect one reaches
@@ -150,7 +149,7 @@ class _Sums:
     densities: tuple[Array, Array]
 
     @classmethod
-    def of(cls, original: Array | LazyFrames, reproduced: Array | LazyFrames, rate: float) -> "_Sums":
+    def of(cls, original: Array, reproduced: Array, rate: float) -> "_Sums":
         """Compute the sums block by block."""
         width = int(np.prod(original.shape[1:], dtype=np.int64))
         xx, yy, xy, error = (np.zeros(width) for _ in range(4))
@@ -172,7 +171,7 @@ class _Sums:
         )
 
 
-def _pairs(x: Array | LazyFrames, y: Array | LazyFrames) -> Iterator[tuple[Array, Array]]:
+def _pairs(x: Array, y: Array) -> Iterator[tuple[Array, Array]]:
     """Blocks of both, shape (frame, channel)."""
     for a, b in zip(blocks(x), blocks(y), strict=True):
         yield a.reshape(len(a), -1), b.reshape(len(b), -1)

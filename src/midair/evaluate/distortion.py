@@ -9,7 +9,6 @@ a quarter. A comparison with the original itself would count this as an error.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 import scipy
@@ -18,10 +17,10 @@ from midair.array_types import Array
 from midair.dsp import Band, band_edges, band_energy, band_window, filter_response, resample
 from midair.errors import MismatchError
 from midair.model import BAND, PressureFrames
-from midair.streaming import LazyFrames, block_ranges, pad_with_silence, read_frames, shift_earlier
+from midair.streaming import block_ranges
 
 
-def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:
+def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0.05) -> float:
     """Delay of `later` after `original` in s, from the peak of the cross-correlation summed over the channels.
 
     The peak is located between samples by band-limited interpolation. The delay is 0 if either signal is silent. Both
@@ -61,17 +60,17 @@ _SINC, _FINE = 16, 50
 """Values on each side for the interpolation, and its steps per frame."""
 
 
-def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach: int) -> Array:
+def _correlation(original: Array, later: Array, reach: int) -> Array:
     """Cross-correlation for lags of -reach to reach frames, shape (2 reach + 1,), block by block."""
     total = np.zeros(2 * reach + 1)
     for first, last in block_ranges(original.shape):
-        a = read_frames(original, first, last).reshape(last - first, -1)
+        a = original[first:last].reshape(last - first, -1)
         # Pad with zeros, so that no lag wraps around.
         b = np.zeros((len(a) + 2 * reach, a.shape[1]))
         begin, end = max(0, first - reach), max(0, min(len(later), last + reach))
         if begin < end:
             at = begin - first + reach
-            b[at : at + end - begin] = read_frames(later, begin, end).reshape(end - begin, -1)
+            b[at : at + end - begin] = later[begin:end].reshape(end - begin, -1)
         length = scipy.fft.next_fast_len(len(b), real=True)
         both = np.conj(scipy.fft.rfft(a, length, axis=0)) * scipy.fft.rfft(b, length, axis=0)
         total += scipy.fft.irfft(both.sum(axis=1), length)[: 2 * reach + 1]
@@ -81,11 +80,8 @@ def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach:
 def advance(samples: Array, delay: float, rate: float) -> Array:
     """Shift `samples` earlier by `delay` seconds, with silence on both sides, by a linear phase on the spectrum.
 
-    The delay may have any sign, also fractions of a frame. `samples` have the shape (frame, ...) and a `rate` in Hz;
-    lazy frames give lazy frames, see `midair.streaming.lazy_filters.shift_earlier`.
+    The delay may have any sign, also fractions of a frame. `samples` have the shape (frame, ...) and a `rate` in Hz.
     """
-    if isinstance(samples, LazyFrames):
-        return cast("Array", shift_earlier(samples, delay * rate))
     length = 2 * len(samples)
     turn = np.exp(2j * np.pi * np.fft.rfftfreq(length, 1 / rate) * delay)
     moved = np.empty((len(samples), int(np.prod(samples.shape[1:], dtype=np.int64))))
@@ -98,7 +94,7 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
 def apply_band_twice(asked: PressureFrames) -> PressureFrames:
     """Filter a pressure with its own band again, as the re-recording of a perfect reproduction.
 
-    Silence is assumed before and after. A pressure without a band is returned unchanged; lazy frames give lazy frames.
+    Silence is assumed before and after. A pressure without a band is returned unchanged.
     """
     band = asked.band
     if band is None:
@@ -109,7 +105,7 @@ def apply_band_twice(asked: PressureFrames) -> PressureFrames:
         return band_window(frequency, band, edges=edges).reshape(-1, 1, 1)
 
     rest = band_settling_frames(band, asked.rate)
-    longer = cast("Array", pad_with_silence(asked.pressure, rest))
+    longer = np.pad(asked.pressure, ((rest, rest), (0, 0), (0, 0)))
     heard = filter_response(longer, asked.rate, window, reach=rest / asked.rate)
     return replace(asked, pressure=heard[rest : rest + asked.frames])
 

@@ -27,7 +27,6 @@ from midair.array_types import Array
 from midair.dsp import band_energies
 from midair.errors import ShapeError
 from midair.model import BAND, PressureFrames
-from midair.streaming import LazyFrames, read_frames
 
 
 def spectral_error(original: Array, later: Array) -> float:
@@ -58,7 +57,7 @@ def long_stretches(frames: int) -> list[tuple[int, int]]:
     return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
 
 
-def power_spectrum(samples: Array | LazyFrames) -> tuple[Array, int]:
+def power_spectrum(samples: Array) -> tuple[Array, int]:
     """Power spectrum of samples (frame, ...) without their means, summed over channels, and the frames per spectrum.
 
     The spectra of segments are summed for more than `LONGEST` frames.
@@ -67,12 +66,12 @@ def power_spectrum(samples: Array | LazyFrames) -> tuple[Array, int]:
     frames = parts[0][1]
     power = np.zeros(frames // 2 + 1)
     for first, last in parts:
-        for channel in read_frames(samples, first, last).reshape(frames, -1).T:
+        for channel in samples[first:last].reshape(frames, -1).T:
             power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
     return power, frames
 
 
-def dominant_frequency(samples: Array | LazyFrames, rate: float) -> float:
+def dominant_frequency(samples: Array, rate: float) -> float:
     """Frequency of the strongest bin of `power_spectrum`, in Hz."""
     power, frames = power_spectrum(samples)
     return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
@@ -270,7 +269,7 @@ def perceptual_spectrum(signal: Array) -> Array:
         return 20 * np.log10(size) - Threshold().at(BLOCK)
 
 
-def similarities(reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_]) -> Array:
+def similarities(reference: Array, distorted: Array, *, compared: NDArray[np.bool_]) -> Array:
     """ST-SIM and SPQI of the channels in the mask `compared`, shape (2, channel); NaN for the others.
 
     The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut. Both are 1 for equal
@@ -319,7 +318,7 @@ def _similarity(sums: Any) -> tuple[float, float]:
     return alike, total / heard if heard else 0.0
 
 
-def pacinian_level(pressure: Array | LazyFrames, rate: float) -> Array:
+def pacinian_level(pressure: Array, rate: float) -> Array:
     """Level of the power in the Pacinian channel, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
@@ -334,7 +333,7 @@ FELT_BANDS = ((20.0, 40.0), (40.0, 150.0), (150.0, 470.0))
 """Bands in Hz of `band_levels`: not Pacinian, rising sensitivity, and the most sensitive frequencies."""
 
 
-def band_levels(pressure: Array | LazyFrames, rate: float, *, area: float) -> Array:
+def band_levels(pressure: Array, rate: float, *, area: float) -> Array:
     """Level over the detection threshold of a palm in each of `FELT_BANDS`, in dB, shape (band, ...).
 
     Power is weighted by `SkinModel.detection_threshold`; pressure as in `pacinian_level`, `area` of contact in m2.
@@ -347,7 +346,7 @@ def band_levels(pressure: Array | LazyFrames, rate: float, *, area: float) -> Ar
     return _weighted_level(pressure, rate, weights)
 
 
-def _weighted_level(pressure: Array | LazyFrames, rate: float, weights: Callable[[Array], Array]) -> Array:
+def _weighted_level(pressure: Array, rate: float, weights: Callable[[Array], Array]) -> Array:
     """Level in dB of the skin's displacement with several weights (weight, bin), shape (weight, ...)."""
     parts = long_stretches(len(pressure))
     frames = parts[0][1]
@@ -355,7 +354,7 @@ def _weighted_level(pressure: Array | LazyFrames, rate: float, weights: Callable
     weight = weights(np.asarray(np.fft.rfftfreq(frames, 1 / rate)[1:], np.float64))
     power = np.zeros((len(weight), int(np.prod(pressure.shape[1:], dtype=np.int64))))
     for first, last in parts:
-        for channel, values in enumerate(read_frames(pressure, first, last).reshape(frames, -1).T):
+        for channel, values in enumerate(pressure[first:last].reshape(frames, -1).T):
             spectrum = np.fft.rfft(SkinModel().displacement(values))[1:] * 2 / frames
             power[:, channel] += weight @ np.abs(spectrum) ** 2
     with np.errstate(divide="ignore"):
@@ -371,14 +370,14 @@ def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
 
 
-def _stretches(reference: Array | LazyFrames, distorted: Array | LazyFrames) -> Iterator[tuple[Array, Array]]:
+def _stretches(reference: Array, distorted: Array) -> Iterator[tuple[Array, Array]]:
     """Segments of whole blocks of both signals, 4 MB each; the first one includes the end of a short signal."""
     frames = min(len(reference), len(distorted))
     whole = max(frames // BLOCK, 1) * BLOCK
     step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // BLOCK) * BLOCK
     for first in range(0, whole, step):
         last = min(first + step, whole, frames)
-        yield read_frames(reference, first, last), read_frames(distorted, first, last)
+        yield reference[first:last], distorted[first:last]
 
 
 FIBRES = {"SA1": "slowly adapting", "RA": "rapidly adapting", "PC": "Pacinian"}

@@ -23,7 +23,7 @@ from midair.evaluate.perception import (
     texture,
 )
 from midair.model import BAND, PressureFrames
-from midair.streaming import LazyFrames, as_lazy, blocks, each_frame, read_frames
+from midair.streaming import blocks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -217,9 +217,7 @@ def _band_name(band: tuple[float, float]) -> str:
     return f"{band[0]:g} to {band[1]:g} Hz over the threshold"
 
 
-def _over_threshold(
-    x: Array | LazyFrames, y: Array | LazyFrames, rate: float, skin: SkinModel, area: float
-) -> list[PerceptualFigure]:
+def _over_threshold(x: Array, y: Array, rate: float, skin: SkinModel, area: float) -> list[PerceptualFigure]:
     """Level of each band over the detection threshold for a contact area in m2."""
     pair = [band_levels(each, rate, area=area) for each in (x, y)]
     meaning = (
@@ -233,9 +231,7 @@ def _over_threshold(
     ]
 
 
-def _textures(
-    x: Array | LazyFrames, y: Array | LazyFrames, rate: float, compared: NDArray[np.bool_]
-) -> list[PerceptualFigure]:
+def _textures(x: Array, y: Array, rate: float, compared: NDArray[np.bool_]) -> list[PerceptualFigure]:
     """Texture of the compared cells, from the first two minutes; without what is undefined."""
 
     def on_cells(values: Array) -> Values:
@@ -245,7 +241,7 @@ def _textures(
 
     if not compared.any() or rate < 2 * BAND[1]:
         return []
-    pair = [texture(read_frames(each, 0, min(len(each), LONGEST))[:, compared], rate) for each in (x, y)]
+    pair = [texture(each[:LONGEST][:, compared], rate) for each in (x, y)]
     return [
         each
         for name, (unit, meaning) in TEXTURE.items()
@@ -255,7 +251,7 @@ def _textures(
 
 
 def _similarities(
-    x: Array | LazyFrames, y: Array | LazyFrames, rate: float, skin: SkinModel, weight: Array, level: float
+    x: Array, y: Array, rate: float, skin: SkinModel, weight: Array, level: float
 ) -> list[PerceptualFigure]:
     """ST-SIM and SPQI of the cells with a weight, after `level` is divided out, and with it."""
     scale, found = skin.metric_scale(), list[PerceptualFigure]()
@@ -272,10 +268,7 @@ def _similarities(
         ),
     )
     for which, (end, factor) in enumerate(((", level matched", level or 1.0), ("", 1.0))):
-        pair = [
-            each_frame(resample(as_lazy(each), rate, RATE), lambda block, by=by: by * block)
-            for each, by in ((x, scale), (y, scale / factor))
-        ]
+        pair = [by * resample(each, rate, RATE) for each, by in ((x, scale), (y, scale / factor))]
         maps = similarities(*pair, compared=weight.ravel() > 0).reshape(2, *weight.shape)
         means = np.nansum(maps * weight, axis=(1, 2)) / (weight.sum() or 1.0)
         for name, each, mean, meaning in zip(("ST-SIM", "SPQI"), maps, means, meanings, strict=True):

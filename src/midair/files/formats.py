@@ -32,7 +32,6 @@ from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, Solution
 from midair.recordings import suspicious
 from midair.registry import Registry
-from midair.streaming import LazyFrames
 from midair.validation import check_type
 
 Place = str | os.PathLike[str]
@@ -81,7 +80,7 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
         .tdms; .ahap and .haptic effects are rendered to waves.
-    rate, unit, sensor, scale, channels, stream, packed, mending, streamed
+    rate, unit, sensor, scale, channels, stream, packed, mending
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
     Raises
@@ -114,14 +113,10 @@ def _opened(path: Place, given: ImportOptions) -> OpenedTake:
     form = format_of(path)
     file = existing_file(path)
     if form.memory:
-        advice = "cut it, or convert it to .h5 or WAV, which are read in parts"
-        check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
+        check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", "cut it, or decimate it")
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
     with parse_errors(file, f"a {form.name} file"), np.errstate(all="ignore"):
-        imported = form.read(file, replace(given, streamed=given.streamed and given.mending is None))
-    # The check would read all lazy frames.
-    if isinstance(imported.recording.samples, LazyFrames):
-        return imported
+        imported = form.read(file, given)
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 

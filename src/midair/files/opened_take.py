@@ -13,7 +13,6 @@ from midair.array_types import Array
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit, known_unit
 from midair.recordings import Mended, Mending, is_clock, mend, repeated_rows, seconds, to_fixed_rate
-from midair.streaming import blocks, each_frame
 from midair.validation import Declared, documented, setting
 
 ONE = SensorGrid(rows=1, columns=1)
@@ -62,10 +61,6 @@ class ImportOptions(Declared):
     packed: int | None = setting(None, "Number of channels that are interleaved in one row of numbers, such as 16.")
     mending: Mending | None = None
     """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
-    streamed: bool = False
-    """Whether to return lazy samples where the format supports it (HDF5 of midair, WAV) and gaps are not filled: a
-    recording of any length then needs the memory of one block. Checks for suspicious channels are then left to
-    `midair.recordings.suspicious`."""
 
     def __post_init__(self) -> None:
         if self.packed is not None and self.packed < 1:
@@ -150,9 +145,7 @@ class ImportedData:
         scale: float | Array = given.scale or 1.0
         if self.units and given.scale is None:
             scale = np.reshape([known_unit(text)[1] for text in self.units], sensor.shape)
-        samples = each_frame(
-            mended.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
-        )
+        samples = np.asarray(mended.samples).reshape(-1, *sensor.shape) * scale
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
 
@@ -285,8 +278,8 @@ class ImportedData:
         if not places or len(set(places)) != len(places):
             raise ShapeError(f"{path}: expected different channels, got {', '.join(channels) or 'none'}")
         names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
-        samples = each_frame(self.samples, lambda block: block.reshape(len(block), -1)[:, places], exact=True)
-        some = next(blocks(samples))
+        samples = self.samples.reshape(len(self.samples), -1)[:, places]
+        some = samples[:_COMPARED]
         fine = len(np.unique(some, axis=0)) > len(some) / 2  # coarse numbers repeat by themselves
         repeats = tuple(sentence for sentence in repeated_rows(samples) if fine and sentence not in self.report)
         return replace(
@@ -319,10 +312,8 @@ def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:
     )
 
 
-def of_two(scale: float | Array) -> bool:
-    """True if factors are powers of two, which keep every digit of a number."""
-    return bool((np.abs(np.frexp(scale)[0]) == 0.5).all())
-
+_COMPARED = 2**14
+"""Frames in which equal rows are counted."""
 
 Lost = Literal["calibration", "pressure", "provenance", "sensor", "scale", "rate", "channels", "waveform"]
 """Kinds of lost information, as keys for programs."""

@@ -51,7 +51,6 @@ from .sensing import cell_weights as cell_weights
 from .sensing import channel_response as channel_response
 from .sensing import fade_window as fade_window
 from .sensing import sense as sense
-from .sensing import sense_lazily as sense_lazily
 from .sensing import storage_precision as storage_precision
 from .skin import SKINS as SKINS
 from .skin import TOUCH_CHANNELS as TOUCH_CHANNELS

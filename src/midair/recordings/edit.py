@@ -17,7 +17,6 @@ from midair import dsp
 from midair.array_types import Array
 from midair.errors import InputError, MismatchError, NonFiniteError, ShapeError
 from midair.model import Event, Provenance, Recording, Setting
-from midair.streaming import LazyFrames, blocks, concatenate_lazy, each_frame, medians, moments, read_frames
 from midair.validation import frozen_array, one_of, positive, within
 
 Fill = Literal["zero", "neighbours"]
@@ -57,7 +56,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
                 raise MismatchError(
                     f"join: expected {name} {want} as in the first, got {have} in number {number}{advice}"
                 )
-    samples = concatenate_lazy([recording.samples for recording in recordings])
+    samples = np.concatenate([recording.samples for recording in recordings])
     return replace(first, samples=samples, provenance=_joined(recordings))
 
 
@@ -92,16 +91,16 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
     within(margin, "trim: margin", 0, unit="s")
     # The median estimates the output at rest, which need not be 0; the touch would shift a mean.
-    rest, found = medians(recording.samples), moments(recording.samples)
-    most = float(np.maximum(found.greatest - rest, rest - found.least).max())
+    away = np.abs(recording.samples - np.median(recording.samples, axis=0)).max(axis=(1, 2))
+    most = float(away.max())
     limit = share * most if level is None else float(level)
-    loud = _loud(recording.samples, rest, limit)
-    if loud is None:
+    loud = np.flatnonzero(away > limit)
+    if not len(loud):
         raise InputError(
             f"trim: expected something above {limit:g} {recording.unit}, got at most {most:g}; lower the level"
         )
     spare = round(margin * recording.rate)
-    first, last = max(0, loud[0] - spare), min(recording.frames, loud[1] + 1 + spare)
+    first, last = max(0, int(loud[0]) - spare), min(recording.frames, int(loud[-1]) + 1 + spare)
     return _part(recording, "trim", first, last, level=limit, margin_s=float(margin))
 
 
@@ -116,9 +115,11 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
         raise ShapeError(f"gain: expected one factor or {recording.sensor.shape}, got shape {shape}")
     factors = frozen_array(factor, "gain", shape)
     setting: Setting = tuple(map(tuple, factors.tolist())) if shape else float(factors)
-    two = np.abs(np.frexp(factors)[0]) == 0.5
-    samples = each_frame(recording.samples, lambda block: block * factors, exact=bool(two.all()))
-    return replace(recording, samples=samples, provenance=recording.provenance.then("gain", {"factor": setting}))
+    return replace(
+        recording,
+        samples=recording.samples * factors,
+        provenance=recording.provenance.then("gain", {"factor": setting}),
+    )
 
 
 def select(recording: Recording, channels: Sequence[int]) -> Recording:
@@ -129,7 +130,7 @@ def select(recording: Recording, channels: Sequence[int]) -> Recording:
     chosen = list(channels)
     for channel in chosen:
         recording.sensor.channel_position(channel)
-    samples = each_frame(recording.samples, lambda block: block.reshape(len(block), 1, -1)[..., chosen], exact=True)
+    samples = recording.samples.reshape(recording.frames, 1, -1)[..., chosen]
     settings: dict[str, Setting] = {"channels": tuple(chosen)}
     sensor = replace(recording.sensor, rows=1, columns=len(chosen))
     return replace(recording, samples=samples, sensor=sensor, provenance=recording.provenance.then("select", settings))
@@ -145,15 +146,15 @@ def fade(recording: Recording, start: float = 0.05, end: float = 0.05) -> Record
         raise InputError(
             f"fade: expected two times of 0 s or more within {recording.duration:g} s, got {start:g} and {end:g} s"
         )
-    rest, frames = medians(recording.samples), recording.frames
+    rest, frames = np.median(recording.samples, axis=0), recording.frames
 
     def faded(begin: int, count: int, way: int) -> Array:
         ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / max(count, 1))[::way, None, None]
-        return rest + ramp * (read_frames(recording.samples, begin, begin + count) - rest)
+        return rest + ramp * (recording.samples[begin : begin + count] - rest)
 
     parts = [faded(0, first, 1), recording.samples[first : frames - last], faded(frames - last, last, -1)]
     provenance = recording.provenance.then("fade", {"start_s": float(start), "end_s": float(end)})
-    return replace(recording, samples=concatenate_lazy([each for each in parts if len(each)]), provenance=provenance)
+    return replace(recording, samples=np.concatenate(parts), provenance=provenance)
 
 
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
@@ -168,28 +169,13 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
         recording.sensor.channel_position(channel)
     beside = {channel: _neighbours(recording, channel, masked) for channel in masked} if fill == "neighbours" else {}
 
-    def without(block: Array) -> Array:
-        samples = block.reshape(len(block), -1).copy()
-        samples[:, masked] = 0
-        for channel, others in beside.items():
-            samples[:, channel] = samples[:, others].mean(axis=1)
-        return samples.reshape(block.shape)
-
-    samples = each_frame(recording.samples, without, exact=fill == "zero")
+    samples = recording.samples.reshape(recording.frames, -1).copy()
+    samples[:, masked] = 0
+    for channel, others in beside.items():
+        samples[:, channel] = samples[:, others].mean(axis=1)
     settings: dict[str, Setting] = {"channels": tuple(masked), "fill": fill}
     provenance = recording.provenance.then("mask", settings)
-    return replace(recording, samples=samples, provenance=provenance)
-
-
-def _loud(samples: "Array | LazyFrames", rest: Array, limit: float) -> tuple[int, int] | None:
-    """First and last frame in which a channel is further than `limit` from its rest value, or None."""
-    first, last, before = -1, -1, 0
-    for block in blocks(samples):
-        loud = np.flatnonzero(np.abs(block - rest).max(axis=(1, 2)) > limit)
-        if len(loud):
-            first, last = before + int(loud[0]) if first < 0 else first, before + int(loud[-1])
-        before += len(block)
-    return None if first < 0 else (first, last)
+    return replace(recording, samples=samples.reshape(recording.samples.shape), provenance=provenance)
 
 
 def _part(recording: Recording, stage: str, first: int, last: int, **settings: Setting) -> Recording:

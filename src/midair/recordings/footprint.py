@@ -19,7 +19,6 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
-from midair.streaming import LazyFrames
 from midair.validation import length, one_of
 
 Shape = Literal["circle", "square", "line"]
@@ -111,10 +110,6 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
             parameters={"channels": "channels=(...) to choose one"},
         )
 
-    def field(first: int, last: int) -> Array:
-        share = covered(footprint, sensor, np.arange(first, last) / recording.rate)
-        return np.asarray(recording.samples[first:last]) * share
-
     settings: dict[str, Setting] = {
         "field": "synthetic: one waveform times the share of each cell that the footprint covers",
         "shape": footprint.shape,
@@ -127,9 +122,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
         "pitch_m": sensor.pitch,
     }
     provenance = recording.provenance.then("footprint", settings, simulated=True)
-    samples = LazyFrames(field, (recording.frames, *sensor.shape))
-    if not isinstance(recording.samples, LazyFrames):
-        samples = np.asarray(samples)
+    samples = recording.samples * covered(footprint, sensor, recording.time)
     return replace(recording, samples=samples, sensor=sensor, provenance=provenance)
 
 

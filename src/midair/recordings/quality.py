@@ -5,18 +5,16 @@ from numpy.typing import NDArray
 
 from midair.dsp import Band, welch
 from midair.model import Calibration, Recording, Setting
-from midair.streaming import LazyFrames, Moments, blocks, moments
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
     """True for channels that never change, shape (row, column)."""
-    found = moments(recording.samples)
-    return found.least == found.greatest
+    return recording.samples.min(axis=0) == recording.samples.max(axis=0)
 
 
 def clipped_channels(recording: Recording) -> NDArray[np.integer]:
     """Numbers of the channels that reach their maximum or minimum repeatedly."""
-    return np.flatnonzero(_flat_tops(recording.samples, moments(recording.samples)))
+    return np.flatnonzero(_flat_tops(recording.samples.reshape(recording.frames, -1)))
 
 
 def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
@@ -46,26 +44,27 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     Rectified, such as the magnitude of an acceleration or a force: no number is below zero, and the values lie mostly
     in the lower part of their range.
     """
-    found = moments(recording.samples)
-    dead = (found.least == found.greatest).ravel()
+    samples = recording.samples.reshape(recording.frames, -1)
+    dead = dead_channels(recording).ravel()
     report: list[str] = []
     if recording.frames > 1 and dead.any():
-        first = found.first.ravel()
-        values = ", ".join(f"{i} ({first[i]:g} {recording.unit})" for i in np.flatnonzero(dead))
+        values = ", ".join(f"{i} ({samples[0, i]:g} {recording.unit})" for i in np.flatnonzero(dead))
         report.append(f"Channels that never change, dead or saturated: {values}.")
     if recording.frames >= 100 and not dead.all():
-        spread = found.spread.ravel()
-        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(found, recording.frames)
+        # Scaled, because squares of very large or small numbers overflow or underflow.
+        scaled = samples / 2.0 ** min(int(np.frexp(np.abs(samples).max())[1]), 1023)
+        spread = scaled.std(axis=0)
+        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(scaled, spread)
         if names := ", ".join(map(str, np.flatnonzero(floor))):
             report.append(f"Channels that hold only white noise, more than ten times below the others: {names}.")
     if names := ", ".join(map(str, clipped_channels(recording))):
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
-    if outliers := _outliers(recording, found):
+    if outliers := _outliers(samples, recording.unit):
         report.append(
             f"Outliers, more than a thousand times as far from the median as the other values: channel"
             f" {', '.join(outliers)}; check them, since a wrong bit or a lost cable looks the same."
         )
-    if recording.frames >= 100 and _is_rectified(found):
+    if recording.frames >= 100 and _is_rectified(samples):
         report.append(
             "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is "
             "rectified and appears at other frequencies than the original; use one axis instead."
@@ -73,75 +72,48 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     return tuple(report)
 
 
-def _outliers(recording: Recording, found: Moments) -> list[str]:
+def _outliers(samples: NDArray[np.float64], unit: str) -> list[str]:
     """Channels with outliers, each with the value that is farthest from the median, and its frame."""
-    frames = recording.frames
-    # The median of the first block: some outliers move a mean as far as they please.
-    middle = np.median(next(blocks(recording.samples)), axis=0).ravel()
-    greatest, least = found.greatest.ravel() - middle, middle - found.least.ravel()
-    far = np.maximum(greatest, least)
-    # Three outliers have at least this ratio to the standard deviation.
-    if (
-        frames < 20
-        or not (channels := np.flatnonzero(far * np.sqrt(3 / frames + 1e-6) > 0.9 * found.spread.ravel())).size
-    ):
+    if len(samples) < 20:
         return []
-    beyond, other, place = (np.zeros(len(channels)) for _ in range(3))
-    first = 0
-    for block in blocks(recording.samples):
-        away = np.abs(block.reshape(len(block), -1)[:, channels] - middle[channels])
-        high = away > far[channels] / 1000
-        beyond += high.sum(axis=0)
-        other = np.maximum(other, np.max(away, axis=0, where=~high, initial=0))
-        hit = away == far[channels]
-        place = np.where(hit.any(axis=0), hit.argmax(axis=0) + first, place)
-        first += len(block)
-    value = np.where(greatest > least, found.greatest.ravel(), found.least.ravel())[channels]
-    return [
-        f"{channel} ({value[i]:.4g} {recording.unit} in frame {place[i]:.0f})"
-        for i, channel in enumerate(channels)
-        if beyond[i] <= 3 and other[i] > 0
-    ]
+    found: list[str] = []
+    for channel, wave in enumerate(samples.T):
+        away = np.abs(wave - np.median(wave))
+        far = away.max()
+        high = away > far / 1000
+        if high.sum() <= 3 and away[~high].max(initial=0) > 0:
+            place = int(away.argmax())
+            found.append(f"{channel} ({wave[place]:.4g} {unit} in frame {place})")
+    return found
 
 
-def _is_rectified(found: Moments) -> bool:
+def _is_rectified(samples: NDArray[np.float64]) -> bool:
     """True if no channel is ever below zero, and the mean of most is in the lower two fifths of their range."""
-    lively = found.least < found.greatest
-    low = found.mean - found.least < (found.greatest - found.mean) / 1.5
-    return bool(lively.any() and (found.least >= 0).all() and low[lively].mean() > 0.5)
+    least, greatest, mean = samples.min(axis=0), samples.max(axis=0), samples.mean(axis=0)
+    lively = least < greatest
+    low = mean - least < (greatest - mean) / 1.5
+    return bool(lively.any() and (least >= 0).all() and low[lively].mean() > 0.5)
 
 
-def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDArray[np.bool_]:
-    """True for channels that clip, shape (channel,), from one pass along the frames."""
-    count = found.least.size
-    least, greatest = found.least.ravel(), found.greatest.ravel()
-    span = greatest - least
-    near = 0.005 * span
-    step = np.full(count, np.inf)
-    at, below, visits = (np.zeros((2, count), np.int64) for _ in range(3))
-    before = np.full((1, count), np.nan)
-    for block in blocks(samples):
-        part = block.reshape(len(block), count)
-        rows = np.concatenate([before, part])
-        change = np.abs(np.diff(rows, axis=0))
-        step = np.minimum(step, np.min(change, axis=0, where=change > 0, initial=np.inf))
-        for side, depth in enumerate((greatest - rows, rows - least)):
+def _flat_tops(samples: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True for channels that clip, shape (channel,), for samples (frame, channel)."""
+    least, greatest = samples.min(axis=0), samples.max(axis=0)
+    clipped = np.zeros(len(least), bool)
+    for channel, wave in enumerate(samples.T):
+        span, change = greatest[channel] - least[channel], np.abs(np.diff(wave))
+        step = change[change > 0].min(initial=np.inf)
+        held, above = np.zeros(2, bool), False
+        for side, depth in enumerate((greatest[channel] - wave, wave - least[channel])):
             top = depth == 0
-            at[side] += top[1:].sum(axis=0)
-            below[side] += ((depth > 0) & (depth <= np.maximum(near, 1.01 * step)))[1:].sum(axis=0)
-            visits[side] += (top[1:] & ~top[:-1]).sum(axis=0)
-        before = rows[-1:]
-    held = (at >= 20) & (visits >= 5) & (np.stack([greatest, least]) != 0)
-    tops = held & (at > 4 * below) & (span >= 100 * step)
-    clipped = np.zeros(count, bool)
-    if held.any():
-        some = next(blocks(samples)).reshape(-1, count)
-        for channel in np.flatnonzero(held.any(axis=0)):
+            near = ((depth > 0) & (depth <= max(0.005 * span, 1.01 * step))).sum()
+            visits = top[0] + (top[1:] & ~top[:-1]).sum()
+            held[side] = top.sum() >= 20 and visits >= 5 and (greatest, least)[side][channel] != 0
+            above |= held[side] and top.sum() > 4 * near and span >= 100 * step
+        if held.any():
             # The levels of a computed tone repeat only to rounding.
-            x = np.rint((some[:, channel] - least[channel]) / span[channel] * 1e9)
+            x = np.rint((wave - least[channel]) / span * 1e9)
             levels = np.unique(x)
-            few = len(levels) < 100
-            clipped[channel] = _flat_few(x, levels, held[:, channel]) if few else tops[:, channel].any()
+            clipped[channel] = _flat_few(x, levels, held) if len(levels) < 100 else above
     return clipped
 
 
@@ -159,9 +131,10 @@ def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArra
     return bool(not coarse and (still & ends).sum() > 1.5 * came and (still & ~ends).sum() <= 0.1 * came)
 
 
-def _is_white(found: Moments, n: int) -> NDArray[np.bool_]:
+def _is_white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.bool_]:
+    n = len(samples)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.square(found.step / found.spread).ravel()
+        ratio = np.square(np.diff(samples, axis=0)).mean(axis=0) / np.square(spread)
     return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))
 
 
@@ -177,7 +150,7 @@ def unreproduced(recording: Recording, calibration: Calibration | None, band: Ba
     calibration does not hold, or at which the sensor has less than a tenth of its response in the band, are left out.
     """
     frequency, density = welch(recording.samples, recording.rate, resolution=1.0)
-    density, mean = (each.reshape(-1, recording.sensor.count) for each in (density, moments(recording.samples).mean))
+    density, mean = (each.reshape(-1, recording.sensor.count) for each in (density, recording.samples.mean(axis=0)))
     size, first = np.ones(density.shape), 0.0
     if calibration is not None:
         first = float(calibration.frequency[0])

@@ -18,14 +18,12 @@ def pressure_of(
     settings: Settings,
     start: float = 0.0,
     duration: float | None = None,
-    *,
-    streamed: bool = False,
 ) -> PressureFrames:
-    """Calibrated pressure of a part of a take, `start` and `duration` in s; a file in lazy frames if `streamed`.
+    """Calibrated pressure of a part of a take, `start` and `duration` in s.
 
     Raises InputError if the part is not in the take.
     """
-    opened = take if isinstance(take, OpenedTake) else open_take(take, streamed=streamed)
+    opened = take if isinstance(take, OpenedTake) else open_take(take)
     # Cut after calibration, so that filters leave no edges.
     pressure = calibrated_pressure(opened.recording, opened.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
@@ -38,13 +36,12 @@ def pressure_to_solve(
     duration: float | None = None,
     *,
     lead: float | None = None,
-    streamed: bool = False,
 ) -> PressureFrames:
     """`pressure_of` with `lead` s before and after it, by default those that the settings need.
 
     Its provenance states what a drive of the whole take does not reproduce.
     """
-    opened = take if isinstance(take, OpenedTake) else open_take(take, streamed=streamed)
+    opened = take if isinstance(take, OpenedTake) else open_take(take)
     part = pressure_of(opened, settings, start, duration)
     told = unreproduced(opened.recording, opened.calibration, settings.calibration.band)
     part = replace(part, provenance=part.provenance.then("not reproduced", told))

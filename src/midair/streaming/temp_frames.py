@@ -9,9 +9,8 @@ from typing import IO, Any, Self
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from midair.array_types import Array
 from midair.errors import FileError
-from midair.streaming.lazy_frames import LazyFrames, blocks
+from midair.streaming.lazy_frames import LazyFrames
 
 
 @contextmanager
@@ -83,40 +82,6 @@ class TempFrames(_Numbers):
     def reel(self, frames: int | None = None) -> LazyFrames:
         """All frames as lazy frames; `frames` if more will be appended."""
         return LazyFrames(self.read, (self.frames if frames is None else frames, *self.shape))
-
-
-class TempChannels(_Numbers):
-    """Values of every channel over all frames, stored channel by channel, written and read by channel or by frame."""
-
-    def __init__(self, frames: int, channels: int) -> None:
-        super().__init__()
-        self.frames, self.channels = frames, channels
-
-    def put(self, channel: int, first: int, values: Array) -> None:
-        """Write values of one channel from frame `first` on; raises FileError if the disk is full."""
-        self._write(channel * self.frames + first, values)
-
-    def channel(self, number: int, first: int, last: int) -> Array:
-        """Values of one channel from frame `first` up to `last`."""
-        return self._read(number * self.frames + first, last - first)
-
-    def fill(self, x: "Array | LazyFrames") -> Self:
-        """Write a whole array or lazy frames with the same numbers of frames and channels."""
-        first = 0
-        for block in blocks(x):
-            for channel, values in enumerate(block.reshape(len(block), -1).T):
-                self.put(channel, first, values)
-            first += len(block)
-        return self
-
-    def reel(self, *shape: int) -> LazyFrames:
-        """All frames as lazy frames, each reshaped to `shape`."""
-
-        def read(first: int, last: int) -> Array:
-            parts = [self.channel(number, first, last) for number in range(self.channels)]
-            return np.stack(parts, axis=1).reshape(-1, *shape)
-
-        return LazyFrames(read, (self.frames, *shape))
 
 
 class ArrivingFrames(LazyFrames):

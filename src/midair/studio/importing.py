@@ -91,7 +91,7 @@ def run_edit(words: tuple[str, ...], progress: Progressed) -> dict[str, Any]:
 
 def _course(path: str, columns: int = 400) -> dict[str, Any]:
     """Least and greatest value of the strongest channel in each of at most `columns` equal parts."""
-    recording = open_take(path, streamed=True).recording
+    recording = open_take(path).recording
     samples = recording.samples
     size = max(1, -(-len(samples) // columns))
     parts = [block.reshape(len(block), -1) for block in blocks(samples, size)]

@@ -18,7 +18,6 @@ pressure. A lead before and after a recording lets it start without a step, and 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import cast
 
 import numpy as np
 import scipy
@@ -28,14 +27,14 @@ from midair.dsp import Band, band_window, filter_response
 from midair.errors import DeviceStateError, InputError, ShapeError
 from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
 from midair.physics import TransducerDynamics, playback_response
-from midair.streaming import LazyFrames, each_frame, pad_with_fade, with_context
+from midair.streaming import each_frame
 from midair.targets.receptors import RISE, receptors
 from midair.validation import one_of, positive
 
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike
     """The positive part, any shape, in Pa (paper, 4.1)."""
-    return each_frame(pressure, lambda block: np.maximum(block, 0.0))
+    return np.maximum(pressure, 0.0)
 
 
 def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float | None = None) -> Array:  # noqa: ARG001
@@ -45,11 +44,10 @@ def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float
     each cell's minimum, which needs the whole recording. `rate` is ignored.
     """
     if offset is None:
-        lift = np.minimum(pressure.min(axis=0), 0.0)
-        return each_frame(pressure, lambda block: block - lift)
+        return pressure - np.minimum(pressure.min(axis=0), 0.0)
     if not (np.isfinite(offset).all() and np.min(offset) >= 0):
         raise InputError(f"offset: expected 0 Pa or more, got {np.min(offset):g} Pa")
-    return each_frame(pressure, lambda block: np.maximum(block + offset, 0.0))
+    return np.maximum(pressure + offset, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +107,6 @@ class SlowBias:
     def __call__(self, pressure: Array, rate: float) -> Array:
         """Map the pressure, same shape, in Pa; beyond its ends the first and last frame are repeated."""
         reach = self.reach(rate)
-        if isinstance(pressure, LazyFrames):
-            return cast("Array", with_context(pressure, reach, lambda around: self.lift(around, rate)))
         ends = [np.repeat(end, reach, axis=0) for end in (pressure[:1], pressure[-1:])]
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
 
@@ -290,7 +286,7 @@ def default_lead(mapping: str, band: Band) -> float:
 
 
 def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
-    """Add `lead` seconds on both sides: silence, then a fade to the first frame. Lazy frames stay lazy.
+    """Add `lead` seconds on both sides: silence, then a fade to the first frame.
 
     Raises InputError if the lead is below 0 or not below 10 s.
     """
@@ -300,10 +296,13 @@ def add_lead(pressure: PressureFrames, lead: float) -> PressureFrames:
     if not pad:
         return pressure
     provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
-    swell = round(_swell(pressure.band or BAND) * pressure.rate)
-    return replace(
-        pressure, pressure=cast("Array", pad_with_fade(pressure.pressure, pad, swell)), provenance=provenance
-    )
+    swell = min(pad, round(_swell(pressure.band or BAND) * pressure.rate))
+    longer = np.pad(pressure.pressure, ((pad, pad), (0, 0), (0, 0)))
+    if swell:
+        rise = (0.5 - 0.5 * np.cos(np.pi * np.arange(swell) / swell)).reshape(-1, 1, 1)
+        longer[pad - swell : pad] = rise * pressure.pressure[0]
+        longer[len(longer) - pad : len(longer) - pad + swell] = rise[::-1] * pressure.pressure[-1]
+    return replace(pressure, pressure=longer, provenance=provenance)
 
 
 def remove_lead(pressure: PressureFrames, frames: int) -> PressureFrames:

@@ -5,15 +5,11 @@ A focus that turns on a small orbit excites slowly adapting receptors (SA-I), a 
 2026. The orbit is a `Circle`. How a recording gives the three levels is not theirs, and not validated on people.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import band_window, filter_fir, filter_response
 from midair.errors import RateError
-from midair.streaming import LazyFrames, read_frames
 
 FAST, PACINIAN = 30.0, 150.0
 """Frequencies in Hz of the vibrations for fast adapting receptors and for Pacinian corpuscles."""
@@ -50,13 +46,7 @@ def receptor_levels(pressure: Array, rate: float) -> tuple[Array, Array, Array]:
     slow, most = (below(*split) for split in SPLITS)
 
     def amplitude(inside: Array, outside: Array) -> Array:
-        def square(one: Array, other: Array, _: int) -> Array:
-            return (one - other) ** 2
-
-        def root(power: Array, _: int) -> Array:
-            return np.sqrt(2 * np.maximum(power, 0))
-
-        return _joined(root, filter_fir(_joined(square, inside, outside), hann / hann.sum()))
+        return np.sqrt(2 * np.maximum(filter_fir((inside - outside) ** 2, hann / hann.sum()), 0))
 
     return slow, amplitude(most, slow), amplitude(pressure, most)
 
@@ -70,17 +60,6 @@ def receptors(pressure: Array, rate: float) -> Array:
     if rate < 2 * PACINIAN:
         raise RateError(f"mapping receptors: expected {2 * PACINIAN:g} frames a second or more, got {rate:g}")
 
-    def made(s: Array, a: Array, b: Array, first: int) -> Array:
-        time = (np.arange(first, first + len(s)) / rate).reshape(-1, *[1] * (s.ndim - 1))
-        return receptor_pressure(np.maximum(s - a - b, 0), 2 * a, 2 * b, time)
-
-    return _joined(made, *receptor_levels(pressure, rate))
-
-
-def _joined(function: Callable[..., Any], *parts: Array) -> Any:
-    """A function of frames and the number of the first one: at once, or for lazy frames when they are read."""
-    if not any(isinstance(part, LazyFrames) for part in parts):
-        return function(*parts, 0)
-    return LazyFrames(
-        lambda first, last: function(*(read_frames(part, first, last) for part in parts), first), parts[0].shape
-    )
+    s, a, b = receptor_levels(pressure, rate)
+    time = (np.arange(len(s)) / rate).reshape(-1, *[1] * (s.ndim - 1))
+    return receptor_pressure(np.maximum(s - a - b, 0), 2 * a, 2 * b, time)

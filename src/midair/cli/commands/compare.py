@@ -2,13 +2,11 @@
 
 import importlib
 import sys
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from midair.cli.comparisons import (
-    cached_pressure,
     plain,
     print_metrics,
     print_palm,
@@ -116,18 +114,16 @@ def compare_command(
                 raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
         if seed or spread != "default":
             raise InputError(f"--seed, --spread: expected a drive as second file, got the recording {reproduced.name}")
-        take = open_take(reproduced, streamed=True)
+        take = open_take(reproduced)
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
-    with ExitStack() as stack:
-        pair = aligned_pair(pressure_of(original, settings, streamed=True), take, settings)
-        before, heard = (stack.enter_context(cached_pressure(each)) for each in (pair.original, pair.heard))
-        comparison = compare(before, heard, first=pair.first, noise=pair.noise)
-        after = replace(pair, heard=heard).piece
-        card = metrics_or_none(before, after)
-        if report is not None:
-            _write_report(report, before, after, comparison, card, told)
-        played = {"original": before, "reproduced": after}
-        fibres = model and {name: afferent_rates(each, model) for name, each in played.items()}
+    pair = aligned_pair(pressure_of(original, settings), take, settings)
+    before, after = pair.original, pair.piece
+    comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise)
+    card = metrics_or_none(before, after)
+    if report is not None:
+        _write_report(report, before, after, comparison, card, told)
+    played = {"original": before, "reproduced": after}
+    fibres = model and {name: afferent_rates(each, model) for name, each in played.items()}
     advice = next_step(comparison.gain, Settings.of(take.recording.provenance))
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
@@ -163,7 +159,7 @@ def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
 
     def made(path: Path) -> bool:
         drive = path.name.lower().endswith(DRIVE_SUFFIX)
-        return drive or open_take(path, streamed=True).recording.provenance.played
+        return drive or open_take(path).recording.provenance.played
 
     if made(first) and not made(second):
         print_note(f"{first.name} is a reproduction: compared with {second.name} as the original")

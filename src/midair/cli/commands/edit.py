@@ -218,7 +218,7 @@ def _edit(
 ) -> None:
     """Write what `change` makes of the recordings, with the calibration that all sources share."""
     may_write(output, force)
-    takes = [open_take(source, streamed=True) for source in sources]
+    takes = [open_take(source) for source in sources]
     recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
     first = calibrations[0]

@@ -154,9 +154,7 @@ def _convert(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = (
-        OpenedTake(recording=sample(name)) if ready else import_recording(file, options, streamed=True, mending=mending)
-    )
+    imported = OpenedTake(recording=sample(name)) if ready else import_recording(file, options, mending=mending)
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
         about = SAMPLES[name]
@@ -165,7 +163,7 @@ def _convert(
     recording = imported.recording
     stated = calibration_from_options(recording, sensitivity, peak)
     known = stated or imported.calibration
-    pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
+    pressure = load_pressure(file) if imported.stored and stated is None else None
     lost = save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
     stated_by = calibration_row(known, hidden=recording.unit == "Pa" and not known)
     table = [Row("recording", str(target)), *describe(recording), stated_by]
@@ -213,9 +211,9 @@ def export_command(
         return _export_drive(source, output, force=force, json=json)
     writer_of(output)
     may_write(output, force)
-    take = open_take(source, streamed=True)
+    take = open_take(source)
     recording, calibration = take.recording, take.calibration
-    made = load_pressure(source, streamed=True) if take.stored else None
+    made = load_pressure(source) if take.stored else None
     if pressure:
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from midair.cli.options import Json
 from midair.cli.output import calibration_row, describe, level_of_file, print_table, solve_error
 from midair.cli.stage_options import describe_strokes
@@ -18,7 +20,6 @@ from midair.files import (
 from midair.model import Provenance, Setting
 from midair.rig import calibration_rows, describe_uncertainty
 from midair.settings import format_setting
-from midair.streaming import moments
 from midair.table import Line, Row
 from midair.targets import frames_without_lead
 
@@ -66,11 +67,11 @@ def _array(source: Path) -> _Facts:
 
 
 def _take(source: Path) -> _Facts:
-    take = open_take(source, streamed=True)
+    take = open_take(source)
     recording, calibration = take.recording, take.calibration
     life = recording.provenance
-    pressure = load_pressure(source, streamed=True) if take.stored else None
-    largest = None if pressure is None else float(moments(pressure.pressure).largest)
+    pressure = load_pressure(source) if take.stored else None
+    largest = None if pressure is None else float(np.abs(pressure.pressure).max())
     known = calibration is not None
     sure = describe_uncertainty(calibration) if known else None
     return [

@@ -392,4 +392,4 @@ def describe_take(take: Take, device: SensorDevice, *, staged: bool = False) -> 
 
 def _provenance(take: Take) -> Provenance:
     """Provenance with the events of the recording, from the file."""
-    return Provenance() if take.path is None else open_take(take.path, streamed=True).recording.provenance
+    return Provenance() if take.path is None else open_take(take.path).recording.provenance

@@ -108,7 +108,7 @@ def solve_command(
     transducers = transducers_of(device, None if placement is None else load_placement(placement))
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force, ".drive.h5")
-    pressure = pressure_to_solve(source, settings, start_at, duration, lead=lead, streamed=True)
+    pressure = pressure_to_solve(source, settings, start_at, duration, lead=lead)
     transducers, settings, pressure = with_array_calibration(
         array_calibration, transducers, settings, pressure, device=device
     )
@@ -269,7 +269,7 @@ def play_command(
             if room is not None:
                 medium = replace(room, alpha=solving.acoustics.medium.alpha)
                 solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
-            pressure = pressure_to_solve(source, solving, start_at, duration, lead=lead, streamed=True)
+            pressure = pressure_to_solve(source, solving, start_at, duration, lead=lead)
             return _play_recording(source, pressure, solving, settings, drive, target)
         if target is not None:
             return _play_on_virtual(source, target, settings, correct=correct_air)
@@ -303,7 +303,6 @@ def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, *, corr
     with progress_bars() as stage, rig:
         admission = check_exposure(drive, rig.array, settings.exposure, repeats=settings.repeats)
         sensor: Any = rig.sensor
-        sensor.streamed = True
         recording = rerecord(admission, rig.array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(

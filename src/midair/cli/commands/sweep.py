@@ -261,7 +261,7 @@ def recordings_command(
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
     # Lazy frames as in midair solve; their filters agree with those of an array to a few parts in a million.
-    take = open_take(source, streamed=settings.solver.name == "glide")
+    take = open_take(source)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
     known = with_fitted_gain(part, TransducerArray.autd3(), settings)

@@ -3,7 +3,6 @@
 import time
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,13 +39,12 @@ from midair.physics import (
     middle_of,
     radiate,
     sense,
-    sense_lazily,
     simulate,
     steps_per_frame,
     storage_precision,
     transfer_matrix,
 )
-from midair.streaming import LazyFrames, TempFrames, cached_blocks, concatenate_lazy
+from midair.streaming import LazyFrames, TempFrames, cached_blocks
 
 
 class VirtualSkin:
@@ -69,7 +67,6 @@ class VirtualSkin:
     def clear(self) -> None:
         """Delete all pressure; time begins again at 0."""
         self._pressed = TempFrames(*self.model.grid.shape)
-        self._lazy: LazyFrames | None = None
 
     def touch(self, stroke: PressureFrames) -> None:
         """Append the pressure of an object on the cells.
@@ -82,11 +79,7 @@ class VirtualSkin:
             )
         if stroke.sensor.shape != self.model.grid.shape:
             raise ShapeError(f"stroke: expected {self.model.grid.shape} cells, got {stroke.sensor.shape}")
-        if isinstance(stroke.pressure, LazyFrames) and not self._pressed.frames:
-            # Computed when it is read.
-            self._lazy = stroke.pressure
-        else:
-            self._pressed.append(np.asarray(stroke.pressure))
+        self._pressed.append(stroke.pressure)
 
     def press(self, pressure: Array) -> None:
         """Append radiation pressure on the points of the skin, shape (step, point), in Pa."""
@@ -94,15 +87,13 @@ class VirtualSkin:
 
     def pressure(self, steps: int) -> LazyFrames:
         """Pressure on the cells since the last clear, at least `steps` long, shape (step, row, column), in Pa."""
-        pressed = self._pressed.reel() if self._lazy is None else concatenate_lazy([self._lazy, self._pressed.reel()])
-        return pressed.followed(steps)
+        return self._pressed.reel().followed(steps)
 
 
 class VirtualSensor(SensorDevice):
     """Measures the pressure on a `VirtualSkin`; its time advances only when it is read.
 
-    With `streamed`, blocks are lazy frames, stored in temporary files. Otherwise the first `WHOLE` seconds are computed
-    at once, and longer times piece by piece as they are read.
+    The first `WHOLE` seconds are computed at once, and longer times piece by piece as they are read.
 
     `skin` is the skin at the sensor's position, whose model is the sensor's. `touch` is the pressure of an object on
     the skin from start on, at the skin's rate, which must be a multiple of `rate`, the frames per second in Hz. `seed`
@@ -112,7 +103,6 @@ class VirtualSensor(SensorDevice):
     unit = "V"
     simulated = True
     on_demand = True
-    streamed = False
 
     def __init__(
         self,
@@ -149,11 +139,8 @@ class VirtualSensor(SensorDevice):
             more = min(max(self._taken, 2 * len(self._samples)), round(WHOLE * self.rate))
             self._samples = self._sense(max(self._taken, more))
         now = first / self.rate
-        part = self._samples[first : self._taken]
-        if not self.streamed:
-            part = np.asarray(part)
-        # Lazy frames are typed as the array that they represent.
-        return FrameBlock(samples=cast("Any", part), first=first, device_time=now, host_time=now)
+        part = np.asarray(self._samples[first : self._taken])
+        return FrameBlock(samples=part, first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
         """Stop sampling."""
@@ -161,12 +148,10 @@ class VirtualSensor(SensorDevice):
 
     def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
-        if not self.streamed and len(pressure) > WHOLE * self.rate * over:
+        if len(pressure) > WHOLE * self.rate * over:
             piece = round(WHOLE * self.rate)
             return cached_blocks(self._piece, (ENDLESS, *self.grid.shape), size=piece, kept=2, stored=self.stored)
         felt, rng = pressure[: len(pressure) // over * over], np.random.default_rng(self._seed)
-        if self.streamed:
-            return sense_lazily(self._skin.model, felt, self.rate, rng=rng, oversample=over)
         return sense(self._skin.model, np.asarray(felt), self.rate, rng=rng, oversample=over)
 
     def _piece(self, first: int, last: int) -> np.ndarray:

@@ -12,7 +12,6 @@ from midair.errors import BrokenFileError
 from midair.files.native import check_format, from_plain, signature, to_plain
 from midair.files.text_files import json_of
 from midair.model import Recording, SensorGrid
-from midair.streaming import each_frame
 
 
 def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str:
@@ -53,7 +52,7 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
             f"instead of {expected}; the file was truncated or edited, copy it again"
         )
     return Recording(
-        samples=each_frame(samples, lambda block: block.reshape(len(block), *sensor.shape), exact=True),
+        samples=samples.reshape(-1, *sensor.shape),
         rate=header["rate_hz"],
         sensor=sensor,
         unit=header["unit"],

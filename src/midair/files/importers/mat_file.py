@@ -26,7 +26,7 @@ from midair.files.native import open_hdf5
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.size_limits import check_expansion, inflated, max_expanded_size
 from midair.model import Calibration, Recording
-from midair.streaming import LazyFrames, blocks
+from midair.streaming import blocks
 
 
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
@@ -220,8 +220,8 @@ def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, pat
     return numbers.reshape(shape, order="F").astype(dtype)
 
 
-def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | LazyFrames") -> None:
-    """Write float64, shape (frame, ...), as a compressed element; lazy frames are read once per channel."""
+def write_frames(file: BinaryIO, name: str, samples: NDArray[Any]) -> None:
+    """Write float64, shape (frame, ...), as a compressed element."""
     length, shape = samples.size * 8, samples.shape
     letters = name.encode("ascii")
     parts = [
@@ -235,8 +235,7 @@ def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | LazyFrames"
     file.write(struct.pack("=II", _COMPRESSED, 0))
     file.write(packer.compress(struct.pack("=II", _MATRIX, len(head) + length) + head))
     for place in np.arange(math.prod(shape[1:])).reshape(shape[1:]).ravel(order="F"):
-        for block in blocks(samples):
-            file.write(packer.compress(np.ascontiguousarray(block.reshape(len(block), -1)[:, place]).tobytes()))
+        file.write(packer.compress(np.ascontiguousarray(samples.reshape(len(samples), -1)[:, place]).tobytes()))
     file.write(packer.flush())
     end = file.tell()
     file.seek(begin)

@@ -12,29 +12,16 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
 from midair.files.atomic import atomic_file, check_disk_space
 from midair.files.importers.header import header_of, parse_header, recording_from
-from midair.files.opened_take import (
-    Format,
-    FormatLoss,
-    ImportedData,
-    ImportOptions,
-    OpenedTake,
-    calibration_lost,
-    of_two,
-)
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.model import Calibration, Recording, Unit
-from midair.streaming import LazyFrames, blocks, each_frame, moments
-from midair.validation import check_finite
-
-if TYPE_CHECKING:
-    import soundfile
-
+from midair.streaming import blocks
 
 CHUNK = b"mdar"
 """Letters of midair's chunk."""
@@ -148,7 +135,7 @@ def _write(recording: Recording, path: Path, calibration: Calibration | None, fo
 
     # Sound files have integer rates; midair's header stores the exact rate.
     rate, most = max(1, round(recording.rate)), 2**23 - 1
-    exponent = int(np.frexp(moments(recording.samples).largest)[1])
+    exponent = int(np.frexp(np.abs(recording.samples).max())[1])
     header = header_of(recording, scale_exponent=exponent)
     subtype = "DOUBLE" if form == "WAV" else "PCM_24"
     with atomic_file(path) as partial:
@@ -180,7 +167,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         subtype, rate = file.subtype, file.samplerate
         if file.format not in _WAV or subtype not in _READABLE:
             raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
-        samples: Any = _lazy_samples(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
+        samples: Any = file.read(dtype="float64", always_2d=True)
     if header is None:
         return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
     return _own(header.decode("ascii"), samples, given, path)
@@ -190,27 +177,9 @@ def _own(header: str, samples: Any, given: ImportOptions, path: Path) -> OpenedT
     """The recording of a file that midair wrote."""
     parsed = parse_header(header, path)
     exponent = parsed["scale_exponent"]
-    recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)
+    recording = recording_from(parsed, np.ldexp(samples, exponent), path)
     given.check(recording, path)
     return OpenedTake(recording=recording)
-
-
-def _lazy_samples(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
-    """Lazy samples of a file, which is opened again for each read."""
-    import soundfile
-
-    def read(first: int, last: int) -> np.ndarray:
-        with soundfile.SoundFile(path) as again:
-            again.seek(first)
-            block = again.read(last - first, dtype="float64", always_2d=True)
-        if len(block) < last - first:
-            raise BrokenFileError(f"{path}: expected frames {first} to {last}, got {len(block)}; the file is truncated")
-        check_finite(block, "samples", frame=first)
-        return block
-
-    # float32 has 24 significant bits; µ-law has 14.
-    fits = file.subtype in ("FLOAT", "PCM_U8", "PCM_16", "PCM_24", "ULAW")
-    return LazyFrames(read, (file.frames, file.channels), stored="f4" if fits else "f8")
 
 
 def sound_of(
@@ -223,7 +192,7 @@ def sound_of(
     if given.unit == "count" and given.scale is None:
         scale, remark = _counts(subtype, path)
     return ImportedData(
-        samples=each_frame(samples, lambda block: block * scale, exact=of_two(scale)),
+        samples=samples * scale,
         form=form,
         rate=exact,
         settings={"subtype": subtype, "scale": scale},
@@ -251,9 +220,9 @@ def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterat
         yield FormatLoss(what="waveform", text=text)
 
 
-WAV = Format(name="WAV", read=read_wav, write=write_wav)
-WAVE64 = Format(name="Wave64", read=read_wav)
-RF64 = Format(name="RF64", read=read_wav)
+WAV = Format(name="WAV", read=read_wav, write=write_wav, memory=2)
+WAVE64 = Format(name="Wave64", read=read_wav, memory=2)
+RF64 = Format(name="RF64", read=read_wav, memory=2)
 
 
 _FORMATS = ("FLAC", "AIFF", "OGG", "MP3")

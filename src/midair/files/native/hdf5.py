@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, parse_errors
 from midair.files.native.provenance_json import to_json
@@ -117,6 +118,19 @@ def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = 
         values[entry.name] = _dataset(group, entry, unit, path, streamed=streamed)
     _check_lengths(stored, values, path)
     return values
+
+
+def check_fits(group: "h5py.Group", name: str, path: Path) -> None:
+    """Raise InputError if the frames of a dataset do not fit into memory, with the length that would."""
+    dataset, rate = stored_dataset(group, name), group.attrs.get("rate_hz")
+    # Reading keeps the numbers as stored, as float64, and as a checked copy.
+    needed, free = 24 * int(np.prod(dataset.shape, dtype=np.int64)), ram.available_memory()
+    if free is not None and needed > free and isinstance(rate, float):
+        seconds = len(dataset) / rate
+        raise InputError(
+            f"{path}: expected {needed / 1e9:.3g} GB of free memory for {seconds:.4g} s at {rate:g} Hz, got "
+            f"{free / 1e9:.3g} GB; {seconds * free / needed:.3g} s would fit: take a part of it, or a lower rate"
+        )
 
 
 def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:

@@ -146,18 +146,20 @@ def complete(path: Path) -> tuple[str, ...]:
 
     Raises FileError if a program is recording into it, or it cannot be converted.
     """
-    if not _is_raw(path):
-        return ()
-    handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-    try:
-        lock_recording(handle, path)
-        if not _is_raw(path):  # another program has converted it meanwhile
+    file = existing_file(path)
+    with parse_errors(file, "a recording of midair"):
+        if not _is_raw(file):
             return ()
-        handle, mine = -1, handle
-        frames, rate = convert(path, mine)
-    finally:
-        if handle >= 0:
-            os.close(handle)
+        handle = os.open(file, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        try:
+            lock_recording(handle, file)
+            if not _is_raw(file):  # another program has converted it meanwhile
+                return ()
+            handle, mine = -1, handle
+            frames, rate = convert(file, mine)
+        finally:
+            if handle >= 0:
+                os.close(handle)
     return (f"The recording was interrupted: {frames} frames, {frames / rate:g} s, are kept.",)
 
 
@@ -169,9 +171,9 @@ def _is_raw(path: Path) -> bool:
 @contextmanager
 def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     """Open an HDF5 file of midair to read; an interrupted recording is converted first."""
+    complete(Path(path))
     file = existing_file(path)
     with parse_errors(file, "an HDF5 file of midair"):
-        complete(file)
         if not begins_as_hdf5(file):
             raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
         with open_hdf5(file) as opened:

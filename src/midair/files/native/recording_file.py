@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
-from midair.files.atomic import existing_file
 from midair.files.native.calibration_file import read_calibration, write_calibration
-from midair.files.native.hdf5 import check_kind, finite, new_file, read_group, signature, stored_group, write_group
+from midair.files.native.hdf5 import check_fits, check_kind, new_file, read_group, signature, stored_group, write_group
 from midair.files.native.journal import (
     event_values,
     events_from,
@@ -44,7 +43,6 @@ from midair.model import (
     StageStamp,
     Unit,
 )
-from midair.streaming import LazyFrames
 
 
 def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
@@ -88,8 +86,7 @@ def write_recording(
     if journal:
         values |= event_values(journal)
     samples = values["samples"]
-    size = samples.size * np.dtype(samples.stored if isinstance(samples, LazyFrames) else samples.dtype).itemsize
-    room = 8 * recording.frames + size + (0 if pressure is None else pressure.pressure.nbytes)
+    room = 8 * recording.frames + samples.nbytes + (0 if pressure is None else pressure.pressure.nbytes)
     with new_file(path, room=room) as file:
         write_group(file, "recording", values)
         name_event_kinds(file)
@@ -121,12 +118,13 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
     report = complete(path)
     with open_file(path) as file:
         check_kind(file, "recording", path)
-        values = read_group(file, "recording", path, streamed=given.streamed)
+        check_fits(file, "samples", path)
+        values = read_group(file, "recording", path)
         check_time(values, path)
         journal, stamps = events_from(values), stamps_from(values)
         life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
         recording = Recording(
-            samples=finite(values["samples"], "samples"),
+            samples=values["samples"],
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             unit=values["unit"],
@@ -143,7 +141,7 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     Returns a sentence on what is kept, or nothing if the recording was complete. Raises MissingFileError,
     BrokenFileError or FileError if the file is damaged, or a program is still recording into it.
     """
-    report = read_recording(existing_file(path), ImportOptions()).report
+    report = read_recording(Path(path), ImportOptions()).report
     load_pressure(path)
     load_played(path)
     return report
@@ -200,12 +198,12 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
 
     Raises MismatchError if the pressure has another sensor shape and FileError if the file cannot be read or written.
     """
-    take = read_recording(Path(path), ImportOptions(streamed=True))
+    take = read_recording(Path(path), ImportOptions())
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
 
 
-def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
-    """Read the calibrated pressure in a recording's file, lazily if `streamed`; None if it has none.
+def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
+    """Read the calibrated pressure in a recording's file; None if it has none.
 
     Errors are those of `load_solution`.
     """
@@ -213,11 +211,12 @@ def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> Pr
         check_kind(file, "recording", Path(path))
         if "pressure" not in file:
             return None
-        values = read_group(stored_group(file, "pressure"), "pressure", Path(path), streamed=streamed)
+        check_fits(stored_group(file, "pressure"), "pressure", Path(path))
+        values = read_group(stored_group(file, "pressure"), "pressure", Path(path))
         check_time(values, Path(path))
         low, high = values.get("band_low_hz"), values.get("band_high_hz")
         return PressureFrames(
-            pressure=finite(values["pressure"], "pressure"),
+            pressure=values["pressure"],
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             band=None if low is None or high is None else (low, high),

@@ -139,10 +139,8 @@ def check_time(values: Mapping[str, Any], path: Path) -> None:
         first += len(block)
 
 
-def single(samples: "np.ndarray | LazyFrames") -> "np.ndarray | LazyFrames":
-    """Samples as float32 if that is lossless; otherwise, and for lazy frames, unchanged."""
-    if isinstance(samples, LazyFrames):
-        return samples
+def single(samples: np.ndarray) -> np.ndarray:
+    """Samples as float32 if that is lossless, otherwise unchanged."""
     with np.errstate(over="ignore"):
         small = samples.astype(np.float32)
     return small if np.array_equal(small, samples) else samples

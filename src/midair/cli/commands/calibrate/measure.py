@@ -23,7 +23,7 @@ from midair.cli.import_options import calibration_from_options, stated_sensitivi
 from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time, quantity
 from midair.cli.output import calibration_row, may_write, print_table
 from midair.errors import InputError, MismatchError, MissingFileError
-from midair.files import CALIBRATION_SUFFIX, load_calibration, load_pressure, open_take, save, save_calibration
+from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, Medium, SensorGrid
 from midair.rig import (
     ReferenceChoice,
@@ -39,7 +39,6 @@ from midair.rig import (
     write_calibration_page,
     write_practice_recordings,
 )
-from midair.streaming import moments
 from midair.table import Line, Row
 
 
@@ -173,25 +172,22 @@ def apply_command(
     """
     chosen = (options or BandOptions()).settings().calibration
     may_write(source, force=True)
-    take = open_take(source, streamed=True)
+    take = open_take(source)
     recording = take.recording
     known = calibration_from_options(recording, sensitivity, peak)
     known = known or (require_calibration(calibration) if calibration else take.calibration)
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
-    # For a midair file, read the largest pressure back from the file: computing it here would calibrate twice.
-    found = None if take.stored else moments(pressure.pressure)
     save(recording, source, calibration=known, pressure=pressure)
-    found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
     table: list[Line] = [
         ("recording", str(source)),
         calibration_row(known),
         ("uncertainty", "" if known is None else describe_uncertainty(known)),
         ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
         ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
-        ("largest pressure", f"{found.largest:.3g} Pa"),
-        ("rms of the strongest cell", f"{np.hypot(found.spread, found.mean).max():.3g} Pa"),
+        ("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"),
+        ("rms of the strongest cell", f"{np.sqrt(np.square(pressure.pressure).mean(axis=0).max()):.3g} Pa"),
     ]
     print_table(table, simulated=pressure.provenance.simulated, json=False)
 
