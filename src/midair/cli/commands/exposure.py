@@ -4,16 +4,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.console import print_figures, print_json, print_rows
+from midair.cli.console import print_figures
 from midair.cli.exposure_options import AirOptions
 from midair.cli.options import Force, Json, Placement, quantity
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_table
 from midair.devices import felt_pressure_text, measure_exposure
 from midair.figures import exposure_figure, png_bytes
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, write_file
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
 from midair.rig import array_named
+from midair.table import Line, Row
 from midair.validation import within
 
 
@@ -74,12 +75,39 @@ def exposure_command(
     found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
-    if json:
-        print_json(
-            _json_values(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure}
-        )
-        return
-    columns = {
+    unlike = "" if json else _unlike_text(replace(drive, array=array), chosen)
+    felt = felt_pressure_text(found)
+    table: list[Line] = [
+        {"profile": found.profile.name, "kept": found.excess <= 0, "excess_db": found.excess},
+        ("verdict", found.verdict()),
+        ("measured in", found.measured_in),
+        {"airs": [_air(each.medium) for each in found.airs], "loudest_air": _air(found.loudest_air)},
+        ("for", _array_text(drive, array)),
+        {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure},
+        ("resolution", found.resolution),
+        Row("felt", not felt, text=felt or f"up to {found.pressure:.3g} Pa on the palm"),
+        {"palm_pressure_pa": found.pressure, "duration_s": found.duration},
+        ("unlike", unlike),
+        ("heat", found.heat),
+        {"palm_warming_k_estimate": found.warming, "palm_warming_limit_k": found.profile.warming},
+        {"duty": float(found.duty.max(initial=0.0)), "duty_limit": found.profile.duty},
+        Row(
+            "nonlinearity",
+            found.nonlinearity,
+            text=f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted",
+        ),
+        {"places": {place.name: _place(found, number) for number, place in enumerate(found.profile.places)}},
+        Row("limits from", chosen.source, key="source"),
+        Row("evidence", chosen.evidence),
+        *([] if json else [("figure", str(target))]),
+    ]
+    if not json:
+        print_figures(chosen.title, _columns(found))
+    print_table(table, json=json)
+
+
+def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:
+    return {
         place.name + ("" if place.enforced else " (advice)"): {
             "limit": (place.limit, "dB"),
             "loudest frame": (float(found.peak[number]), "dB"),
@@ -89,22 +117,6 @@ def exposure_command(
         }
         for number, place in enumerate(found.profile.places)
     }
-    print_figures(chosen.title, columns)
-    print_rows(
-        [
-            ("verdict", found.verdict()),
-            ("measured in", found.measured_in),
-            ("for", _array_text(drive, array)),
-            ("resolution", found.resolution),
-            ("felt", felt_pressure_text(found) or f"up to {found.pressure:.3g} Pa on the palm"),
-            ("unlike", _unlike_text(replace(drive, array=array), chosen)),
-            ("heat", found.heat),
-            ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted"),
-            ("limits from", chosen.source),
-            ("evidence", chosen.evidence),
-            ("figure", str(target)),
-        ]
-    )
 
 
 def _array_to_play(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
@@ -132,37 +144,17 @@ def _unlike_text(drive: Drive, profile: ExposureProfile) -> str:
     return f"{level:.1f} dB of further sound at the loudest place if transducers differ by {spread:g} rad; not checked"
 
 
-def _json_values(found: Exposure) -> dict[str, object]:
-    places = {
-        place.name: {
-            "limit_db": place.limit,
-            "enforced": place.enforced,
-            "peak_db": float(found.peak[number]),
-            "mean_db": float(found.mean[number]),
-            "daily_db": float(found.daily[number]),
-            "dose_pa2_s": float(found.dose[number]),
-            "position_mm": [1e3 * each for each in place.position],
-            "loudest_air": _air(found.airs[found.air[found.level[:, number].argmax(), number]].medium),
-        }
-        for number, place in enumerate(found.profile.places)
-    }
+def _place(found: Exposure, number: int) -> dict[str, object]:
+    place = found.profile.places[number]
     return {
-        "profile": found.profile.name,
-        "kept": found.excess <= 0,
-        "excess_db": found.excess,
-        "nonlinearity": found.nonlinearity,
-        "palm_pressure_pa": found.pressure,
-        "felt": not felt_pressure_text(found),
-        "duty": float(found.duty.max(initial=0.0)),
-        "duty_limit": found.profile.duty,
-        "palm_warming_k_estimate": found.warming,
-        "palm_warming_limit_k": found.profile.warming,
-        "duration_s": found.duration,
-        "airs": [_air(each.medium) for each in found.airs],
-        "loudest_air": _air(found.loudest_air),
-        "places": places,
-        "evidence": found.profile.evidence,
-        "source": found.profile.source,
+        "limit_db": place.limit,
+        "enforced": place.enforced,
+        "peak_db": float(found.peak[number]),
+        "mean_db": float(found.mean[number]),
+        "daily_db": float(found.daily[number]),
+        "dose_pa2_s": float(found.dose[number]),
+        "position_mm": [1e3 * each for each in place.position],
+        "loudest_air": _air(found.airs[found.air[found.level[:, number].argmax(), number]].medium),
     }
 
 
