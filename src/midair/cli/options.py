@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, field, fields, make_dataclass
-from functools import reduce
+from functools import cache, reduce
 from operator import or_
 from pathlib import Path
 from types import MappingProxyType, UnionType
@@ -297,20 +297,25 @@ def _settings_of_file(path: Path) -> Settings:
     return found
 
 
+# Each is needed for every choice.
+_PRESETS = {"paper": MODES["paper"](), "best": MODES["best"]()}
+_hints = cache(get_type_hints)
+
+
 def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
     """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
     # No objects, and the tuple where both a number and a tuple are allowed.
     hint: Any = Settings
     for part in choice.path.split("."):
         holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
-        hint = get_type_hints(holder)[part]
+        hint = _hints(holder)[part]
     plain = [
         each for each in _alternatives(hint) if not hasattr(each, "__dataclass_fields__") and each is not type(None)
     ]
     pairs = [each for each in plain if get_origin(each) is tuple]
     kind = pairs[0] if pairs else reduce(or_, plain)
 
-    shown = {name: format_value(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
+    shown = {name: format_value(choice.of(preset), choice.unit) for name, preset in _PRESETS.items()}
     default = shown[otherwise]
     if otherwise == "best" and shown["best"] != shown["paper"]:
         default += f"; paper: {shown['paper']}"
