@@ -7,7 +7,6 @@ import re
 import struct
 import tomllib
 import zipfile
-import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -89,10 +88,6 @@ TDMS = fields(
     (rb"wf_increment", ((-4, 4), (12, 4), (16, 8))),
     (rb"unit_string", ((-4, 4), (11, 4), (15, 4))),
 )
-MAT4 = fields(
-    (rb"\A", ((0, 4), (4, 4), (8, 4), (12, 4), (16, 4))), (rb"name\x00", ((-20, 4), (-16, 4), (-12, 4), (-8, 4)))
-)
-CDR = fields((rb"\x00\x01\x00\x00", ((4, 4), (8, 4), (12, 4), (16, 8))), (rb"/skin", ((-4, 4), (5, 4))))
 
 
 def xdf(data: bytes, rng: np.random.Generator) -> bytes:
@@ -125,31 +120,6 @@ def with_chunk_replaced(data: bytes, old: bytes, new: bytes) -> bytes:
             return data[:place] + head + changed + data[place + 5 + length :]
         place += 5 + length
     return data
-
-
-def mat5(data: bytes, rng: np.random.Generator) -> bytes:
-    """Tags and dimensions of elements, also inside of compressed ones."""
-    start = data[:128]
-    place, parts = 128, []
-    while place + 8 <= len(data):
-        kind, length = struct.unpack_from("<II", data, place)
-        end = place + 8 + (length if kind == 15 else length + -length % 8)
-        body = data[place + 8 : end]
-        parts.append((kind, zlib.decompress(body) if kind == 15 else data[place:end]))
-        place = end
-    chosen = int(rng.integers(len(parts)))
-    out = start
-    for number, (kind, part) in enumerate(parts):
-        if number == chosen:
-            spoilt = bytearray(part)
-            for _ in range(int(rng.integers(1, 4))):
-                number_at(spoilt, 4 * int(rng.integers(min(20, max(1, len(spoilt) // 4)))), 4, rng)
-            part = bytes(spoilt)
-            if rng.random() < 0.02:
-                part += b"\0" * 2**25
-        packed = zlib.compress(part)
-        out += struct.pack("<II", 15, len(packed)) + packed if kind == 15 else part
-    return out
 
 
 def npz(data: bytes, rng: np.random.Generator) -> bytes:
@@ -308,8 +278,6 @@ def toml_text(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 DAMAGES: dict[str, Damage] = {
-    "four.mat": MAT4,
-    ".mat": mat5,
     ".wav": RIFF,
     ".rf64": RIFF,
     ".w64": WAVE64,

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
-from scipy.io import savemat
 from tests.foreign_files import tdms, xdf, xdf_whole
 
 from midair.datasets import sample_path
@@ -28,7 +27,6 @@ def make_all(folder: Path) -> None:
     _sounds_and_tables(folder)
     _laboratories(folder)
     _written_by_hand(folder)
-    _of_matlab(folder)
     _effects(folder)
 
 
@@ -52,7 +50,7 @@ def calibration() -> Calibration:
 
 def _own(folder: Path) -> None:
     take = recording()
-    for ending in (".csv", ".wav", ".npz", ".mat"):
+    for ending in (".csv", ".wav", ".npz"):
         save(take, folder / f"own{ending}")
     # What a killed recorder leaves: the bytes while it still runs.
     with RecordingWriter(
@@ -77,13 +75,6 @@ def _sounds_and_tables(folder: Path) -> None:
     rows = "\n".join(f"{i / 100},{i % 7},{i % 5}" for i in range(40))
     (folder / "stamped.csv").write_text(f"time [s],a [V],b [V]\n{rows}\n")
     np.savez_compressed(folder / "foreign.npz", x=samples, y=np.arange(3), name=np.array("skin"))
-
-
-def _of_matlab(folder: Path) -> None:
-    samples = recording().samples.reshape(40, 6)
-    savemat(folder / "foreign.mat", {"x": samples, "name": "skin", "cell": np.array([{}], object)})
-    savemat(folder / "packed.mat", {"x": samples.astype("f4"), "i": np.arange(6, dtype="i2")}, do_compression=True)
-    savemat(folder / "four.mat", {"x": samples, "name": "skin"}, format="4")
 
 
 def _laboratories(folder: Path) -> None:

@@ -88,11 +88,11 @@ SAYS_UNIT = import_or_open("--layout", "2x3:7mm", sensor=GRID)
 ONE_CHANNEL = import_or_open("--unit", "V", "--layout", "1x1:7mm", unit="V", sensor=SensorGrid(rows=1, columns=1))
 
 
-FOREIGN = ("wav", "ulaw.wav", "float.wav", "w64", "rf64", "npz", "mat")
+FOREIGN = ("wav", "ulaw.wav", "float.wav", "w64", "rf64", "npz")
 READ_BY: dict[tuple[Callable[[Path], object], ...], tuple[str, ...]] = {
     (INFO, OWN): ("killed.h5",),
-    (OWN,): ("own.csv", "own.wav", "own.npz", "own.mat", "denim.csv"),
-    (BRING,): (*(f"foreign.{ending}" for ending in FOREIGN), "packed.mat", "four.mat"),
+    (OWN,): ("own.csv", "own.wav", "own.npz", "denim.csv"),
+    (BRING,): tuple(f"foreign.{ending}" for ending in FOREIGN),
     (STAMPED,): ("stamped.csv",),
     (SAYS_UNIT,): ("a.xdf", "a.tdms"),
     (ONE_CHANNEL,): ("foreign.haptic", "foreign.ahap"),

@@ -1,6 +1,5 @@
 """Limits of memory for files that are read as a whole, and of their size after decompression."""
 
-import zlib
 from pathlib import Path
 
 from midair import ram
@@ -13,30 +12,14 @@ EXPANDED_ANYWAY = 2**27
 """Expanded size that is always allowed, in bytes."""
 
 
-def max_expanded_size(path: Path, *, anyway: int = EXPANDED_ANYWAY) -> int:
-    """Maximum expanded size of a file, in bytes."""
-    return max(EXPANDED * path.stat().st_size, anyway)
-
-
 def check_expansion(path: Path, expanded: int, *, anyway: int = EXPANDED_ANYWAY) -> None:
     """Raise BrokenFileError if the expanded size is larger than that of any recording in a file of this size."""
-    if expanded > max_expanded_size(path, anyway=anyway):
-        size = path.stat().st_size
+    size = path.stat().st_size
+    if expanded > max(EXPANDED * size, anyway):
         raise BrokenFileError(
             f"{path}: expected expansion to at most {EXPANDED} times its {size} bytes, got {expanded} or more; "
             "if you trust it, write it without compression"
         )
-
-
-def inflated(path: Path, packed: bytes, room: int) -> bytes:
-    """Decompress a zlib stream to at most `room` bytes; raises BrokenFileError if it is larger or truncated."""
-    stream = zlib.decompressobj()
-    data = stream.decompress(packed, room + 1)
-    if len(data) > room:
-        check_expansion(path, max_expanded_size(path) + 1)
-    if not stream.eof:
-        raise BrokenFileError(f"{path}: expected a whole zlib stream, got the first {len(packed)} bytes of one")
-    return data
 
 
 def check_memory_for(needed: float, what: str, advice: str) -> None:
