@@ -67,14 +67,6 @@ def test_returns_only_measured_parts(calibration, tmp_path, left_out):
     same(load_calibration(tmp_path / "a.calibration.h5"), part)
 
 
-def test_reads_a_file_from_before_there_were_versions_and_uncertainties(calibration, tmp_path):
-    old = replace(calibration, version=1, measurement=None, crosstalk=None, linearity=None)
-    save_calibration(old, tmp_path / "a.calibration.h5")
-    with h5py.File(tmp_path / "a.calibration.h5", "a") as file:
-        del file.attrs["version"]
-    same(load_calibration(tmp_path / "a.calibration.h5"), old)
-
-
 def test_half_a_measurement_is_refused(calibration, tmp_path):
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     with h5py.File(tmp_path / "a.calibration.h5", "a") as file:

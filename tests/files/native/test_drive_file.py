@@ -7,7 +7,7 @@ import pytest
 from midair.devices import intensity_bytes, phase_bytes
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
 from midair.files import load_solution, load_target, save_solution, save_solutions
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
 from midair.streaming import LazyFrames
 
 
@@ -77,16 +77,16 @@ def rewrite(path, name, value):
                 file[name].attrs[key] = attributes[key]
 
 
-def as_early_file(path, phase):
+def with_phases_in_radians(path, phase):
     with h5py.File(path, "r+") as file:
         del file["phase_change"]
         file["phase"] = phase
         file["phase"].attrs["units"] = "rad"
 
 
-def test_reads_phases_of_early_files(path, solution):
+def test_reads_phases_in_radians(path, solution):
     phase = solution.drive.phase + 1e-3
-    as_early_file(path, phase)
+    with_phases_in_radians(path, phase)
     for streamed in (False, True):
         np.testing.assert_array_equal(load_solution(path, streamed=streamed).drive.phase, phase)
 
@@ -124,10 +124,10 @@ def test_refuses_another_number_of_transducers(path, solution):
 
 
 def test_refuses_phases_that_are_not_finite(path, solution):
-    """In a file with phases in rad, as for arrays other than AUTD3 and of early versions."""
+    """In a file with phases in rad, as for arrays other than AUTD3."""
     phase = solution.drive.phase.copy()
     phase[2, 3] = np.nan
-    as_early_file(path, phase)
+    with_phases_in_radians(path, phase)
     with pytest.raises(NonFiniteError, match=r"towel\.drive\.h5: phase: expected finite numbers, got nan at \(2, 3\)"):
         load_solution(path)
 
@@ -149,7 +149,7 @@ def test_refuses_a_drive_without_level(path):
     ("name", "read", "words"),
     [
         ("grid_rows", load_target, "expected grid_rows beside the target"),
-        ("air_density_kg_m3", load_solution, "expected air_density_kg_m3 with the rest of the air"),
+        ("air_density_kg_m3", load_solution, "expected air_density_kg_m3 in a midair drive"),
     ],
 )
 def test_refuses_a_target_without_grid_and_an_incomplete_air(path, name, read, words):
@@ -157,13 +157,6 @@ def test_refuses_a_target_without_grid_and_an_incomplete_air(path, name, read, w
         del file.attrs[name]
     with pytest.raises(BrokenFileError, match=words):
         read(path)
-
-
-def test_an_early_drive_has_the_papers_air(path):
-    with h5py.File(path, "r+") as file:
-        for name in [name for name in file.attrs if name.startswith("air_") or name == "directivity"]:
-            del file.attrs[name]
-    assert load_solution(path).drive.acoustics == Acoustics()
 
 
 @pytest.mark.long

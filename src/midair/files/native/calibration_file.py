@@ -109,7 +109,7 @@ def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
         unit=values["unit"],
         date=values["date"],
         provenance=from_json(values["provenance"]),
-        version=values.get("version", 1),
+        version=values["version"],
         measurement=_part(Measurement, MEASUREMENT, values, path),
         crosstalk=_part(Crosstalk, CROSSTALK, values, path),
         linearity=_part(Linearity, LINEARITY, values, path),
@@ -176,7 +176,7 @@ def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
         response=values["response_real"] + 1j * values["response_imag"],
         pole=values["pole_real"] + 1j * values["pole_imag"],
         dead=values["dead"].astype(bool),
-        # Files of older versions have no poses.
+        # Without uncertainties there are no poses.
         pose=np.reshape(values.get("unit_pose", []), (-1, 7)),
         pose_covariance=values.get("unit_pose_covariance", np.zeros((0, 0))),
         level_uncertainty=values["level_uncertainty"],

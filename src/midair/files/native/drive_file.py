@@ -20,7 +20,6 @@ from midair.files.native.hdf5 import (
     finite,
     name_numbers,
     new_file,
-    plain_text,
     read_group,
     signature,
     stored_dataset,
@@ -33,10 +32,8 @@ from midair.model import (
     Acoustics,
     AmplitudeFrames,
     ControlGrid,
-    Directivity,
     Drive,
     Medium,
-    Provenance,
     Solution,
     Status,
     TransducerArray,
@@ -142,13 +139,13 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
 
 
 def read_drive(path: Path, *, streamed: bool) -> dict[str, Any]:
-    """Stored values of a drive and the meanings of its status."""
+    """Stored values of a drive."""
     with open_file(path) as file:
         values = read_group(file, "drive", path, streamed=streamed)
         for stored, name, steps in (("phase_change", "phase", _TURN), ("intensity_change", "transducer_level", 255)):
             if stored in values:
                 values[name] = _from_changes(values.pop(stored), steps)
-        return {**values, "flag_meanings": plain_text(file["status"].attrs.get("flag_meanings"))}
+        return values
 
 
 def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
@@ -163,19 +160,18 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
         if ("response_real" in values) != ("response_imag" in values):
             raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
         measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
-        provenance = from_json(values["provenance"])
         return Solution(
             drive=Drive(
                 phase=finite(values["phase"], "phase"),
                 level=_levels(level, path),
                 rate=values["rate_hz"],
                 array=replace(array_from(values), response=measured),
-                acoustics=_acoustics_from(values, provenance, path),
-                provenance=provenance,
+                acoustics=_acoustics_from(values, path),
+                provenance=from_json(values["provenance"]),
             ),
             error=values["error"],
             iterations=values["iterations"],
-            status=_status_from(values["status"], values["flag_meanings"], path),
+            status=_status_from(values["status"], path),
         )
 
 
@@ -318,29 +314,15 @@ def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]
     return each_frame(level, checked) if isinstance(level, LazyFrames) else level
 
 
-def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Path) -> Acoustics:
-    """Air and directivity of a drive; files of early versions lack them and take the paper's air."""
-    needed = ("directivity", *list(_AIR)[:4])
-    missing = [name for name in needed if name not in values]
-    if len(missing) == len(needed):
-        stated = {step.settings.get("directivity") for step in provenance.steps if step.stage == "solve"}
-        known: tuple[Directivity, ...] = get_args(Directivity)
-        return next((Acoustics(directivity=kind) for kind in known if kind in stated), Acoustics())
-    if missing:
-        raise BrokenFileError(f"{path}: expected {', '.join(missing)} with the rest of the air; the file is damaged")
-    acoustics = Acoustics(
-        medium=Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values}),
-        directivity=values["directivity"],
-    )
-    acoustics.medium.check_speed(str(path))
-    return acoustics
+def _acoustics_from(values: Mapping[str, Any], path: Path) -> Acoustics:
+    """Air and directivity of a drive."""
+    medium = Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values})
+    medium.check_speed(str(path))
+    return Acoustics(medium=medium, directivity=values["directivity"])
 
 
-def _status_from(codes: np.ndarray, meanings: str, path: Path) -> tuple[Status, ...]:
-    names = meanings.split()
-    if not names or any(name not in get_args(Status) for name in names):
-        raise BrokenFileError(f"{path}: expected {' '.join(get_args(Status))} as meanings of status, got {meanings!r}")
-    if codes.min() < 0 or codes.max() >= len(names):
-        raise BrokenFileError(f"{path}: expected status 0 to {len(names) - 1}, got {codes.min()} to {codes.max()}")
+def _status_from(codes: np.ndarray, path: Path) -> tuple[Status, ...]:
     known: tuple[Status, ...] = get_args(Status)
-    return tuple(known[known.index(names[code])] for code in codes)
+    if codes.min() < 0 or codes.max() >= len(known):
+        raise BrokenFileError(f"{path}: expected status 0 to {len(known) - 1}, got {codes.min()} to {codes.max()}")
+    return tuple(known[code] for code in codes)

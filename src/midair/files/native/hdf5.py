@@ -122,6 +122,8 @@ def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = 
 
 def check_fits(group: "h5py.Group", name: str, path: Path) -> None:
     """Raise InputError if the frames of a dataset do not fit into memory, with the length that would."""
+    if name not in group:
+        return  # `read_group` refuses it
     dataset, rate = stored_dataset(group, name), group.attrs.get("rate_hz")
     # Reading keeps the numbers as stored, as float64, and as a checked copy.
     needed, free = 24 * int(np.prod(dataset.shape, dtype=np.int64)), ram.available_memory()
