@@ -1,5 +1,8 @@
 """Text of strangers on the terminal does nothing but be read; -q and -v are read wherever they stand."""
 
+import sys
+from contextlib import contextmanager
+
 import pytest
 from rich.progress import Task
 from rich.table import Table
@@ -138,3 +141,17 @@ def test_palm_fidelity_is_printed_for_each_skin(capsys):
     assert "pressure 12.3 dB over the palm, 17.0 dB within the square" in said
     assert "displacement 15.0 dB (soft), 20.0 dB (stiff)" in said
     assert "not measured on people" in said
+
+
+def test_commands_that_run_until_stopped_show_no_elapsed_time(monkeypatch):
+    timed = []
+
+    @contextmanager
+    def noted(words):
+        timed.append(words)
+        yield
+
+    monkeypatch.setattr(sys.modules["midair.cli.app"], "elapsed_time", noted)
+    for line in ("studio", "serve adaptics", "live", "record", "study run x", "study plan x", "cut"):
+        run([*line.split(), "--help"])
+    assert timed == ["study", "cut"]

@@ -7,7 +7,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
@@ -26,6 +26,9 @@ TRACEBACK = "MIDAIR_TRACEBACK"
 
 OPEN_FILES = 64
 """Smallest limit of open files with which a command starts."""
+
+_UNTIL_STOPPED = ("studio", "serve", "live", "record", "study run")
+"""Beginnings of commands that run until a person stops them, and print by themselves."""
 
 _LONGEST_LINE = 2000
 """Largest number of characters of a message on the terminal."""
@@ -146,7 +149,8 @@ def _status(tokens: Sequence[str]) -> int:
 
             files = held.enter_context(collect_written_files())
         try:
-            with elapsed_time(tokens[0] if tokens else ""):
+            begins = " ".join(tokens[:2])
+            with nullcontext() if begins.startswith(_UNTIL_STOPPED) else elapsed_time(begins.partition(" ")[0]):
                 status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as wrong:
             return _print_line(f"{_usage(wrong)} (see midair --help)", 2)
