@@ -73,7 +73,7 @@ def test_one_module_starts_every_python_process():
 COMMANDS = {
     "live": "live --duration 0.3s",
     "a file": "info {folder}/take.h5",
-    "sweep": "sweep patterns {folder}/all.zarr --count 2 --curves 0 --method naive --workers 1",
+    "sweep": "sweep patterns {folder}/all.sweep --count 2 --iterations 1 --workers 1",
 }
 
 

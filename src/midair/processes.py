@@ -1,13 +1,14 @@
 """Child processes of Python, which import nothing from the current folder: it may hold the files of a stranger."""
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from midair.errors import InputError
+from midair.errors import ClusterError, InputError
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -72,3 +73,45 @@ def shared_event() -> "Event":
 
     with safe_path():
         return get_context("spawn").Event()
+
+
+@contextmanager
+def local_cluster(workers: int | None = None) -> Generator[Any]:
+    """Dask processes, one per core by default, on the loopback interface only and without dashboard."""
+    from distributed import Client
+
+    with safe_path(), _started_cluster(workers) as local:
+        with Client(local, set_as_default=False) as client:
+            client.run(_ignore_ctrl_c)
+        yield local
+
+
+def _ignore_ctrl_c() -> None:
+    """Ignore Ctrl-C, which a terminal sends to every process, because the command closes its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _started_cluster(workers: int | None, *, tries: int = 3) -> Any:
+    """A started cluster; it is started again if one of its workers ends meanwhile."""
+    import distributed
+
+    cluster: Any = distributed.LocalCluster
+    while True:
+        try:
+            return cluster(
+                n_workers=workers,
+                # A solve limits BLAS to one thread temporarily, which affects the whole process.
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+                memory_limit=None,
+                silence_logs="CRITICAL",
+            )
+        except (RuntimeError, TimeoutError) as wrong:
+            tries -= 1
+            if not tries:
+                raise ClusterError(
+                    f"expected worker processes that start, got one that ended ({wrong}) in each try; free memory and "
+                    "processors, and repeat the command"
+                ) from wrong

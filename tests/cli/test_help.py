@@ -70,7 +70,7 @@ BEFORE = {
     "study withdraw": [PLAN, "study run touch --simulate"],
     "study analyse": [PLAN, "study run touch --simulate"],
     "study export": [PLAN, "study run touch --simulate"],
-    "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],
+    "sweep report": ["sweep patterns patterns.sweep --count 1000 --strength 0.1"],
 }
 """Commands to run before an example."""
 HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL, *SERVED)]

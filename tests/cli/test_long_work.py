@@ -87,7 +87,7 @@ def folder(desk, tmp_path):
 def made_now(line):
     """What only one of the lines needs."""
     if line.startswith("sweep report"):
-        done = ["sweep", "patterns", "done.zarr", "--count", "4", "--curves", "0", "--workers", "1"]
+        done = ["sweep", "patterns", "done.sweep", "--count", "4", "--workers", "1"]
         assert run([*done, "--strength", "0.1"]) == 0
 
 
@@ -131,7 +131,7 @@ def check_stopped(line, capsys):
     assert said == [f"midair: stopped; {LINES[line]}"]
     kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
     # A sweep keeps its results.
-    ours = {path for path in files_here() if not {".zarr", ".report"} & {each.suffix for each in path.parents}}
+    ours = {path for path in files_here() if not {".sweep", ".report"} & {each.suffix for each in path.parents}}
     assert ours - set(before) == kept
     assert {path: when for path, when in files_here().items() if path in before} == before
 

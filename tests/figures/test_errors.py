@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from midair.evaluate import Leak, StageOutput, budget
-from midair.figures import ErrorSpread, budget_figure, error_figure, passes_figure, trials_figure
+from midair.figures import budget_figure, error_figure, passes_figure, trials_figure
 from midair.model import Drive, Solution, TransducerArray
 
 
 def spread(name, middle):
-    return ErrorSpread(
-        name=name, low=middle / 2, middle=middle, high=2 * middle, worst=4 * middle, strength=middle / 10
-    )
+    where = {"recording": name, "variant": "", "strength": middle / 10}
+    return where | {"p5": middle / 2, "mean": middle, "p95": 2 * middle, "worst": 4 * middle}
 
 
 def test_one_row_per_trial_in_percent(check_figure):

@@ -7,7 +7,7 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("Windows has no processes that are copies", allow_module_level=True)
 
-pytest.importorskip("zarr")
+pytest.importorskip("distributed")
 pytest.importorskip("pyxdf")
 
 from tests.fuzzing.trials import TARGETS, told, try_many

@@ -1,8 +1,6 @@
 """Folders of which one file is damaged: studies, tables of other people, sweeps, what a running program leaves."""
 
-import json
 import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,7 +27,7 @@ from midair.study import (
     write_bids,
     write_csv,
 )
-from midair.sweep import PatternResults, load_sweep, report_of, trial_report
+from midair.sweep import load_sweep, sweep_report
 
 ADAPTIVE = """
 name = "hand"
@@ -89,29 +87,13 @@ def _study(path: Path, text: str, name: str) -> StudyFolder:
 
 
 def _sweeps(folder: Path) -> None:
-    from midair.sweep.pattern_sweep import PatternSweep
-    from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
-    from midair.sweep.run import do
-    from midair.sweep.store import open_sweep
+    from midair.sweep import PatternSweep, RecordingSweep, SweepTrial, run_sweep
 
-    coarse = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="naive")
+    coarse = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
     pressure = am_stimulus("i", peak=30.0, duration=0.006, rate=1000.0)
-    trial = SweepTrial(recording="a", variant="method=naive", pressure=pressure, settings=coarse)
-    sweeps = {
-        "recordings.zarr": RecordingSweep(trials=(trial,), columns=1, rows=1),
-        "patterns.zarr": PatternSweep(count=8, curve_count=0, chunk=8, method="naive", strengths=(0.1,)),
-    }
-    for name, sweep in sweeps.items():
-        with open_sweep(folder / name, sweep) as store:
-            for task in store.missing():
-                store.write(do(sweep.job(task), task))
-    # A store of before the digests: with one, no damaged layout reaches the reader.
-    for name in ("patterns", "recordings"):
-        shutil.copytree(folder / f"{name}.zarr", folder / f"old.{name}.zarr")
-        group = folder / f"old.{name}.zarr" / "zarr.json"
-        content = json.loads(group.read_text())
-        del content["attributes"]["sha256"]
-        group.write_text(json.dumps(content))
+    trial = SweepTrial(recording="a", variant="method=fast", pressure=pressure, settings=coarse)
+    run_sweep(RecordingSweep(trials=(trial,)), folder / "recordings.sweep", workers=1)
+    run_sweep(PatternSweep(count=8, chunk=8, strengths=(0.1,)), folder / "patterns.sweep", workers=1)
 
 
 def study(path: Path) -> None:
@@ -150,11 +132,7 @@ def _columns(table: object, path: Path) -> None:
 
 def sweep(path: Path) -> None:
     """What `midair sweep report` says of a sweep."""
-    results = load_sweep(next(parent for parent in path.parents if parent.suffix == ".zarr"))
-    if results.kind == "recordings":
-        trial_report(results).plain()
-    else:
-        report_of(PatternResults.of(results)).plain()
+    sweep_report(load_sweep(path.parent))
 
 
 def state(path: Path) -> None:
@@ -177,19 +155,10 @@ FOLDER_TARGETS: dict[str, Callable[[Path], object]] = {
     "design.toml": design,
     "bids/sub-01/beh/sub-01_task-small_beh.tsv": bids,
     "answers.csv": answers,
-    "patterns.zarr/zarr.json": sweep,
-    "patterns.zarr/error/zarr.json": sweep,
-    "patterns.zarr/error/c/0/0": sweep,
-    "recordings.zarr/zarr.json": sweep,
-    "recordings.zarr/done/zarr.json": sweep,
-    "recordings.zarr/done/c/0/0": sweep,
     **{
-        f"old.{name}.zarr/{file}": sweep
-        for name, files in {
-            "patterns": ("zarr.json", "error/zarr.json", "error/c/0/0", "pattern/zarr.json", "pattern/c/0"),
-            "recordings": ("zarr.json", "done/zarr.json", "error/zarr.json", "rate/zarr.json", "strength/zarr.json"),
-        }.items()
-        for file in files
+        f"{name}.sweep/{file}": sweep
+        for name in ("patterns", "recordings")
+        for file in ("sweep.json", "0000-000000.npz")
     },
     "state/subject.json": state,
     "state/playing-1.json": state,

@@ -212,12 +212,12 @@ def test_study_session_and_report(job):
 @pytest.mark.long
 def test_sweep(take, job):
     words = "--vary height=150mm,200mm --start-at 0.45s --duration 5ms --mode paper --method fast --workers 1"
-    job(f"sweep recordings heights.zarr {take} {words}")
-    found = job("sweep report heights.zarr --json")
+    job(f"sweep recordings heights.sweep {take} {words}")
+    found = job("sweep report heights.sweep --json")
     low, high = found["trials"]
     assert (low["frames"], high["frames"]) == (5, 5)
     assert 0.01 < low["mean"] < low["worst"] < 0.3
     assert 0.01 < high["mean"] < high["worst"] < 0.3
     # What is done is not solved again.
-    job(f"sweep recordings heights.zarr {take} {words}")
-    assert job("sweep report heights.zarr --json")["trials"] == found["trials"]
+    job(f"sweep recordings heights.sweep {take} {words}")
+    assert job("sweep report heights.sweep --json")["trials"] == found["trials"]

@@ -17,7 +17,6 @@ from typing import Any
 import h5py
 import numpy as np
 import soundfile
-import zarr
 from scipy.io import loadmat
 
 LEFT_OUT = {
@@ -35,7 +34,7 @@ UNSTEADY = {
     r"^show-\w+ \| out \|": "how long it took; the file that is written has the figures",
     r"^sweep-[\w-]*report \| out \| /words": "processor time; the CSV files have the figures",
     r"^study-export.* \| column (reaction_s|response_time|time)\b": "when an answer came, and how long it took",
-    r"\.zarr \| seconds$": "processor time of each task",
+    r"\.npz \| seconds$": "processor time of each task",
 }
 """Names of figures that differ from run to run, and why. Everything else is alike in two runs of one commit."""
 
@@ -101,9 +100,7 @@ def printed(text: str, place: str) -> Iterator[tuple[str, str]]:
 def of_file(path: Path, place: str) -> Iterator[tuple[str, str]]:
     """The figures of a file, and that it was written."""
     yield f"{place} | written", "true"
-    if path.suffix == ".zarr":
-        yield from _zarr(path, place)
-    elif path.suffix == ".html":
+    if path.suffix == ".html":
         text = path.read_text(encoding="utf-8")
         for name, data in re.findall(r'<script[^>]*data-name="(\w+)"[^>]*>([A-Za-z0-9+/=\s]+)</script>', text):
             yield f"{place} | {name}", hashlib.sha256(data.encode()).hexdigest()
@@ -158,12 +155,6 @@ def _hdf5(path: Path, place: str) -> Iterator[tuple[str, str]]:
                 value = part.attrs[attribute]
                 if _counts(value) and not attribute.startswith("_"):
                     yield f"{place} | {name}@{attribute}", repr(np.asarray(value).tolist())
-
-
-def _zarr(path: Path, place: str) -> Iterator[tuple[str, str]]:
-    for name, array in sorted(zarr.open_group(path, mode="r").arrays()):
-        if _counts(array):
-            yield f"{place} | {name}", digest(array[...])
 
 
 def steady(figures: Mapping[str, str]) -> dict[str, str]:

@@ -28,7 +28,7 @@ HERE = Path(__file__).parent
 LIMIT = 120
 """Processor time that a command may take, in s."""
 
-LOADED = ("h5py", "scipy.signal", "scipy.optimize", "matplotlib.figure", "zarr", "rich.console", "cyclopts", "pydantic")
+LOADED = ("h5py", "scipy.signal", "scipy.optimize", "matplotlib.figure", "rich.console", "cyclopts", "pydantic")
 """Packages that are imported once and not by each command: they take most of its start."""
 
 
@@ -90,15 +90,10 @@ def start(row: Row, folder: Path, told: Path) -> tuple[int, float]:
 
 
 def files(folder: Path) -> dict[Path, tuple[int, int]]:
-    """Each file of a folder, or store of Zarr, with when it was written and its size."""
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        inside = next((above for above in path.parents if above.suffix == ".zarr"), None)
-        if path.is_file():
-            seen = path.stat()
-            when, size = found.get(inside or path, (0, 0))
-            found[inside or path] = (max(when, seen.st_mtime_ns), size + seen.st_size)
-    return found
+    """Each file of a folder with when it was written and its size."""
+    return {
+        path: (path.stat().st_mtime_ns, path.stat().st_size) for path in sorted(folder.rglob("*")) if path.is_file()
+    }
 
 
 def record(table: list[Row], work: Path) -> tuple[dict[str, str], dict[str, float]]:

@@ -2,23 +2,22 @@ import json
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import pytest
 
-from midair.sweep.run import do
-from midair.sweep.store import load_sweep, open_sweep
 
+@pytest.fixture
+def here(monkeypatch):
+    """Solve the tasks of a sweep in this process, in place of workers."""
+    from midair.sweep import run as module
+    from midair.version import __version__
 
-@pytest.fixture(scope="session")
-def finished():
-    def finish(path, sweep):
-        with open_sweep(path, sweep) as store:
-            for task in store.missing():
-                store.write(do(sweep.job(task), task))
-        return load_sweep(path)
+    def results(_, sweep, tasks):
+        return (module.task_content(sweep.job(task), task, __version__) for task in tasks)
 
-    return finish
+    monkeypatch.setattr(module, "cluster", lambda *_, **__: nullcontext())
+    monkeypatch.setattr(module, "_results", results)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,5 @@
-import json
+"""Sweeps over recordings, solved in this process."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -6,93 +7,94 @@ import pytest
 
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
-from midair.evaluate import relative_error
 from midair.model import ControlGrid, TransducerArray
-from midair.physics import propagate, quantise_phase
+from midair.physics import propagate, quantise_phase, relative_error
 from midair.pipeline import reproduce
 from midair.settings import Settings
-from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
-from midair.sweep.run import do, run_sweep
-from midair.sweep.store import load_sweep, open_sweep
+from midair.solvers import Glide
+from midair.sweep import RecordingSweep, SweepTrial, load_sweep, run_sweep, sweep_report, write_sweep_report
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-NAIVE = Settings().but(method="naive", grid=COARSE)
-WARM = Settings().but(method="lm", grid=COARSE, iterations=(4, 2))
+UNIT = TransducerArray.autd3(columns=1, rows=1)
+QUICK = Glide(coarse=8, block=16, cold=(20, 4, 10), smooth=3, smooth_wide=6, bent=(4, 4, 4), rough=(6, 4, 4))
+FAST = Settings().but(method="fast", iterations=2, grid=COARSE)
 
 
-def trial(name, settings=NAIVE, frames=10, variant=""):
+def trial(name, frames, settings=FAST, variant=""):
+    """A half-wave rectified signal, which has silent frames in between."""
     pressure = am_stimulus("i", peak=30.0, duration=frames / 1000, rate=1000.0)
     return SweepTrial(recording=name, variant=variant, pressure=pressure, settings=settings)
 
 
 SWEEP = RecordingSweep(
-    trials=(trial("a", variant="method=naive"), trial("b", frames=6, settings=WARM, variant="method=lm")),
-    columns=1,
-    rows=1,
+    trials=(
+        trial("a", 10, variant="method=fast"),
+        trial("b", 6, settings=Settings().but(method="lm", grid=COARSE, iterations=(4, 2)), variant="method=lm"),
+        trial("a", 12, settings=Settings().but(method=QUICK, grid=COARSE), variant="method=glide"),
+    ),
+    array=UNIT,
 )
 
 
 @pytest.mark.long
-def test_equals_the_pipeline(finished, tmp_path):
-    results = finished(tmp_path / "s.zarr", SWEEP)
-    array = TransducerArray.autd3(columns=1, rows=1)
+def test_equals_the_pipeline(tmp_path, here):
+    assert run_sweep(SWEEP, tmp_path / "s") == 28
+    results = load_sweep(tmp_path / "s")
     for number, one in enumerate(SWEEP.trials):
-        made = reproduce(one.pressure, array, one.settings)
-        frames = one.pressure.frames
-        np.testing.assert_allclose(results.error[number, :frames], made.solution.error, rtol=1e-9)
+        made, frames = reproduce(one.pressure, UNIT, one.settings), one.pressure.frames
+        np.testing.assert_allclose(results.error[number, :frames], made.solution.error, rtol=1e-6)
         assert np.isnan(results.error[number, frames:]).all()
-        assert results.strength[number, 0] == pytest.approx(made.strength())
+        assert results.strength[number] == pytest.approx(made.strength())
         drive = replace(made.solution.drive, phase=quantise_phase(made.solution.drive.phase, bits=8))
         rounded = relative_error(propagate(drive, COARSE), made.target.amplitude)
-        np.testing.assert_allclose(results.rounded_error[number, :frames], rounded, rtol=1e-9)
+        np.testing.assert_allclose(results.rounded_error[number, :frames], rounded, rtol=1e-6)
+
+    tables = sweep_report(results)
+    assert [(row["recording"], row["variant"]) for row in tables["trials"]] == [
+        ("a", "method=fast"),
+        ("b", "method=lm"),
+        ("a", "method=glide"),
+    ]
+    files = write_sweep_report(results, tmp_path / "report")
+    assert [file.name for file in files] == ["trials.csv", "trials.png"]
+    assert files[0].read_text(encoding="utf-8").splitlines()[1].startswith("a,method=fast,")
+    assert files[1].read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.long
-def test_on_real_workers_and_again_only_what_is_missing(tmp_path):
-    import distributed
-
-    path = tmp_path / "s.zarr"
-    with open_sweep(path, SWEEP) as store:
-        first = store.missing()[0]
-        store.write(do(SWEEP.job(first), first))
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
-    ) as local:
-        assert run_sweep(SWEEP, path, scheduler=local.scheduler_address) == 16 - first.count
-    assert np.isfinite(load_sweep(path).error).sum() == 16
-
-
-def test_the_longest_trial_is_begun_first_and_a_task_is_a_whole_trial():
-    sweep = RecordingSweep(trials=(trial("a", frames=3), trial("b", frames=9)))
-    assert [(task.condition, task.first, task.last) for task in sweep.tasks()] == [(1, 0, 9), (0, 0, 3)]
-    assert sweep.chunk == 9
+def test_the_report_counts_only_frames_with_sound(tmp_path, here):
+    sweep = RecordingSweep(trials=(trial("a", 10), trial("b", 6)), array=UNIT)
+    run_sweep(sweep, tmp_path / "s")
+    results = load_sweep(tmp_path / "s")
+    error = np.array([[0.0, 0.1] * 5, [0.2] * 6 + [np.nan] * 4])
+    rows = sweep_report(replace(results, error=error))["trials"]
+    assert [(row["recording"], row["frames"], row["mean"], row["worst"]) for row in rows] == [
+        ("a", 5, pytest.approx(0.1), 0.1),
+        ("b", 6, pytest.approx(0.2), 0.2),
+    ]
+    with pytest.raises(InputError, match="continue with midair sweep recordings"):
+        sweep_report(replace(results, error=np.full((2, 10), np.nan)))
 
 
-def test_another_recording_under_the_same_name_is_refused(finished, tmp_path):
-    finished(tmp_path / "s.zarr", SWEEP)
-    pressure = SWEEP.trials[0].pressure
-    louder = replace(SWEEP.trials[0], pressure=replace(pressure, pressure=2 * pressure.pressure))
-    with (
-        pytest.raises(MismatchError, match="trials 0 pressure_sha256"),
-        open_sweep(tmp_path / "s.zarr", replace(SWEEP, trials=(louder, SWEEP.trials[1]))),
+def test_another_recording_is_another_sweep_and_other_cores_are_not(tmp_path, here):
+    one = trial("a", 4)
+    run_sweep(RecordingSweep(trials=(one,), array=UNIT), tmp_path / "s")
+    cores = replace(one, settings=one.settings.but(jobs=7))
+    assert run_sweep(RecordingSweep(trials=(cores,), array=UNIT), tmp_path / "s") == 0
+    louder = replace(one, pressure=replace(one.pressure, pressure=2 * one.pressure.pressure))
+    for other in (louder, replace(one, settings=one.settings.but(gain=2.0)), replace(one, variant="gain=1")):
+        with pytest.raises(MismatchError, match="expected trials"):
+            run_sweep(RecordingSweep(trials=(other,), array=UNIT), tmp_path / "s")
+
+
+def test_invalid_sweeps_are_rejected():
+    for trials, words in (
+        ((), "at least one recording"),
+        ((trial("a", 2), trial("a", 3)), "twice"),
+        ((trial("a", 2, Settings().but(method="magic")),), "method"),
     ):
-        pass
-    with (
-        pytest.raises(MismatchError, match=r"expected bits 4, got a sweep with 8"),
-        open_sweep(tmp_path / "s.zarr", replace(SWEEP, bits=4)),
-    ):
-        pass
+        with pytest.raises(InputError, match=words):
+            RecordingSweep(trials=trials)
 
 
-def test_settings_survive_json():
-    assert json.loads(json.dumps(SWEEP.settings())) == SWEEP.settings()
-
-
-@pytest.mark.parametrize(
-    "trials",
-    [(), (trial("a"), trial("a")), (trial("a", settings=Settings().but(method="magic")),)],
-    ids=["none", "twice", "unknown method"],
-)
-def test_invalid_sweeps_are_rejected(trials):
-    with pytest.raises(InputError):
-        RecordingSweep(trials=trials)
+def test_the_longest_recording_comes_first():
+    assert [task.condition for task in SWEEP.tasks()] == [2, 0, 1]

@@ -10,14 +10,10 @@ from .maps import palm_figure as palm_figure
 from .maps import phase_figure as phase_figure
 from .maps import spectra_figure as spectra_figure
 from .maps import traces_figure as traces_figure
-from .paper_figures import Curve as Curve
-from .paper_figures import ErrorSpread as ErrorSpread
-from .paper_figures import Example as Example
 from .paper_figures import FieldRow as FieldRow
 from .paper_figures import budget_figure as budget_figure
 from .paper_figures import curve_figure as curve_figure
 from .paper_figures import error_figure as error_figure
-from .paper_figures import examples_figure as examples_figure
 from .paper_figures import fields_figure as fields_figure
 from .paper_figures import histogram_figure as histogram_figure
 from .paper_figures import laboratory_figure as laboratory_figure

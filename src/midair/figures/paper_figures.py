@@ -1,10 +1,10 @@
-"""The paper's figures 3, 4 and 9, those of sweeps over patterns (E, examples, E over height), and those of errors."""
+"""The paper's figures 3, 4 and 9, those of sweeps over patterns (E, E over height), and those of errors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,30 +18,6 @@ from midair.model import ControlGrid, PressureFrames, SensorGrid, Solution
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Example:
-    """A solved pattern."""
-
-    name: str
-    error: float
-    """E."""
-    target: Array
-    """Target magnitude relative to a focus of the whole array, shape (point,)."""
-    field: Array
-    """Solved magnitude relative to the same focus, shape (point,)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Curve:
-    """E over a quantity: mean, and the range of the middle 90 % of the patterns, each of shape (value,)."""
-
-    name: str
-    x: Array
-    mean: Array
-    low: Array
-    high: Array
 
 
 def histogram_figure(errors: Sequence[tuple[str, Array]], *, published: tuple[float, float]) -> Figure:
@@ -65,28 +41,18 @@ def histogram_figure(errors: Sequence[tuple[str, Array]], *, published: tuple[fl
     return figure
 
 
-def examples_figure(examples: Sequence[Example], grid: ControlGrid, sensor: SensorGrid, *, title: str) -> Figure:
-    """Draw targets above, fields below, on one scale; circles are the channels, as in the paper's Fig. 3."""
-    figure = new_figure(1.75 * len(examples) + 1.2, 4.2, simulated=True)
-    axes = figure.subplots(2, len(examples), sharex=True, sharey=True, squeeze=False)
-    top = max(max(float(one.target.max()), float(one.field.max())) for one in examples)
-    for (above, below), one in zip(axes.T, examples, strict=True):
-        draw_map(above, one.target, grid, top, title=one.name, row="target", sensor=sensor, size=7)
-        said = f"E {100 * one.error:.1f} %"
-        draw_map(below, one.field, grid, top, title=said, row="field", sensor=sensor, size=7)
-    colour_bar(figure, axes.ravel().tolist(), "sound pressure re a full focus")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=9)
-    return figure
-
-
-def curve_figure(curves: Sequence[Curve], *, quantity: str, published: tuple[float, float]) -> Figure:
-    """Draw mean E over a quantity; shaded: the middle 90 % of the patterns."""
+def curve_figure(
+    curves: Mapping[str, Sequence[Mapping[str, float]]], key: str, *, published: tuple[float, float]
+) -> Figure:
+    """Draw mean E of the rows of a report over their `key` ("strength", "height_mm"); shaded: the middle 90 %."""
     figure = new_figure(5.2, 3.2, simulated=True)
+    quantity = {"strength": "strength (of a single focus)", "height_mm": "height (mm)"}[key]
     axes = plain_axes(figure.subplots(), x=quantity, y="E (%)")
     axes.axhspan(100 * published[0], 100 * published[1], color=STYLE.band, zorder=0, label="paper, average")
-    for curve, colour in zip(curves, _three_colours(len(curves)), strict=True):
-        axes.fill_between(curve.x, 100 * curve.low, 100 * curve.high, color=colour, alpha=0.18, linewidth=0)
-        axes.plot(curve.x, 100 * curve.mean, "o-", color=colour, markersize=3.5, linewidth=1.2, label=curve.name)
+    for (name, rows), colour in zip(curves.items(), _three_colours(len(curves)), strict=True):
+        x, mean, low, high = (np.array([row[part] for row in rows]) for part in (key, "mean", "p5", "p95"))
+        axes.fill_between(x, 100 * low, 100 * high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(x, 100 * mean, "o-", color=colour, markersize=3.5, linewidth=1.2, label=name)
     axes.set_ylim(0, None)
     axes.legend(fontsize=8, frameon=False, loc="upper left")
     return figure
@@ -205,37 +171,21 @@ def error_figure(solution: Solution, *, simulated: bool, published: tuple[float,
     return figure
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorSpread:
-    """E of the frames of one trial."""
-
-    name: str
-    """Recording and settings."""
-    low: float
-    """5 % quantile."""
-    middle: float
-    """Mean."""
-    high: float
-    """95 % quantile."""
-    worst: float
-    """Largest value."""
-    strength: float
-    """Highest peak of its targets relative to a full focus."""
-
-
-def trials_figure(spreads: Sequence[ErrorSpread]) -> Figure:
+def trials_figure(trials: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw a line per trial: mean, middle 90 % and worst frame in %, with its strength at the right."""
-    figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True)
+    figure = new_figure(8.0, 1.2 + 0.26 * len(trials), simulated=True)
     axes = plain_axes(figure.subplots(), x="E (%): mean, middle 90 % of the frames, worst frame")
-    top = 100 * max(one.worst for one in spreads) or 1.0
-    for row, one in enumerate(spreads):
-        axes.plot([100 * one.low, 100 * one.high], [row, row], color=STYLE.reproduced, linewidth=5, alpha=0.3)
-        axes.plot(100 * one.middle, row, "o", color=STYLE.reproduced, markersize=5)
-        axes.plot(100 * one.worst, row, "|", color=STYLE.ink, markersize=9)
-        axes.annotate(f"{one.strength:.3f}", (1.01, row), xycoords=("axes fraction", "data"), fontsize=8, va="center")
+    top = 100 * max(one["worst"] for one in trials) or 1.0
+    for row, one in enumerate(trials):
+        axes.plot([100 * one["p5"], 100 * one["p95"]], [row, row], color=STYLE.reproduced, linewidth=5, alpha=0.3)
+        axes.plot(100 * one["mean"], row, "o", color=STYLE.reproduced, markersize=5)
+        axes.plot(100 * one["worst"], row, "|", color=STYLE.ink, markersize=9)
+        axes.annotate(
+            f"{one['strength']:.3f}", (1.01, row), xycoords=("axes fraction", "data"), fontsize=8, va="center"
+        )
     axes.annotate("strength", (1.01, 1.02), xycoords="axes fraction", fontsize=8, va="bottom")
-    axes.set_yticks(range(len(spreads)), [one.name for one in spreads])
-    axes.set_ylim(len(spreads) - 0.5, -0.5)
+    axes.set_yticks(range(len(trials)), [f"{one['recording']} {one['variant']}".strip() for one in trials])
+    axes.set_ylim(len(trials) - 0.5, -0.5)
     axes.set_xlim(0, 1.04 * top)
     return figure
 

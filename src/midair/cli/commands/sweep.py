@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import App, CycloptsError, Parameter
 from rich.table import Table as Shown
 
@@ -20,39 +21,34 @@ from midair.model import HEIGHT, Acoustics, Directivity, Medium, TransducerArray
 from midair.model import Progress as Advance
 from midair.pipeline import calibrated_pressure, with_fitted_gain
 from midair.sweep import (
-    PatternReport,
-    PatternResults,
     PatternSweep,
     RecordingSweep,
     Sweep,
+    SweepResults,
     SweepTrial,
-    TrialReport,
     load_sweep,
-    report_of,
     run_sweep,
-    trial_report,
+    sweep_report,
     write_sweep_report,
-    write_trial_report,
 )
 
-_STORE = "NAME.zarr, new or of the same sweep; or an address that fsspec can open."
 _SCHEDULER = "Address of a Dask scheduler, such as tls://host:8786. [default: processes on this computer]"
-Store = Annotated[str, Parameter(help=_STORE)]
+Folder = Annotated[Path, Parameter(help="Folder of the results, new or of the same sweep.")]
 Bits = Annotated[int, Parameter(help="Bits to which phases are rounded for the second E.")]
 Scheduler = Annotated[str | None, Parameter(help=_SCHEDULER)]
 Workers = Annotated[int | None, Parameter(help="Processes on this computer. [default: one per core]")]
 
 
-def run_with_bar(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
-    """Run a sweep with a progress bar and return the exit status."""
-    if not where.rstrip("/").endswith(".zarr"):
-        raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
+def solve_and_show(sweep: Sweep, folder: Path, *, scheduler: str | None, workers: int | None) -> int:
+    """Run a sweep with a progress bar, print its report, and return the exit status."""
     try:
         with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
-            run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
+            run_sweep(sweep, folder, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         err().print("midair: stopped; the results so far are stored; run the same command again to resume")
         return 130
+    show_report(load_sweep(folder))
+    out().print(f"Next: midair sweep report {folder}")
     return 0
 
 
@@ -71,38 +67,29 @@ def sweep_bar(items: str) -> Generator[Advance]:
         yield report
 
 
-def _table(texts: Sequence[str], figures: Sequence[str]) -> Shown:
+def show_report(results: SweepResults) -> None:
+    """Print the conditions or trials, progress and cost."""
+    tables = sweep_report(results)
+    texts = ("recording", "variant") if "trials" in tables else ()
+    numbers = ("frames", "strength") if texts else ("strength", "height_mm", "patterns")
+    shares = {"mean": "mean", "p95": "95 %", "worst": "worst", "mean_rounded": "rounded", "worst_rounded": "worst"}
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
     for name in texts:
         table.add_column(name, no_wrap=True)
-    for name in figures:
+    for name in (*numbers, *shares.values()):
         table.add_column(name, justify="right")
-    return table
-
-
-def show_patterns(report: PatternReport) -> None:
-    """Print a table of the conditions."""
-    heads = ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst")
-    table = _table((), heads)
-    for row in report.conditions:
-        where = (f"{row['strength']:g}", f"{row['height_mm']:g}mm", f"{row['patterns']}")
-        shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
-        table.add_row(*where, *(f"{100 * row[name]:.2f}" for name in shares))
-    out().print(table)
-    out().print(report.words)
-
-
-def show_trials(report: TrialReport) -> None:
-    """Print a table of the trials."""
-    table = _table(("recording", "variant"), ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"))
-    shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
-    for row in report.rows:
-        figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))
-        table.add_row(row["recording"], row["variant"], *figures)
-    console = out()
-    console.print(table, width=max(console.width, 120), crop=False)
-    out().print(report.words)
+    for row in tables["trials" if texts else "conditions"]:
+        figures = (f"{row[name]:.4g}" for name in numbers)
+        table.add_row(*(row[name] for name in texts), *figures, *(f"{100 * row[name]:.2f}" for name in shares))
+    out().print(table, width=max(out().width, 120), crop=False)
+    known = np.isfinite(results.error).sum()
+    items, each = ("frames", "a frame") if texts else ("patterns", "a pattern")
+    missing = "" if results.complete else ", continue with the same command"
+    out().print(
+        f"{known} {items} solved{missing}; {results.seconds:.0f} s of processor time, "
+        f"{1e3 * results.seconds / known:.2f} ms {each}."
+    )
 
 
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
@@ -110,15 +97,12 @@ Lengths = Annotated[tuple[float, ...], quantity("m", many=-1), Parameter(consume
 
 
 def patterns_command(
-    output: Store,
+    output: Folder,
     /,
     *,
     strength: Numbers = (0.1, 0.2),
     height: Lengths = (HEIGHT,),
     count: int = 65535,
-    curve_strength: Numbers = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
-    curve_height: Lengths = (0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3),
-    curves: int = 512,
     seed: int = 2024,
     method: str = "fast",
     iterations: int | None = None,
@@ -133,7 +117,7 @@ def patterns_command(
     """Solve binary 4 x 4 patterns at each strength and height, or resume an interrupted sweep.
 
     The defaults are the paper's experiment 5.1: all 65535 patterns, point sources, no attenuation.
-    Results are stored in a Zarr group as they are computed; run the same command again to resume.
+    Results are stored as they are computed; run the same command again to resume.
 
     Parameters
     ----------
@@ -143,12 +127,6 @@ def patterns_command(
         Height of the control points above the array.
     count
         Number of patterns, drawn with the seed; 65535 is all.
-    curve_strength
-        Strengths for the curve of E over strength, at the first height.
-    curve_height
-        Heights for the curves of E over height, at each strength.
-    curves
-        Number of patterns for the curves; 0 for no curves.
     seed
         Random seed of the order of the patterns.
     method
@@ -166,7 +144,7 @@ def patterns_command(
 
     Examples
     --------
-    $ midair sweep patterns patterns.zarr --count 1000 --strength 0.1
+    $ midair sweep patterns patterns.sweep --count 1000 --strength 0.1
     """
     medium = (air or AirOptions()).medium() or Medium(attenuation=0.0)
     if attenuation is not None:
@@ -175,9 +153,6 @@ def patterns_command(
         strengths=strength,
         heights=height,
         count=count,
-        curve_strengths=curve_strength,
-        curve_heights=curve_height,
-        curve_count=curves,
         seed=seed,
         method=method,
         iterations=iterations,
@@ -185,18 +160,14 @@ def patterns_command(
         bits=bits,
         chunk=chunk,
     )
-    status = run_with_bar(sweep, output, scheduler=scheduler, workers=workers)
-    if status == 0:
-        show_patterns(report_of(PatternResults.of(load_sweep(output))))
-        out().print(f"Next: midair sweep report {output}")
-    return status
+    return solve_and_show(sweep, output, scheduler=scheduler, workers=workers)
 
 
 Choice = tuple[str, Any]
 
 
 def recordings_command(
-    output: Store,
+    output: Folder,
     /,
     *sources: Path,
     vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
@@ -204,7 +175,6 @@ def recordings_command(
     start_at: Time = 0.0,
     duration: OptionalTime = None,
     bits: Bits = 8,
-    blocks: int = 4,
     scheduler: Scheduler = None,
     workers: Workers = None,
 ) -> int:
@@ -224,12 +194,10 @@ def recordings_command(
         Start of the part to use in each recording.
     duration
         Length of the part to use in each recording. [default: to the end]
-    blocks
-        Blocks of method glide per task; a long recording is divided among processes with an identical result.
 
     Examples
     --------
-    $ midair sweep recordings sweep.zarr take.h5 --vary height=150mm,200mm --duration 0.1s
+    $ midair sweep recordings heights.sweep take.h5 --vary height=150mm,200mm --duration 0.1s
     """
     if not sources:
         raise InputError("sweep: expected recordings after the name of the sweep, got none")
@@ -249,18 +217,12 @@ def recordings_command(
     if not any(text.startswith("temperature=") for text in vary):
         print_air(options.settings().acoustics.medium, stated=options.air_is_stated)
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
-    status = run_with_bar(
-        RecordingSweep(trials=tuple(trials), bits=bits, blocks=blocks), output, scheduler=scheduler, workers=workers
-    )
-    if status == 0:
-        show_trials(trial_report(load_sweep(output)))
-        out().print(f"Next: midair sweep report {output}")
-    return status
+    sweep = RecordingSweep(trials=tuple(trials), bits=bits)
+    return solve_and_show(sweep, output, scheduler=scheduler, workers=workers)
 
 
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
-    # Lazy frames as in midair solve; their filters agree with those of an array to a few parts in a million.
     take = open_take(source)
     pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
@@ -293,41 +255,33 @@ def _read(name: str, field: str, tokens: Sequence[str]) -> Any:
         raise InputError(f"--vary {name}: {' '.join(str(wrong).split())}") from None
 
 
-def report_command(source: str, /, *, output: Path | None = None, json: Json = False) -> None:
+def report_command(source: Path, /, *, output: Path | None = None, json: Json = False) -> None:
     """Write tables (CSV) and figures (PNG) of a sweep, finished or not.
 
-    Patterns: histogram of E, examples, E over strength and height. Recordings: distribution of E in each trial.
+    Patterns: histogram of E, E by active channels, over strength and over height. Recordings: E of each trial.
 
     Parameters
     ----------
     source
-        NAME.zarr, or an address that fsspec can open.
+        Folder of the sweep.
     output
-        Output folder. [default: NAME.report, in the current folder for a remote sweep]
+        Output folder. [default: NAME.report]
 
     Examples
     --------
-    $ midair sweep report patterns.zarr
+    $ midair sweep report patterns.sweep
     """
-    here = Path(source.rpartition("/")[2] if "://" in source else source)
-    folder, results = output or here.with_suffix(".report"), load_sweep(source)
-    if results.kind == "recordings":
-        report, files = trial_report(results), write_trial_report(results, folder)
-    else:
-        known = PatternResults.of(results)
-        report, files = report_of(known), write_sweep_report(known, folder)
+    results = load_sweep(source)
+    files = [str(file) for file in write_sweep_report(results, output or source.with_suffix(".report"))]
     if json:
-        return print_json(report.plain() | {"files": [str(file) for file in files]})
-    if isinstance(report, TrialReport):
-        show_trials(report)
-    else:
-        show_patterns(report)
-    out().print("\n".join(str(file) for file in files))
+        return print_json({"simulated": True} | sweep_report(results) | {"files": files})
+    show_report(results)
+    out().print("\n".join(files))
     return None
 
 
 sweep_app = App(
-    name="sweep", help_epilogue=epilogue(("midair sweep patterns patterns.zarr --count 1000 --strength 0.1",))
+    name="sweep", help_epilogue=epilogue(("midair sweep patterns patterns.sweep --count 1000 --strength 0.1",))
 )
 add_command(sweep_app, patterns_command, "patterns")
 add_command(sweep_app, recordings_command, "recordings")

@@ -10,27 +10,27 @@ import pytest
 from tests.waiting import wait_until
 
 from midair.cli import run
+from midair.files import from_plain
 from midair.model import Acoustics, Medium
-from midair.sweep.pattern_report import PatternResults
-from midair.sweep.store import load_sweep
+from midair.sweep import PatternSweep, load_sweep
 
-SMALL = ["--count", "12", "--curves", "0", "--chunk", "4", "--method", "naive", "--workers", "2"]
+SMALL = ["--count", "12", "--chunk", "4", "--iterations", "1", "--workers", "2"]
 
 
 @pytest.mark.long
 def test_from_patterns_to_a_report(capsys, one_line):
-    ask = ["sweep", "patterns", "s.zarr", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
+    ask = ["sweep", "patterns", "s.sweep", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
     assert run(ask) == 0
     said = capsys.readouterr()
     assert "48/48" in said.err
     assert "SIMULATED" in said.err
-    assert "48 of 48 patterns solved" in said.out
-    sweep = PatternResults.of(load_sweep(Path("s.zarr"))).sweep
+    assert "48 patterns solved; " in said.out
+    sweep = from_plain(PatternSweep, load_sweep(Path("s.sweep")).settings)
     assert sweep.strengths == (0.1, 0.2)
     assert sweep.heights == pytest.approx((0.18, 0.2))
-    assert sweep.method == "naive"
+    assert sweep.iterations == 1
 
-    assert run(["sweep", "report", "s.zarr", "--json"]) == 0
+    assert run(["sweep", "report", "s.sweep", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["simulated"] is True
     assert [row["patterns"] for row in answer["conditions"]] == [12] * 4
@@ -58,30 +58,30 @@ def test_from_patterns_to_a_report(capsys, one_line):
     ],
 )
 def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
-    small = ["--strength", "0.1", "--count", "2", "--curves", "0", "--method", "naive", "--workers", "1"]
-    assert run(["sweep", "patterns", "s.zarr", *small, *words.split()]) == 0
-    sweep = PatternResults.of(load_sweep(Path("s.zarr"))).sweep
+    small = ["--strength", "0.1", "--count", "2", "--iterations", "1", "--workers", "1"]
+    assert run(["sweep", "patterns", "s.sweep", *small, *words.split()]) == 0
+    sweep = from_plain(PatternSweep, load_sweep(Path("s.sweep")).settings)
     assert sweep.acoustics == Acoustics(medium=medium, directivity="point")
 
 
 @pytest.mark.slow
 def test_ctrl_c_is_one_line_and_results_are_kept():
     """A terminal sends it to every process of the command."""
-    program = [sys.executable, "-c", "from midair.cli import main; main()", "sweep", "patterns", "s.zarr"]
+    program = [sys.executable, "-c", "from midair.cli import main; main()", "sweep", "patterns", "s.sweep"]
     running = subprocess.Popen(
-        [*program, "--count", "2000", "--curves", "0", "--chunk", "8", "--strength", "0.1", "--workers", "2"],
+        [*program, "--count", "2000", "--chunk", "8", "--strength", "0.1", "--workers", "2"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
-    wait_until(lambda: Path("s.zarr").exists() and load_sweep(Path("s.zarr")).known > 0, 120)
+    wait_until(lambda: list(Path("s.sweep").glob("*.npz")), 120)
     os.killpg(running.pid, signal.SIGINT)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130
     assert "Traceback" not in said
     assert "midair: stopped; the results so far are stored" in said
-    assert 0 < load_sweep(Path("s.zarr")).known < 2000
+    assert not load_sweep(Path("s.sweep")).complete
 
 
 COARSE = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--workers", "1"]
@@ -95,17 +95,17 @@ def take():
 
 @pytest.mark.long
 def test_recordings_under_settings(take, capsys, one_line):
-    ask = ["sweep", "recordings", "r.zarr", take, "--vary", "method=naive,gs", "height=150mm,200mm"]
+    ask = ["sweep", "recordings", "r.sweep", take, "--vary", "method=fast,glide", "height=150mm,200mm"]
     ask += ["--duration", "20ms", *COARSE]
     assert run(ask) == 0
     said = capsys.readouterr()
     assert "80/80" in said.err
     assert "SIMULATED" in said.err
-    assert "method=gs height=200mm" in said.out
-    assert run(["sweep", "report", "r.zarr", "--json"]) == 0
+    assert "method=glide height=200mm" in said.out
+    assert run(["sweep", "report", "r.sweep", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert [trial["variant"] for trial in answer["trials"]] == [
-        f"method={method} height={height}" for method in ("naive", "gs") for height in ("150mm", "200mm")
+        f"method={method} height={height}" for method in ("fast", "glide") for height in ("150mm", "200mm")
     ]
     assert all(Path(name).is_file() for name in answer["files"])
     assert run([*ask, "--bits", "4"]) == 1
