@@ -25,22 +25,18 @@ RATIO_MAX = 1000
 class Polyphase:
     """A linear-phase low-pass filter in polyphase form: `length` input frames become `count` output frames.
 
-    `pieces`, shape (piece, count, length), holds the coefficients of consecutive runs of `length` input frames. `delay`
+    `weights`, shape (count, span), are the coefficients of the `span` input frames from the first of a run on. `delay`
     is the time from an output frame to the last input frame that it needs, in s.
     """
 
-    pieces: Array
+    weights: Array
+    length: int
     delay: float
 
     @property
     def count(self) -> int:
         """Output frames per run."""
-        return self.pieces.shape[1]
-
-    @property
-    def length(self) -> int:
-        """Input frames per run."""
-        return self.pieces.shape[2]
+        return len(self.weights)
 
     @classmethod
     def between(cls, rate: float, new_rate: float) -> "Polyphase":
@@ -58,27 +54,14 @@ class Polyphase:
                 f"rate: expected one below {rate:g} Hz whose ratio to it is a fraction up to {RATIO_MAX}, "
                 f"got {new_rate:g} Hz; leave the rate out to use the source's own"
             )
-        runs = -(-2 * CENTRE // count)
         half = CENTRE * length
         # Times `count`: at the interpolated rate only one frame in `count` is not zero.
         fir = np.asarray(scipy.signal.firwin(2 * half + 1, 1 / length, window=("kaiser", 8.0)), np.float64) * count
-        return cls(pieces=_cut(fir, count, length, runs + 2), delay=CENTRE / new_rate)
-
-
-def _cut(fir: Array, count: int, length: int, runs: int) -> Array:
-    """Coefficients by run of input frames.
-
-    In steps of the interpolated rate, input frame i lies at count * i and output frame j at (CENTRE + j) * length; the
-    coefficient follows from their distance.
-    """
-    half = len(fir) // 2
-    inside = np.arange(runs * length)
-    out = np.arange(count)
-    distance = count * inside[None, :] - (half + length * out[:, None])
-    weights = np.where(np.abs(distance) <= half, fir[np.clip(distance + half, 0, 2 * half)], 0.0)
-    pieces = weights.reshape(count, runs, length).transpose(1, 0, 2)
-    last = int(np.flatnonzero(np.abs(pieces).max(axis=(1, 2)))[-1])
-    return np.ascontiguousarray(pieces[: last + 1])
+        # In steps of the interpolated rate, input i lies at count * i and output j at (CENTRE + j) * length.
+        span = (2 * half + (count - 1) * length) // count + 1
+        place = count * np.arange(span) - length * np.arange(count)[:, None]
+        weights = np.where((place >= 0) & (place <= 2 * half), fir[np.clip(place, 0, 2 * half)], 0.0)
+        return cls(weights=weights, length=length, delay=CENTRE / new_rate)
 
 
 class Decimator:
@@ -94,14 +77,14 @@ class Decimator:
         Output frame k lies at input frame (64 + k) * rate / new_rate; earlier ones would need frames before the first
         input.
         """
-        pieces, length = self._filter.pieces, self._filter.length
+        weights, length = self._filter.weights, self._filter.length
         held = np.concatenate([self._held, samples])
-        runs = len(held) // length - len(pieces) + 1
+        runs = (len(held) - weights.shape[1]) // length + 1
         if runs < 1:
             self._held = held
             return np.zeros((0, held.shape[1]))
-        whole = held[: (runs + len(pieces) - 1) * length].reshape(-1, length, held.shape[1])
-        out = sum(np.matmul(piece, whole[at : at + runs]) for at, piece in enumerate(pieces))
+        windows = np.lib.stride_tricks.sliding_window_view(held, weights.shape[1], axis=0)[: runs * length : length]
+        out = np.matmul(windows, weights.T).transpose(0, 2, 1)
         # A view would keep all previous input in memory.
         self._held = held[runs * length :].copy()
         return np.asarray(out, np.float64).reshape(-1, held.shape[1])
