@@ -90,13 +90,14 @@ RUN = {
     "docs/build-a-sensor.md": 1,
     "docs/follow.md": 1,
     "docs/live.md": 2,
+    "docs/plug-ins.md": 2,
     "docs/remote.md": 1,
     "docs/settings.md": 2,
     "docs/start.md": 1,
     "docs/study.md": 1,
     "docs/tutorial.md": 1,
 }
-"""How many blocks of Python of each page tests/test_docs.py runs, and tests/rig/test_remote.py."""
+"""How many blocks of Python of each page test_docs.py, rig/test_remote.py and test_plug_ins.py run."""
 
 NOT_RUN = {
     "docs/calibrate.md": (1, "takes of the reader's own sensor and reference"),
