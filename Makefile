@@ -56,7 +56,6 @@ docs: $(VENV)/dev
 
 # Addresses outside, which needs a network and the patience of others; `make docs` checks those inside.
 links: $(VENV)/dev
-	@$(BIN)/python docs/network.py
 	$(BIN)/sphinx-build -q -b linkcheck -D sphinx_gallery_conf.plot_gallery=0 docs docs/_build/links
 
 bench: $(VENV)/dev
