@@ -18,7 +18,6 @@ from midair.study import (
     equivalence,
     f_measure,
     fit_psychometric,
-    logistic_mixed,
     ordinal_check,
     paired_t,
     rm_anova,
@@ -60,18 +59,6 @@ def _two_conditions(rng: np.random.Generator, trials: int) -> tuple[float, float
     first, second = (f_measure(answers(rng, PEOPLE, trials, 1.0, 0.4, 0.4)).mean(axis=-1) for _ in "ab")
     same = equivalence(first + 0.1, second, margin=0.1)
     return paired_t(first, second).p, sign_flip(first - second, rng=rng), same.p
-
-
-def _right_or_wrong(rng: np.random.Generator, trials: int, differ: float) -> tuple[float, ...]:
-    """Correct answers of people with individual levels and effects (standard deviation `differ` in logits)."""
-    each = trials // 6
-    logit = 0.5 + rng.normal(0, 0.7, (PEOPLE, 1, 1)) + rng.normal(0, differ, (PEOPLE, 2, 1))
-    logit = logit + rng.normal(0, differ, (PEOPLE, 1, 3)) + rng.normal(0, differ, (PEOPLE, 2, 3))
-    right = rng.binomial(each, 1 / (1 + np.exp(-logit)))
-    who, surface, thing = (np.repeat(where, each) for where in np.indices(right.shape).reshape(3, -1))
-    correct = (np.arange(each) < right[..., None]).astype(float).ravel()
-    table = {"correct": correct, "who": who, "surface": surface, "object": thing}
-    return tuple(logistic_mixed(table, correct="correct", participant="who", within=["surface", "object"])["p"])
 
 
 def _rated(rng: np.random.Generator, trials: int) -> tuple[float, ...]:
@@ -118,16 +105,6 @@ TESTS: dict[tuple[str, ...], Test] = {
         "turned signs of macro F",
         "equivalence, true difference at the margin",
     ): _two_conditions,
-    (
-        "mixed model, people alike: two levels",
-        "mixed model, people alike: three levels",
-        "mixed model, people alike: interaction",
-    ): lambda rng, trials: _right_or_wrong(rng, trials, 0.0),
-    (
-        "mixed model, people differ: two levels",
-        "mixed model, people differ: three levels",
-        "mixed model, people differ: interaction",
-    ): lambda rng, trials: _right_or_wrong(rng, trials, 0.6),
     (
         "analysis of variance, GG: three levels",
         "analysis of variance, GG: interaction",

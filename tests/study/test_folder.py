@@ -237,7 +237,7 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     assert after[str(tmp_path / "table.csv")].splitlines() == kept
 
 
-@pytest.mark.long  # The report fits the mixed models of a whole study.
+@pytest.mark.long
 def test_the_number_stays_unused_and_the_study_continues(study, capsys):
     withdraw(study, 2)
     assert withdrawn(study) == {2}

@@ -49,6 +49,7 @@ from .folder import read_design as read_design
 from .folder import template_text as template_text
 from .folder import withdraw as withdraw
 from .folder import withdrawn as withdrawn
+from .r_script import script_of_plan as script_of_plan
 from .session import ArrayPresenter as ArrayPresenter
 from .session import Headphones as Headphones
 from .session import InstantClock as InstantClock
@@ -79,7 +80,6 @@ from .statistics import chance_of_published as chance_of_published
 from .statistics import choice_model as choice_model
 from .statistics import cohen_kappa as cohen_kappa
 from .statistics import confusion_matrix as confusion_matrix
-from .statistics import cumulative_mixed as cumulative_mixed
 from .statistics import d_prime_choice as d_prime_choice
 from .statistics import d_prime_same_different as d_prime_same_different
 from .statistics import d_prime_yes_no as d_prime_yes_no
@@ -88,7 +88,6 @@ from .statistics import f_measure as f_measure
 from .statistics import fit_psychometric as fit_psychometric
 from .statistics import holm as holm
 from .statistics import limits_over_people as limits_over_people
-from .statistics import logistic_mixed as logistic_mixed
 from .statistics import mutual_information as mutual_information
 from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t

@@ -6,7 +6,6 @@ from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
-from midair.study.findings.rating_findings import cumulative
 from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns, simulation_of
 from midair.study.tables import legend_of, read_csv
 
@@ -105,7 +104,6 @@ def test_complete_data_give_all_findings(reports):
         "Identification: grooved",
         "Effect of the condition over objects, as in the paper",
         "Effect of the condition over people",
-        "Mixed model of correct answers",
     ]
     assert "better than chance" in found(report, "Identification: plain").words
     assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
@@ -139,17 +137,7 @@ def test_pairs_and_ordered_ratings_are_reported():
     assert pairs.table["effect"].tolist()[:4] == ["surface", "object", "object", "object"]
     assert f"of {len(pairs.table)} pairs differ" in pairs.words
     assert {"d_low", "p_pairs"} <= dict(legend_of(pairs)).keys()
-    assert "object" in found(report, "Ratings: cumulative").words
     assert found(report, "Ratings: analysis").table["np2_low"].max() > 0
-
-
-@pytest.mark.long
-def test_the_cumulative_model_has_many_random_effects():
-    found = cumulative(data_of_columns(ratings(people=30), **RATED))[0]  # 30 x 12
-    assert set(found.table["note"]) == {""}
-    assert "object" in found.words
-    many = cumulative(data_of_columns(ratings(people=251), **RATED))[0]
-    assert "3012 random effects" in many.words
 
 
 def test_one_participant():
@@ -158,7 +146,6 @@ def test_one_participant():
     assert "Not computed. Pairs: expected two or more people" in found(report, "Effect of the condition").words or any(
         "two or more people" in one.words for one in report.findings
     )
-    assert found(report, "Mixed").words.startswith("Not computed. Participants: expected two or more")
     assert report.choices[0].f_limits is None
     rated = analyse(data_of_columns(ratings(people=1), **RATED), draws=200)
     assert found(rated, "Ratings: analysis").words.startswith("Not computed. Participants: expected two or more")
@@ -310,12 +297,6 @@ def test_few_wrong_answers_are_reported():
         words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Identification"))
         assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
         assert ("There are fewer wrong answers than people" in words) == warned
-
-
-@pytest.mark.parametrize(("people", "too_few"), [(4, True), (5, False)])
-def test_the_mixed_model_states_when_there_are_too_few_people(people, too_few):
-    report = analyse(data_of_columns(choices(people=people), **NAMES), draws=20)
-    assert ("too few people for this test" in found(report, "Mixed model").words) == too_few
 
 
 @pytest.mark.parametrize(

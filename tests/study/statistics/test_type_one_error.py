@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from midair.study import (
-    IdentificationExperiment,
-    RatingExperiment,
     chance_macro_f,
     confusion_matrix,
     equivalence,
-    logistic_mixed,
     ordinal_check,
     paired_t,
     rm_anova,
@@ -68,28 +65,6 @@ def macro_f(rng):
     return chance_macro_f(confusion, rng=rng, draws=399).p
 
 
-def mixed(rng, trials, differ):
-    """Correct answers without an effect of the object over people; each has a level, and may have a best object."""
-    thing = np.tile(np.repeat(OBJECTS, trials // 3), PEOPLE)
-    who = np.repeat(np.arange(PEOPLE), trials)
-    logit = 0.4 + rng.normal(0, 0.7, (PEOPLE, 1)) + rng.normal(0, differ, (PEOPLE, 3))
-    correct = (rng.random((PEOPLE, 3, trials // 3)) < 1 / (1 + np.exp(-logit))[..., None]).astype(float)
-    table = {"correct": correct.ravel(), "who": who, "object": thing}
-    return logistic_mixed(table, correct="correct", participant="who", within=["object"])["p"][0]
-
-
-def two_levels(rng, people, trials):
-    """Correct answers to two levels without an effect over people, who differ by 0.6 logits in each."""
-    logit = 0.5 + rng.normal(0, 0.7, (people, 1)) + rng.normal(0, 0.6, (people, 2))
-    correct = (rng.random((people, 2, trials // 2)) < 1 / (1 + np.exp(-logit))[..., None]).astype(float)
-    who, level, _ = np.indices(correct.shape).reshape(3, -1)
-    table = {"correct": correct.ravel(), "who": who, "level": level}
-    return logistic_mixed(table, correct="correct", participant="who", within=["level"])["p"][0]
-
-
-IDENTIFICATION = IdentificationExperiment(objects=3, trials=12, d_prime=0, spread=0)
-RATING = RatingExperiment(means=(4.0, 4.0))
-
 # Exact at .05 up to the steps of p: the share must lie in the 99.9 % interval of 2000 throws at .05.
 EXACT = {
     "paired t": paired,
@@ -103,20 +78,11 @@ EXACT = {
     "ranks, three levels": lambda rng: ranks(rng, "object"),
     "ranks, interaction": lambda rng: ranks(rng, "surface:object"),
     "macro F": macro_f,
-    "mixed model, 12 trials": lambda rng: mixed(rng, 12, 0.8),
-    "mixed model, 48 trials": lambda rng: mixed(rng, 48, 0.8),
-    "mixed model, 400 trials": lambda rng: mixed(rng, 399, 0.8),
-    "mixed model, 8 people": lambda rng: two_levels(rng, 8, 400),
-    "mixed model, 5 people": lambda rng: two_levels(rng, 5, 400),
-    "mixed model, 1000 trials": lambda rng: mixed(rng, 999, 0.4),
-    "identification": lambda rng: IDENTIFICATION(PEOPLE, rng),
-    "rating of two levels": lambda rng: RATING(PEOPLE, rng),
     "anova, uneven, GG": lambda rng: anova(rng, "p_GG", "object", UNEVEN),
     "anova, uneven, HF": lambda rng: anova(rng, "p_HF", "object", UNEVEN),
 }
-# The Greenhouse-Geisser correction is conservative under sphericity, and the mixed model is if people do not differ.
+# The Greenhouse-Geisser correction is conservative under sphericity.
 SHY = {
-    "mixed model, people alike": lambda rng: mixed(rng, 48, 0),
     "anova, GG": lambda rng: anova(rng, "p_GG", "object"),
     "anova, interaction, GG": lambda rng: anova(rng, "p_GG", "surface:object"),
 }

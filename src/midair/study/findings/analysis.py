@@ -19,9 +19,8 @@ from midair.study.findings.choice_findings import (
     confusions,
     interval_words,
     limits_words,
-    mixed,
 )
-from midair.study.findings.rating_findings import adaptive, anova, cumulative, pairs, psychometric, ranks, rating_means
+from midair.study.findings.rating_findings import adaptive, anova, pairs, psychometric, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
 
@@ -168,12 +167,9 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     pair = tuple(one for one in choices if one.name in conditions)
     if len(pair) == 2:
         jobs.append(lambda: compared(pair, data, rng=rng))
-    if data.choices is not None:
-        jobs.append(lambda: attempt("Mixed model of correct answers", lambda: mixed(data)))
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
-        jobs.append(lambda: attempt("Ratings: cumulative-link model", lambda: cumulative(data)))
         jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
     jobs.append(lambda: question_findings(data))
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))

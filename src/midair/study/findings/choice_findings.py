@@ -23,10 +23,8 @@ from midair.study.statistics import (
     d_prime_limits,
     equivalence,
     f_limits,
-    holm,
     kappa_limits,
     limits_over_people,
-    logistic_mixed,
     macro_f_limits,
     mutual_information,
     paired_t,
@@ -248,31 +246,3 @@ def _over_people(
         f" {strength:.1f} {side}{'' if strength >= 3 else ', inconclusive'}."
     )
     return [Finding(title="Effect of the condition over people", words=words)]
-
-
-def mixed(data: StudyData) -> list[Finding]:
-    """Logistic mixed model of correct answers."""
-    if data.choices is None:
-        return []
-    rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
-    within = ["presented", "condition"] if len(set(rows["condition"])) > 1 else ["presented"]
-    table = logistic_mixed(rows, correct="correct", participant="participant", within=within)
-    table["p_Holm"] = holm(table["p"].to_numpy())
-    table = note_last(table)
-    small = table["effect"][table["p_Holm"] < 0.05].tolist()
-    words = (
-        f"The probability of a correct answer depends on {', '.join(small)}."
-        if small
-        else "No effect on the probability of a correct answer was found; this does not show that there is none."
-    )
-    words += (
-        " Logistic mixed model with random intercepts and slopes of all effects (Laplace approximation); F from"
-        f" likelihood ratios, with error degrees of freedom for {len(set(rows['participant']))} people;"
-        f" Holm's correction for {len(table)} effects."
-    )
-    if len(set(rows["participant"])) < 5:
-        words += (
-            " There are too few people for this test: with fewer than five, its false-positive rate was not confirmed"
-            " in simulated studies. Treat p as descriptive."
-        )
-    return [Finding(title="Mixed model of correct answers", words=words, table=table)]

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series
 
 from midair.errors import InputError
-from midair.study.findings.choice_findings import Finding, limits_words, note_last, p_words
+from midair.study.findings.choice_findings import Finding, limits_words, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     PRIORS,
     cell_means,
-    cumulative_mixed,
     fit_psychometric,
     fit_threshold,
     holm,
@@ -25,10 +24,6 @@ from midair.study.statistics import (
 )
 
 SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
-
-
-MOST_LEVELS = 3000
-"""Random effects of the cumulative-link model up to which it takes seconds (docs/decisions/0034-analysis.md)."""
 
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
@@ -100,33 +95,6 @@ def pairs(data: StudyData) -> list[Finding]:
     if interactions:
         words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."
     return [Finding(title="Ratings: pairwise comparisons", words=words, table=table)]
-
-
-def cumulative(data: StudyData) -> list[Finding]:
-    """Cumulative-link mixed model of the ratings."""
-    if data.ratings is None:
-        return []
-    many = len(set(data.ratings["participant"]))
-    for name in data.within:
-        many *= 1 + len(set(data.ratings[name]))
-    if many > MOST_LEVELS:
-        words = (
-            f"Left to the notebook: the model has up to {many} random effects (here {MOST_LEVELS} at most)"
-            " and takes a minute or more. Run `cumulative_mixed` there."
-        )
-        return [Finding(title="Ratings: cumulative-link model", words=words)]
-    table = cumulative_mixed(data.ratings, value="rating", participant="participant", within=data.within)
-    table["p_Holm"] = holm(table["p"].to_numpy())
-    table = note_last(table)
-    small = table["effect"][table["p_Holm"] < 0.05].tolist()
-    words = (
-        f"In a cumulative-link mixed model, which uses only the order of the ratings, p is below .05 for:"
-        f" {', '.join(small) or 'no effect'}. Proportional odds; people differ in their level and in each effect"
-        f" (Laplace approximation); F from likelihood ratios; Holm's correction for {len(table)} effects."
-    )
-    if data.between:
-        words += " Factors between people are not tested."
-    return [Finding(title="Ratings: cumulative-link model", words=words, table=table)]
 
 
 def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:

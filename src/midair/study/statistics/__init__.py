@@ -23,8 +23,6 @@ from .confusion import mutual_information as mutual_information
 from .confusion import scores as scores
 from .confusion import sign_flip as sign_flip
 from .confusion import wilson as wilson
-from .cumulative import cumulative_mixed as cumulative_mixed
-from .cumulative import logistic_mixed as logistic_mixed
 from .detection import ChoiceModel as ChoiceModel
 from .detection import Sensitivity as Sensitivity
 from .detection import choice_model as choice_model

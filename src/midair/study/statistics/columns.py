@@ -124,6 +124,6 @@ def cell_means(
         what = ", ".join(f"{name}={level}" for name, level in zip(within, first, strict=True))
         raise InputError(
             f"cells: expected an answer in every cell, got none from participant {people[where[0][0]]} at {what}"
-            f" ({len(where)} empty cells in all); exclude the participant, or use the mixed model"
+            f" ({len(where)} empty cells in all); exclude the participant, or use the mixed models of the R script"
         )
     return CellMeans(mean=total / count, participants=tuple(people), levels=tuple(tuple(order) for order, _ in found))

@@ -174,8 +174,7 @@ def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal,
     assert {given.by for (_, name), given in session.answers.items() if name != "words"} == {"key"}
     page = (tmp_path / "weak" / "report.html").read_text(encoding="utf-8")
     assert "SIMULATED" in page
-    # One person who is always right leaves the mixed model nothing, which is said.
-    assert page.count("Not computed") == page.count("expected both correct and wrong answers") == (template == "paired")
+    assert "Not computed" not in page
     if template == "paired":
         assert {given.answer for (_, name), given in session.answers.items() if name == "how_close"} == {"62"}
         assert "24 answers are correct" in page

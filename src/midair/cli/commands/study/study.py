@@ -24,6 +24,7 @@ from midair.study import (
     report_json,
     report_page,
     report_text,
+    script_of_plan,
     simulation_of,
     unfinished_sessions,
     write_bids,
@@ -135,7 +136,7 @@ def analyse_command(
 
 
 def export_command(study: Study, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
-    """Export the answers of a study as a BIDS dataset or as one CSV table.
+    """Export the answers of a study as a BIDS dataset, or as a CSV table with an R script of mixed models.
 
     Parameters
     ----------
@@ -161,7 +162,10 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "cs
         written = write_bids(answers, plan.design, output, unfinished=tuple(unfinished), markers=markers)
         told = f"{len(written)} files, "
     else:
+        script = output.with_suffix(".R")
         write_csv(answers, output)
+        write_file(script, script_of_plan(plan.design, table=output.name, script=script.name))
+        told = f"its analysis in R is {script.name}, "
     out().print(f"{output}: {told}{len(answers)} answers.")
     for who, state in unfinished.items():
         print_note(f"{who}: {state}", warn=True)
