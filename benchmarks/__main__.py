@@ -12,6 +12,7 @@ import argparse
 
 from benchmarks.clock import load
 from benchmarks.limits import limits
+from benchmarks.published import PUBLISHED
 from benchmarks.sequence import budget, sequence
 from benchmarks.static import static
 from benchmarks.targets import TEN, beating_blob, binary, moving_blob, patterns, problem_of, towel
@@ -35,7 +36,7 @@ def main() -> None:
     parser.add_argument(
         "--yardstick", help="file with paper_lm (default $MIDAIR_YARDSTICK, ../shared/baseline/paper_lm.py)"
     )
-    parser.add_argument("--methods", nargs="*", default=list(METHODS), help="names of solvers (default all)")
+    parser.add_argument("--methods", nargs="*", default=[*METHODS, *PUBLISHED], help="names of solvers (default all)")
     options = parser.parse_args()
     if min(options.frames, options.plain_frames) < 40:
         parser.error("--frames and --plain-frames: expected 40 or more, because the first ten frames are ignored")

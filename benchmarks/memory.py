@@ -63,7 +63,7 @@ def commands(seconds: float) -> Iterator[tuple[str, list[str]]]:
     yield "info, calibrated", ["info", "long.h5"]
     yield "compare", ["compare", "long.h5", "long.h5"]
     yield "solve a part", ["solve", "long.h5", "part.drive.h5", "--start-at", middle, "--duration", "0.05s"]
-    cheapest = ["--method", "naive", "--guard", "0mm", "--fit", "points", "--rate", "1kHz"]
+    cheapest = ["--method", "fast", "--guard", "0mm", "--fit", "points", "--rate", "1kHz"]
     yield "solve", ["solve", "long.h5", "solved.drive.h5", *cheapest]
     yield "info, drive", ["info", "long.drive.h5"]
     yield "play", ["play", "long.drive.h5"]

@@ -7,10 +7,10 @@ import numpy as np
 from benchmarks.clock import heading, line, timed
 from benchmarks.floors import floors
 from benchmarks.peers import peers
+from benchmarks.published import PUBLISHED, best_level
 from benchmarks.targets import binary, problem_of
 from benchmarks.yardstick import Plain
 from midair.solvers import Problem, error_of, solver
-from midair.solvers.reference import best_level
 
 
 def static(strength: float, bits: list[int], name: str, reference: Plain, methods: list[str], others: bool) -> None:
@@ -23,7 +23,7 @@ def static(strength: float, bits: list[int], name: str, reference: Plain, method
     )
     _line(f"{name}, 50 iterations", error_of(problem, theta), floor, base / count, 1.0)
     for method in [method for method in methods if method != "live"]:
-        settings = solver(method, start="zero")
+        settings = PUBLISHED[method]() if method in PUBLISHED else solver(method, start="zero")
         settings.solve(Problem(G=problem.G, amplitude=problem.amplitude[:1], psi=problem.psi))
         answer, cost = timed(lambda settings=settings: settings.solve(problem))
         error = error_of(problem, answer.phase, answer.level)

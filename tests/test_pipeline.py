@@ -160,11 +160,11 @@ def measured():
 
 def test_envelopes_of_a_nominal_array_are_predicted_on_request():
     """With a quiet palm, the correction also covers the points of the palm."""
-    settings = Settings().but(rate=2000.0, mapping="slow-bias", method="naive", predict=True)
+    settings = Settings().but(rate=2000.0, mapping="slow-bias", method="fast", predict=True)
     settings = settings.but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3))
     pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
     target = target_amplitude(pressure, settings)
-    plain = solve(target, SMALL, method="naive", acoustics=settings.acoustics)
+    plain = solve(target, SMALL, method="fast", acoustics=settings.acoustics)
     corrected, quiet = (
         next(compensate_envelope(iter([plain]), target, SMALL, settings.but(quiet_palm=weight))).drive
         for weight in (0.0, 0.1)
@@ -180,7 +180,7 @@ def test_envelopes_of_a_nominal_array_are_predicted_on_request():
 @pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])
 def test_envelopes_of_a_measured_array_are_predicted(mapping, foreseen):
     settings = Settings().but(
-        rate=2000.0, mapping=mapping, method="naive", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
+        rate=2000.0, mapping=mapping, method="fast", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
     )
     pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
     made = reproduce(pressure, measured(), settings).solution.drive
@@ -221,7 +221,7 @@ def test_a_drive_above_its_level_is_solved_with_less_gain(monkeypatch):
     assert weaker.target.gain == pytest.approx(10**-0.21)
     assert weaker_settings(played_drive(), Settings()) is None
     with pytest.raises(InputError, match=r"ears: expected a drive below 110 dB, got one 2\.0 dB above it"):
-        played(ears=110.0, method="naive")
+        played(ears=110.0, method="fast")
     with pytest.raises(InputError, match="ears: expected a faster method, got lm; use --mode quiet"):
         played(ears=110.0, method="lm")
 

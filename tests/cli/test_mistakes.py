@@ -26,7 +26,7 @@ def files(tmp_path_factory):
         for name in ("raw.h5", "take.h5", "there.h5"):
             save(Recording(samples=samples, rate=1000), name)
         assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
-        quick = "--mode paper --method naive --duration 10ms --lead 0s"
+        quick = "--mode paper --method fast --duration 10ms --lead 0s"
         assert run(["solve", "take.h5", "there.drive.h5", *quick.split()]) == 0
         small = SensorGrid(rows=2, columns=2)
         save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")

@@ -12,8 +12,7 @@ from midair.streaming import LazyFrames
 UNIT = TransducerArray.autd3(columns=1, rows=1)
 
 PARTS = {
-    "naive": {"method": "naive"},
-    "gs-pat": {"method": "gs-pat", "level": "auto"},
+    "fast, automatic": {"method": "fast", "level": "auto"},
     "exact": {"method": "exact", "iterations": 2},
     "exact, on their own": {"method": "exact", "iterations": 2, "start": "zero"},
     "lm": {"method": "lm", "iterations": 1},

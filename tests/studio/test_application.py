@@ -94,7 +94,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     folder = studio.folder.path
     drive, again = folder / "towel.drive.h5", folder / "towel.rerecorded.h5"
     solve_take(
-        SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), mode="paper", choices=(("method", "naive"),)),
+        SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), mode="paper", choices=(("method", "fast"),)),
         lambda *_: None,
     )
     again.write_bytes(b"played")
@@ -106,7 +106,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
 
     asks = solve()["asks"]
     assert asks["files"] == ["towel.drive.h5", "towel.rerecorded.h5"]
-    assert asks["made"] == "made with paper, naive, 1000 Hz"
+    assert asks["made"] == "made with paper, fast, 1000 Hz"
     assert asks["new"] == "paper, live, 1000 Hz"
     assert solve(replaces="true")["asks"] == asks
     # A command wrote another one since the question.
@@ -125,7 +125,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
 @pytest.mark.long
 def test_each_mode_of_a_take_has_a_drive_of_its_own(studio, talk):
     folder, drive = studio.folder.path, studio.folder.path / "towel.drive.h5"
-    order = SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), choices=(("method", "naive"),))
+    order = SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), choices=(("method", "fast"),))
     solve_take(order, lambda *_: None)
 
     def solve(take="towel.h5", **given):
@@ -146,7 +146,7 @@ def test_each_mode_of_a_take_has_a_drive_of_its_own(studio, talk):
     assert [(each["name"], each["mode"]) for each in found] == [
         ("towel.h5", "paper"), ("towel.h5@paper", "paper"), ("towel.h5@quick", "quick")
     ]  # fmt: skip
-    assert talk.order("reproduce", "open", take="towel.h5@quick")["ok"]["drive"]["settings"]["method"] == "naive"
+    assert talk.order("reproduce", "open", take="towel.h5@quick")["ok"]["drive"]["settings"]["method"] == "fast"
 
 
 @pytest.mark.long

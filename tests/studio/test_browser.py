@@ -401,7 +401,7 @@ def test_two_drives_are_compared_side_by_side_and_heard(studio_at, look):
     record("virtual:towel", 0.1, path=studio.folder / "a.h5")
     for label, gain in (("", 1.0), (".best", 0.5)):
         drive = studio.folder / f"a{label}.drive.h5"
-        choices = (("method", "naive"), ("gain", gain))
+        choices = (("method", "fast"), ("gain", gain))
         solve_take(SolveRequest(take=str(studio.folder / "a.h5"), drive=str(drive), choices=choices), lambda *_: None)
         heard = play(load_solution(drive), "virtual").take
         save(heard.recording, studio.folder / f"a{label}.rerecorded.h5", calibration=heard.calibration)
@@ -461,7 +461,7 @@ def test_small_screens_show_pictures_first_and_scroll_one_way(studio_at, look, w
 
 def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
     files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
-    solve_take(SolveRequest(**files, choices=(("method", "naive"),)), lambda *_: None)
+    solve_take(SolveRequest(**files, choices=(("method", "fast"),)), lambda *_: None)
     before = (with_takes.folder / "solved.drive.h5").read_bytes()
     page = look(with_takes, reduced_motion="reduce")
     opened(page, "solved.h5")
@@ -471,7 +471,7 @@ def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
     page.page.locator("#main").focus()
     page.page.keyboard.press("b")
     page.until("studio.room.take?.name === 'solved.h5@best'")
-    assert "paper, naive" in page.page.locator("#in-view").inner_text()
+    assert "paper, fast" in page.page.locator("#in-view").inner_text()
     assert page.page.evaluate("studio.room.transport.frame") == 77
     assert "#reproduce/solved.h5@best" in page.page.url
     assert page.page.locator("#drives [aria-pressed=true]").inner_text().startswith("best E ")

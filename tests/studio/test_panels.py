@@ -166,7 +166,7 @@ def test_pilot_is_marked_and_stored_apart_and_keys_choose_only_what_they_name(st
 def drive_of(folder):
     record("virtual:towel", 0.2, path=folder / "towel.h5")
     made = str(folder / "weak.drive.h5")
-    choices = (("method", "naive"), ("level", 0.01))
+    choices = (("method", "fast"), ("level", 0.01))
     solve_take(SolveRequest(take=str(folder / "towel.h5"), drive=made, choices=choices), lambda *_: None)
     (folder / "towel.h5").unlink()
     return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}

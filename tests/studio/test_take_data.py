@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import open_take, save, save_solution
 from midair.model import ControlGrid, Provenance, Recording, TransducerArray
-from midair.physics import propagate
+from midair.physics import propagate, quantise_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.settings import MODES, Settings
 from midair.studio.take_data import LOUDNESS, TakeData, describe_settings, facts, frames_of, made_with, sound_of
@@ -25,7 +26,7 @@ def scene(tmp_path_factory):
         samples=touch.pressure, rate=1000.0, sensor=touch.sensor, unit="Pa", provenance=Provenance(source="stroke")
     )
     save(recording, folder / "take.h5")
-    settings = Settings().but(method="naive", mapping="slow-bias", level="auto")
+    settings = Settings().but(method="fast", mapping="slow-bias", level="auto")
     take = open_take(folder / "take.h5")
     pressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))
     made = reproduce(pressure, TransducerArray.autd3(columns=1, rows=1), settings)
@@ -57,9 +58,9 @@ def test_target_and_played_field_match_the_frames_of_the_take(scene):
     assert np.abs(wanted - made.target.amplitude[lead : lead + len(wanted)]).max() <= section.unit
     section, played = stream(scene, "played")
     field = played[:, ::2] + 1j * played[:, 1::2]
-    drive = made.solution.drive
-    exact = propagate(drive, made.target.grid, acoustics=drive.acoustics)[lead : lead + len(field)]
     # The file holds phases in 256 steps to a turn.
+    drive = replace(made.solution.drive, phase=quantise_phase(made.solution.drive.phase, bits=8))
+    exact = propagate(drive, made.target.grid, acoustics=drive.acoustics)[lead : lead + len(field)]
     assert np.abs(field - exact).max() <= 2 * section.unit + 2e-3 * np.abs(exact).max()
 
 
@@ -104,8 +105,9 @@ def test_settings_of_a_drive_in_one_line(scene, tmp_path):
     scene, *_ = scene
     (tmp_path / "a.drive.h5").write_bytes(b"no drive")
     made, broken = made_with((scene.drive, str(tmp_path / "a.drive.h5")))
-    assert (made["mode"], made["made"]) == ("paper", "made with paper, naive, 1000 Hz, mapping slow-bias, level auto")
-    assert 0 < made["error"] < 1
+    assert (made["mode"], made["made"]) == ("paper", "made with paper, fast, 1000 Hz, mapping slow-bias, level auto")
+    # Frames of the lead are nearly silent, and equal amplitudes are too loud for them.
+    assert made["error"] > 0
     assert broken == {"mode": "", "made": "a file that cannot be read"}
 
 

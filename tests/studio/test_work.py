@@ -38,7 +38,7 @@ def solved(tmp_path):
     request = SolveRequest(
         take=str(tmp_path / "towel.h5"),
         drive=str(tmp_path / "towel.drive.h5"),
-        choices=(("method", "naive"), ("points", 4)),
+        choices=(("method", "fast"), ("points", 4)),
         start=0.06,
         duration=0.06,
     )
@@ -77,7 +77,7 @@ def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypat
     assert f"({drive.provenance.last('solve')['array_calibration']}), " in shown["array_calibration"]
     assert "% of the power" in shown["not_reproduced"]
     # The form shows the settings as they were chosen.
-    assert (shown["settings"]["mode"], shown["settings"]["method"]) == ("paper", "naive")
+    assert (shown["settings"]["mode"], shown["settings"]["method"]) == ("paper", "fast")
     plain = replace(request, array_calibration=Path("none"), drive=str(tmp_path / "plain.drive.h5"))
     solve_take(plain, lambda *_: None)
     assert load_solution(plain.drive).drive.array.alike

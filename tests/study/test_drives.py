@@ -24,7 +24,7 @@ from midair.study.design.study_design import Block, Design
 from midair.study.drives import check_digests, digest_of_file, prepare_drives
 from midair.study.session import SilentPresenter, TextPresenter
 
-QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="naive")
+QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="fast")
 
 
 def solution(level=0.01, array=None, status="iterations"):

@@ -16,22 +16,9 @@ from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
 from midair.solvers.problem import Start
-from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
 from midair.solvers.terms import Term, registered_terms
 
-Method = (
-    LevenbergMarquardt
-    | Exact
-    | Fast
-    | Glide
-    | Free
-    | Live
-    | Naive
-    | GerchbergSaxton
-    | WeightedGerchbergSaxton
-    | GSPAT
-    | Greedy
-)
+Method = LevenbergMarquardt | Exact | Fast | Glide | Free | Live
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
     {
@@ -41,18 +28,13 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
         "glide": Glide,
         "free": Free,
         "live": Live,
-        "naive": Naive,
-        "gs": GerchbergSaxton,
-        "wgs": WeightedGerchbergSaxton,
-        "gs-pat": GSPAT,
-        "greedy": Greedy,
     }
 )
 """Name and constructor of each method."""
 
 
 def takes(method: str | Method) -> frozenset[str]:
-    """Names of the terms that a method supports besides the error of the paper; published methods support none."""
+    """Names of the terms that a method supports besides the error of the paper."""
     return frozenset(term.shown() for term in registered_terms().values() if name_of(method) in term.methods)
 
 
@@ -142,7 +124,6 @@ class MethodSettings:
     paper (4.2). "exact": the same steps in the modes of G above .5 % of the strongest, cheaper. "fast": batches of
     independent frames. "glide": whole recordings, by bisection in time. "free": an amplitude for
     each transducer, with little power. "live": less than a millisecond per frame.
-    "naive", "gs", "wgs", "gs-pat", "greedy": published methods for comparison.
     """
     iterations: int | tuple[int, int] | None = None
     """Maximum iterations for every frame, or for frames that start at zero and frames that start at the previous frame;

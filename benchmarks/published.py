@@ -100,30 +100,6 @@ class WeightedGerchbergSaxton(_Published):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GSPAT(_Published):
-    """GS-PAT: GS in the space of points, with R = G B and a backward propagator B of unit power per point.
-
-    Plasencia, Hirayama, Montano-Murillo & Subramanian, "GS-PAT: high-speed multi-point sound-fields for phased arrays
-    of transducers", ACM Trans. Graph. 39 (2020). Amplitudes are made equal at the end.
-    """
-
-    iterations: int = 100
-
-    def _drives(self, problem: Problem) -> Complex:
-        p = problem.amplitude
-        power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
-        back = (problem.G.conj() / np.maximum(power, 1e-300)).T
-        R = problem.G @ back
-        a = p.astype(complex)
-        for _ in range(self.iterations):
-            a = p * unit(a @ R.T)
-        y = a @ R.T
-        # The iteration changes phases only; the last pass corrects the magnitudes.
-        last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
-        return unit(last @ back.T)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Greedy(_Published):
     """Set one transducer after another to the phase, from a few levels, with the least error so far.
 
@@ -150,6 +126,9 @@ class Greedy(_Published):
                 q[:, n] = choices[best]
                 y += q[:, n, None] * G[:, n]
         return q
+
+
+PUBLISHED = {"naive": Naive, "gs": GerchbergSaxton, "wgs": WeightedGerchbergSaxton, "greedy": Greedy}
 
 
 def best_level(problem: Problem, theta: Array) -> Array:
