@@ -5,8 +5,6 @@ from .exact import Exact as Exact
 from .fast import Fast as Fast
 from .free import Free as Free
 from .glide import Glide as Glide
-from .glide_blocks import Piece as Piece
-from .glide_blocks import pieces as pieces
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
@@ -33,10 +31,8 @@ from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
 from .solve_plan import frames_per_part as frames_per_part
-from .solving import read_solver_blocks as read_solver_blocks
 from .solving import solve as solve
 from .solving import solve_parts as solve_parts
-from .solving import solve_piece as solve_piece
 from .terms import TERMS as TERMS
 from .terms import Amplitudes as Amplitudes
 from .terms import Cells as Cells

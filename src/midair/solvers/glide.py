@@ -155,17 +155,6 @@ class Glide:
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
 
-    def end_of(self, marks: Problem) -> WarmStart:
-        """The warm start after a block, computed from its marks alone.
-
-        `marks` must contain all marks of the block and nothing else: the same batch gives the same bits.
-        """
-        array_backend = backend(self.backend, precision=self.precision)
-        with array_backend.at_work():
-            bisection = self._bisection(marks, array_backend)
-            last = _without_warnings(solve_marks, bisection, np.arange(len(marks.amplitude))).last()
-        return WarmStart(theta=last.theta[0], known=last)
-
     def block_on(self) -> int:
         """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)

@@ -1,4 +1,4 @@
-"""Blocks of a recording: the order in which their frames are solved, their solution, and pieces of whole blocks.
+"""Blocks of a recording: the order in which their frames are solved, and their solution.
 
 Marks are solved first, then midpoints until no frame is left. Marks are counted from the first sounding frame, and a
 block is a fixed number of marks, so that batches do not depend on the length of the recording or on the number of jobs.
@@ -17,7 +17,7 @@ from midair.solvers.field_operators import Batch
 from midair.solvers.lbfgs import RowsState
 
 if TYPE_CHECKING:
-    from midair.solvers.glide import Glide
+    pass
 
 Indices = NDArray[np.int64]
 
@@ -63,35 +63,6 @@ def midpoints(marks: Indices) -> Iterator[Indices]:
         middle = pairs.sum(axis=1) // 2
         yield np.stack([pairs[:, 0], middle, pairs[:, 1]], axis=1)
         pairs = np.stack([pairs[:, 0], middle, middle, pairs[:, 1]], axis=1).reshape(-1, 2)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Piece:
-    """Frames `first` to `last` - 1 of a recording: whole blocks, and the silent frames among and before them."""
-
-    first: int
-    last: int
-    marks: Indices
-    """Frames of the recording, shape (mark,): the marks of the block before the piece; empty for the first piece."""
-
-
-def pieces(solver: "Glide", sounds: NDArray[np.bool_], *, together: int) -> Iterator[Piece]:
-    """Yield all frames of a recording in pieces of `together` blocks of the solver.
-
-    Pieces can be solved anywhere in any order, with bit-identical results: consecutive blocks share one frame, the last
-    mark of the earlier block, and the marks of that block alone give everything that the next block needs. `sounds`,
-    shape (frame,), is False for silent frames.
-    """
-    audible = np.flatnonzero(sounds)
-    how = {"coarse": solver.coarse, "size": solver.block_on(), "opening": solver.opening}
-    every = list(blocks(len(audible), **how)) if len(audible) else []
-    first = 0
-    for number in range(0, max(len(every), 1), together):
-        ends = number + together >= len(every)
-        last = len(sounds) if ends else int(audible[every[number + together - 1].last]) + 1
-        marks = audible[every[number - 1].marks] if number else np.zeros(0, np.int64)
-        yield Piece(first=first, last=last, marks=marks)
-        first = last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,7 +1,7 @@
 """The checked settings of a solution, and the solution of one part of a recording."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,10 +121,9 @@ class SolvePlan:
         *,
         acoustics: Acoustics | None = None,
         bits: int | None = None,
-        loudest: float | None = None,
         **changes: Any,
     ) -> "SolvePlan":
-        """Check the settings of `solve`; `loudest` is the highest amplitude in Pa of the whole recording."""
+        """Check the settings of `solve`."""
         settings = settings_with(settings, changes)
         level: Any = settings.level
         solver, acoustics = settings.solver(), acoustics or Acoustics()
@@ -143,7 +142,7 @@ class SolvePlan:
         airs = settings.airs(acoustics)
         own = scene = NormalisedSetup.of(target, array, (acoustics,))
         if level == "auto":
-            level = automatic_level(np.array((target.amplitude.max() if loudest is None else loudest) / own.focus))
+            level = automatic_level(np.array(target.amplitude.max() / own.focus))
         if len(airs) > 1:
             scene = NormalisedSetup.of(target, array, airs)
         elif isinstance(solver, Glide) and folds(settings) and (lattice := Lattice.of(array)) is not None:
@@ -172,12 +171,6 @@ class SolvePlan:
             # The short first block also contains the first mark.
             wanted = min(self.solver.opening, frames_in_block(self.solver.coarse, self.solver.block_on())) + 1
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
-
-    def end_of(self, marks: AmplitudeFrames) -> WarmStart:
-        """Warm start after a block with these marks, for method "glide"."""
-        problem = replace(self.scene, target=marks).problem(self.level, self.terms)
-        with one_blas_thread():
-            return cast("Glide", self.solver).end_of(self._asked(problem))
 
     def _asked(self, problem: Problem) -> Problem:
         for term in self.terms:

@@ -1,4 +1,4 @@
-"""Solve a target, from sound amplitudes at the control points to a drive: as a whole, part by part, or one piece."""
+"""Solve a target, from sound amplitudes at the control points to a drive: as a whole, or part by part."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,13 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from midair.array_types import Array
-from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
 from midair.solvers.methods import MethodSettings
-from midair.solvers.problem import WarmStart
 from midair.solvers.solve_plan import SolvePlan
-from midair.streaming import blocks, read_frames
+from midair.streaming import blocks
 from midair.validation import check_type
 
 
@@ -94,38 +91,9 @@ def solve_parts(
     return _parts(SolvePlan.of(target, array, settings, **changes), target, progress)
 
 
-def solve_piece(
-    target: AmplitudeFrames,
-    array: TransducerArray,
-    settings: MethodSettings | None = None,
-    *,
-    marks: Array,
-    loudest: float,
-    **changes: Any,
-) -> Iterator[Solution]:
-    """Yield the solution of one of the `pieces` of a recording, part by part, without the frames before it.
-
-    The phases are bit-identical to those of the whole recording. `target` holds the frames of the piece, `marks` the
-    amplitude of its marks in Pa, shape (mark, point), empty for the first piece; `loudest` is the highest amplitude of
-    the whole recording in Pa, which determines the level "auto". The other parameters and errors are those of `solve`;
-    InputError also if the method is not "glide".
-    """
-    order = SolvePlan.of(target, array, settings, loudest=loudest, **changes)
-    if not order.leads:
-        raise InputError(f"method: expected glide, the only method that solves pieces, got {order.settings.name}")
-    after = order.end_of(replace(target, amplitude=marks)) if len(marks) else None
-    return _parts(order, target, None, after, marks[-1:])
-
-
-def _parts(
-    order: SolvePlan,
-    target: AmplitudeFrames,
-    progress: Progress | None,
-    after: WarmStart | None = None,
-    lead: Array | None = None,
-) -> Iterator[Solution]:
-    none = np.zeros((0, target.grid.count))
-    lead, rest, done = none if lead is None else lead, none, 0
+def _parts(order: SolvePlan, target: AmplitudeFrames, progress: Progress | None) -> Iterator[Solution]:
+    lead = rest = np.zeros((0, target.grid.count))
+    done, after = 0, None
     for block in chain(blocks(target.amplitude, _READ), [None]):
         rest = rest if block is None else np.concatenate([rest, block])
         while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
@@ -138,16 +106,6 @@ def _parts(
             if order.leads and len(sounding):
                 lead = rest[sounding[-1:]]
             rest, done = rest[cut:], done + cut
-
-
-def read_solver_blocks(amplitude: Array, first: int, last: int) -> Array:
-    """Read frames of a target in the same blocks as `solve_parts`.
-
-    Lazy frames are computed on reading, and products of another number of frames differ in the last digit.
-    """
-    begin = first // _READ * _READ
-    read = [read_frames(amplitude, at, min(at + _READ, len(amplitude))) for at in range(begin, last, _READ)]
-    return np.concatenate(read)[first - begin : last - begin]
 
 
 def _shifted_progress(progress: Progress, before: int, frames: int) -> Progress:
