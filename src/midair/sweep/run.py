@@ -2,6 +2,7 @@
 
 import io
 import json
+import logging
 import reprlib
 import socket
 import time
@@ -130,6 +131,8 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
         import distributed
     except ImportError as missing:
         raise MissingExtraError("sweep: expected distributed, got none; pip install 'midair[sweep]'") from missing
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as opened:
         address = scheduler or opened.enter_context(local_cluster(workers))
         try:
