@@ -40,14 +40,16 @@ def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(capsys, monk
     """With one unit, as the command computes the exposure; of a play, what it hands to the check."""
     save_drive("one.drive.h5", level=1.0, array=TransducerArray.autd3(columns=1, rows=1), acoustics=WARM, frames=2)
     rooms = []
-    monkeypatch.setattr(
-        "midair.cli.commands.solve_play._play_on_array",
-        lambda _, played, *more, **how: rooms.append(played.exposure.room),
-    )
+
+    def seen(*_, settings, **__):
+        rooms.append(settings.exposure.room)
+        raise InputError("enough")
+
+    monkeypatch.setattr("midair.cli.commands.solve_play.play", seen)
     for words, expected in (([], UNKNOWN), (["--temperature", "40C"], TYPED)):
         assert run(["exposure", "one.drive.h5", "--json", *words]) == 0
         assert f"{json.loads(capsys.readouterr().out)['loudest_air']['temperature_c']:.0f}" in expected
-        assert run(["play", "one.drive.h5", "--device", NOWHERE, *words]) == 0
+        assert run(["play", "one.drive.h5", "--device", NOWHERE, *words]) == 1
     assert [room and room.temperature for room in rooms] == [None, 40.0]
 
 

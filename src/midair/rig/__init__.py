@@ -103,13 +103,14 @@ from .playing import tracker_name as tracker_name
 from .prepare import pressure_of as pressure_of
 from .prepare import pressure_to_solve as pressure_to_solve
 from .prepare import solve_to_file as solve_to_file
-from .recorder import Played as Played
-from .recorder import play as play
-from .recorder import play_pressure as play_pressure
 from .recorder import record as record
 from .remote import FramePlayer as FramePlayer
 from .remote import serve as serve
 from .remote import serve_adaptics as serve_adaptics
+from .session import Played as Played
+from .session import PlayObserver as PlayObserver
+from .session import play as play
+from .session import play_pressure as play_pressure
 from .signals import END_SIGNALS as END_SIGNALS
 from .signals import handle_signals as handle_signals
 from .signals import signals_end_the_program as signals_end_the_program

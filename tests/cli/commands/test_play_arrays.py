@@ -19,10 +19,9 @@ from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.cli.commands import solve_play
 from midair.devices import PlayReport
 from midair.model import Provenance, TransducerArray
-from midair.rig import keep_array_calibration
+from midair.rig import keep_array_calibration, session
 
 pytest.importorskip("autd3")
 pytestmark = pytest.mark.usefixtures("own_state")
@@ -62,7 +61,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
 def test_a_play_with_gaps_begins_with_them_and_ends_with_status_1(capsys, monkeypatch):
     """Before, 543 ms of silence in 600 ms of touch were one row of many, with exit status 0."""
     found = PlayReport(frames=2400, duration=0.6, gap=0.543, late=1000)
-    monkeypatch.setattr(solve_play, "play_cleared", lambda *_, **__: found)
+    monkeypatch.setattr(session, "play_cleared", lambda *_, **__: found)
     assert run(["play", make("a.drive.h5"), *EMULATOR]) == 1
     printed = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "BROKEN the touch was broken: 543 ms of silence in 600 ms of touch, since this computer" in printed

@@ -1,5 +1,6 @@
 """The commands `solve` and `play`."""
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -28,40 +29,28 @@ from midair.cli.options import (
     settings_from,
 )
 from midair.cli.output import level_of_file, level_rows, may_write, print_table, reserved, solve_error, warn_level
-from midair.devices import PlayReport, check_exposure, stop_on_input
+from midair.devices import ArrayDevice, ExposureClearance, ImmediateArray, PlayReport, stop_on_input
 from midair.errors import InputError
 from midair.evaluate import error_at_temperature
 from midair.files import (
     DRIVE_SUFFIX,
-    check_memory_for,
     load_placement,
-    load_solution,
-    load_target,
     save,
 )
 from midair.headroom import level_of
-from midair.model import Acoustics, Drive, Medium, PressureFrames
+from midair.model import Acoustics, Drive, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pipeline import Reproduction
 from midair.rig import (
+    PlayObserver,
     PlaySettings,
     array_calibration_for,
-    check_air,
     checkup_line,
-    clear_followed,
-    correct_air_of_file,
-    follow_as_set,
-    grid_of,
-    immediate_array,
     open_rig,
-    open_tracker,
-    play_cleared,
-    play_followed,
+    play,
     play_pressure,
     pressure_to_solve,
-    rerecord,
     solve_to_file,
-    tracker_name,
     transducers_of,
 )
 from midair.settings import Settings
@@ -258,8 +247,13 @@ def play_command(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
-    with stop_on_input(stop_input):
-        if not solved:
+    if correct_air and room is None:
+        raise InputError("--correct-air: expected --temperature with it, got none")
+    with stop_on_input(stop_input), progress_bars() as stage:
+        shown = _Shown(source, device, stage)
+        if solved:
+            played = play(source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings)
+        else:
             if correct_air:
                 raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
             if drive is not None:
@@ -270,12 +264,76 @@ def play_command(
                 medium = replace(room, alpha=solving.acoustics.medium.alpha)
                 solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
             pressure = pressure_to_solve(source, solving, start_at, duration, lead=lead)
-            return _play_recording(source, pressure, solving, settings, drive, target)
-        if target is not None:
-            return _play_on_virtual(source, target, settings, correct=correct_air)
-        if settings.follow is not None:
-            return _follow_on_array(source, settings, correct=correct_air)
-        return _play_on_array(source, settings, correct=correct_air)
+            if device == "virtual":
+                like = {"height": solving.target.grid.height, "band": solving.calibration.band}
+                settings = settings.but(**like, cells=pressure.sensor)
+            print_air(solving.acoustics.medium, stated=room is not None)
+            shown.simulated = pressure.provenance.simulated
+            how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
+            with nullcontext() if drive is None else reserved(drive):
+                played = play_pressure(pressure, solving, open_rig(settings=settings), **how)
+    rows = [] if played.report is None else _played_rows(played.report, played.drive, device)
+    if target is not None and played.take is not None:
+        heard = played.take.recording
+        save(heard, target, calibration=played.take.calibration)
+        rows = [
+            ("played", f"{played.drive.frames} frames at {played.drive.rate:g} Hz on {device}"),
+            ("re-recorded", f"{target}, {heard.frames} frames at {heard.rate:g} Hz"),
+            ("silencer", str(heard.provenance.steps[-1].settings["silencer"])),
+        ]
+    if played.reaction is not None:
+        middle, most = (1e3 * each for each in played.reaction)
+        rows += [("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms")]
+    if played.error is not None:
+        rows += [
+            ("E", f"{100 * played.error.mean():.1f} %, mean of all frames"),
+            ("drive", str(drive or "not written")),
+        ]
+    if not shown.verdict:
+        verdict = played.exposure.verdict() if target is not None else f"{played.outcome}: {played.exposure.verdict()}"
+        rows += [*shown.about(played.drive), ("exposure", f"on a real array: {verdict}" if target else verdict)]
+        rows += [("measured in", played.exposure.measured_in)]
+    print_rows(rows)
+    return int(played.report is not None and bool(played.report.broken))
+
+
+class _Shown(PlayObserver):
+    """Prints what happens in a session: notes on stderr, and the verdict on a drive before it sounds."""
+
+    def __init__(self, source: Path, device: str, stage: Callable[[str], Progress]) -> None:
+        self._source, self._device, self._stage = source, device, stage
+        self._bar: Progress | None = None
+        self.simulated = False
+        """Whether the touch was simulated."""
+        self.verdict = False
+        """Whether the verdict has been printed."""
+
+    def note(self, text: str, *, warns: bool = False) -> None:
+        """Print the line."""
+        print_note(text, warn=warns)
+
+    def opened(self, array: ArrayDevice | ImmediateArray) -> None:
+        """Print that what follows is simulated, if it is."""
+        banner(array.simulated or self.simulated)
+
+    def cleared(self, array: ArrayDevice | ImmediateArray, drive: Drive, clearance: ExposureClearance) -> None:
+        """Print the level, and the verdict for an array that emits sound."""
+        if self._device == "virtual":
+            return
+        self.verdict, found = True, clearance.exposure
+        rows = [("exposure", clearance.verdict()), ("measured in", found.measured_in), ("heat", found.heat)]
+        print_rows([*self.about(drive), *rows, ("checkup", checkup_line(array.name, self._device))])
+
+    def about(self, drive: Drive) -> list[tuple[str, str]]:
+        """Level of the drive of a file, and what a drive does not reproduce."""
+        solved = self._source.name.lower().endswith(DRIVE_SUFFIX)
+        level = level_rows(level_of_file(self._source, limits=False)) if solved else []
+        return [*level, *unreproduced_rows(drive.provenance)]
+
+    def progress(self, done: int, total: int, /) -> None:
+        """Draw the bar from the first frame on."""
+        self._bar = self._bar or self._stage("play")
+        self._bar(done, total)
 
 
 def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
@@ -288,149 +346,6 @@ def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
     with progress_bars() as stage:
         draw_file(foci, source, target, array, medium=settings.exposure.room, progress=stage("draw"))
     return target
-
-
-def _play_on_virtual(source: Path, target: Path, settings: PlaySettings, *, correct: bool) -> None:
-    """Play the drive of a file on the virtual array, save its re-recording, and print the result."""
-    room = settings.exposure.room
-    drive = load_solution(source, streamed=True).drive
-    level = level_rows(level_of_file(source, limits=False))
-    rig = open_rig(drive=drive, settings=settings)
-    banner(True)
-    drive = _corrected(drive, source, room) if correct else drive
-    _print_room_air(drive, source, room, simulated=True)
-    drive, settings = follow_as_set(drive, settings, print_note)
-    with progress_bars() as stage, rig:
-        admission = check_exposure(drive, rig.array, settings.exposure, repeats=settings.repeats)
-        sensor: Any = rig.sensor
-        recording = rerecord(admission, rig.array, sensor, source=source, progress=stage("play and re-record"))
-    save(recording, target, calibration=sensor.calibration)
-    print_rows(
-        [
-            ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {settings.device}"),
-            ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
-            ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
-            *level,
-            *unreproduced_rows(drive.provenance),
-            ("exposure", f"on a real array: {admission.exposure.verdict()}"),
-            ("measured in", admission.exposure.measured_in),
-        ]
-    )
-
-
-def _play_recording(
-    source: Path,
-    pressure: PressureFrames,
-    solving: Settings,
-    settings: PlaySettings,
-    drive: Path | None,
-    heard: Path | None,
-) -> int:
-    """Solve a pressure while it plays, and print the result."""
-    if heard is not None:
-        settings = settings.but(height=solving.target.grid.height, cells=pressure.sensor, band=solving.calibration.band)
-    rig, device, medium = open_rig(settings=settings), settings.device, solving.acoustics.medium
-    if rig.measured is not None:
-        print_note(f"array calibration: {rig.measured.described(solving)}")
-    print_air(medium, stated=settings.exposure.room is not None)
-    banner(rig.array.simulated or pressure.provenance.simulated)
-    with progress_bars() as stage, nullcontext() if drive is None else reserved(drive):
-        how: Any = {"path": drive, "source": source, "report": print_note, "progress": stage("play")}
-        played = play_pressure(pressure, solving, rig, **how)
-    found, rows = played.exposure, [] if played.report is None else _played_rows(played.report, played.drive, device)
-    if heard is not None and played.take is not None:
-        save(played.take.recording, heard, calibration=played.take.calibration)
-        rows = [("re-recorded", f"{heard}, {played.take.recording.frames} frames")]
-    if found is not None and played.error is not None:
-        said = f"on a real array: {found.verdict()}" if heard else f"{played.outcome}: {found.verdict()}"
-        rows += [("exposure", said), ("measured in", found.measured_in), ("heat", found.heat)]
-        rows += [
-            ("E", f"{100 * played.error.mean():.1f} %, mean of all frames"),
-            ("drive", str(drive or "not written")),
-        ]
-    print_rows([*rows, *unreproduced_rows(pressure.provenance)])
-    return int(played.report is not None and bool(played.report.broken))
-
-
-def _corrected(drive: Drive, source: Path, room: Medium | None) -> Drive:
-    if room is None:
-        raise InputError("--correct-air: expected --temperature with it, got none")
-    corrected = correct_air_of_file(drive, source, room)
-    print_note(f"air: phases corrected from {drive.acoustics.medium} to {room}")
-    return corrected
-
-
-def _print_room_air(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
-    found = check_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
-    print_note(found.said, warn=found.warns)
-
-
-def _play_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> int:
-    """Play the drive of a file on a real array or an emulator, and print the result."""
-    room, device = settings.exposure.room, settings.device
-    rig = open_rig(settings=settings)
-    array = rig.array
-    # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
-    with array.reserved():
-        drive = load_solution(source, streamed=True).drive
-        if not array.streams:
-            # Phases, and the driver's copy of them.
-            check_memory_for(
-                2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
-            )
-            drive = load_solution(source).drive
-        kept = rig.measured
-        if kept is not None and drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
-            advice = f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}"
-            print_note(f"array calibration: this drive was solved without that of this array: {advice}", warn=True)
-        elif kept is not None:
-            known = Settings.of(drive.provenance) or Settings()
-            print_note(f"array calibration: {kept.described(known)}")
-        drive = _corrected(drive, source, room) if correct else drive
-        admission = check_exposure(drive, array, settings.exposure, repeats=settings.repeats)
-        _print_room_air(drive, source, room)
-        rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
-        rows += [("heat", admission.exposure.heat), ("checkup", checkup_line(array.name, device))]
-        level = level_rows(level_of_file(source, limits=False))
-        print_rows([*level, *unreproduced_rows(drive.provenance), *rows])
-        with progress_bars() as stage, rig:
-            # Known only after opening the device.
-            banner(array.simulated)
-            report = play_cleared(
-                admission, array, source=source, delay=settings.delay, progress=stage("play"), room=room
-            )
-    print_rows(_played_rows(report, drive, device))
-    return int(bool(report.broken))
-
-
-def _follow_on_array(source: Path, settings: PlaySettings, *, correct: bool) -> int:
-    """Play the drive of a file while it follows a palm, and print the result."""
-    room, device = settings.exposure.room, settings.device
-    drive = load_solution(source).drive
-    drive = _corrected(drive, source, room) if correct else drive
-    array, grid = immediate_array(settings, drive.rate), grid_of(drive)
-    array.cooling, array.participant = settings.cooling, settings.participant
-    with (
-        array,
-        open_tracker(tracker_name(settings.follow, settings.tracker_latency)) as tracker,
-        progress_bars() as stage,
-    ):
-        admission = clear_followed(drive, array, settings, grid)
-        _print_room_air(drive, source, room)
-        banner(array.simulated)
-        done = play_followed(
-            drive, array, tracker, settings, admission, grid, source=source, report=print_note, progress=stage("play")
-        )
-    middle, most = (1e3 * each for each in done.reaction)
-    print_rows(
-        [
-            *_played_rows(done.report, drive, device),
-            ("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms"),
-            ("exposure", admission.verdict()),
-            ("measured in", f"{admission.exposure.measured_in}; the box of poses by samples, and each steered frame"),
-        ]
-    )
-    return int(bool(done.report.broken))
 
 
 def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
