@@ -48,7 +48,6 @@ lint: $(VENV)/dev
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
-	$(BIN)/python -m tests.words
 	$(BIN)/typos README.md CHANGELOG.md CONTRIBUTING.md docs src examples
 
 docs: $(VENV)/dev
