@@ -22,6 +22,7 @@ from midair.cli.console import (
     progress_bars,
     verbosity,
 )
+from midair.errors import InputError
 from midair.evaluate import PalmFidelity
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
@@ -155,3 +156,12 @@ def test_commands_that_run_until_stopped_show_no_elapsed_time(monkeypatch):
     for line in ("studio", "serve adaptics", "live", "record", "study run x", "study plan x", "cut"):
         run([*line.split(), "--help"])
     assert timed == ["study", "cut"]
+
+
+def test_bars_without_a_stage_leave_no_line(capsys):
+    with pytest.raises(InputError), progress_bars():
+        raise InputError("refused")
+    with progress_bars() as stage:
+        stage("play")(1, 1)
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n"), printed.err[:4]) == ("", 1, "play")

@@ -182,20 +182,26 @@ def confirmed(question: str) -> bool:
 @contextmanager
 def progress_bars() -> Generator[Callable[[str], "Report"]]:
     """Progress bars on stderr: the function inside starts that of a stage."""
-    with bars() as shown:
+    shown = bars()
 
-        def begin(name: str, /) -> "Report":
-            task = shown.add_task(_printable(name), total=None)
+    def begin(name: str, /) -> "Report":
+        # Not before: the end of bars that were never shown is an empty line.
+        shown.start()
+        task = shown.add_task(_printable(name), total=None)
 
-            def report(done: int, total: int) -> None:
-                shown.update(task, completed=done, total=total)
+        def report(done: int, total: int) -> None:
+            shown.update(task, completed=done, total=total)
 
-            return report
+        return report
 
+    try:
         yield begin
         for task in shown.tasks:
             if task.total is None:
                 shown.remove_task(task.id)
+    finally:
+        if shown.live.is_started:
+            shown.stop()
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:
