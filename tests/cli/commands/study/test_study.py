@@ -83,6 +83,14 @@ def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_tabl
     assert findings["Ratings: analysis of variance"]["table"] == mine
 
 
+def test_a_script_of_another_export_is_kept(done, tmp_path):
+    (tmp_path / "mine.R").write_text("# by hand", encoding="utf-8")
+    with pytest.raises(MidairError, match=r"mine\.R: expected a new file beside mine\.csv"):
+        study("export", done, tmp_path / "mine.csv", "--format", "csv")
+    assert [each.name for each in tmp_path.iterdir() if each.suffix] == ["mine.R"]
+    assert (tmp_path / "mine.R").read_text(encoding="utf-8") == "# by hand"
+
+
 @pytest.mark.long
 def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):
     study("export", done, tmp_path / "bids")

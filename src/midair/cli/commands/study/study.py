@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from midair.cli.console import out, print_note, warn_simulated
 from midair.cli.options import Json, Study
-from midair.errors import InputError
+from midair.errors import FileError, InputError
 from midair.files import write_file
 from midair.study import (
     Incomplete,
@@ -154,6 +154,11 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "cs
     answers = answers_table(plan, sessions)
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
+    script = output.with_suffix(".R")
+    if format == "csv" and script.exists():
+        raise FileError(
+            f"{script.name}: expected a new file beside {output.name}, the file exists; choose another name"
+        )
     # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
     log_derived_file(folder, output, format)
     unfinished, told = unfinished_sessions(sessions), ""
@@ -162,7 +167,6 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "cs
         written = write_bids(answers, plan.design, output, unfinished=tuple(unfinished), markers=markers)
         told = f"{len(written)} files, "
     else:
-        script = output.with_suffix(".R")
         write_csv(answers, output)
         write_file(script, script_of_plan(plan.design, table=output.name, script=script.name))
         told = f"its analysis in R is {script.name}, "
