@@ -62,10 +62,10 @@ class Board:
         Positions and pins are those of the manufacturer's board files (RMResearch/OpenMPD, OpenMPD_Client/board_1.pat).
         """
         column, row = np.divmod(np.arange(SIDE * SIDE), SIDE)
-        x = (np.arange(SIDE) - (SIDE - 1) / 2) * 10.5e-3
+        x = np.asarray((np.arange(SIDE) - (SIDE - 1) / 2) * 10.5e-3, np.float64)
         within = np.where(row % 2 == 0, np.array([1, 0, 3, 2])[column % 4], np.array([5, 4, 6, 7])[column % 4])
         return cls(
-            position=np.stack([x[column], -x[row], np.zeros(SIDE * SIDE)], axis=1),
+            position=np.stack([x[column], -x[row], np.zeros(SIDE * SIDE, np.float64)], axis=1),
             pin=64 * (3 - column // 4) + 8 * (7 - row // 2) + within,
             offset=np.zeros(SIDE * SIDE),
             strength=np.ones(SIDE * SIDE),
