@@ -15,6 +15,7 @@ NO_PROGRAMS = {
     "exposure_attacks",
     "live_outside",
     "palm_floor",
+    "published",
     "studio_deaths",
     "studio_delays",
     "targets",

@@ -32,7 +32,7 @@ LINES = {
     "rig": 9630,
     "patterns datasets": 1775,
     "view figures": 2100,
-    "cli": 6895,
+    "cli": 6905,
     "study": 7625,
     "studio": 6130,
     "sweep": 500,
