@@ -292,7 +292,7 @@ def play_command(
     if not shown.verdict:
         verdict = played.exposure.verdict() if target is not None else f"{played.outcome}: {played.exposure.verdict()}"
         rows += [*shown.about(played.drive), ("exposure", f"on a real array: {verdict}" if target else verdict)]
-        rows += [("measured in", played.exposure.measured_in)]
+        rows += [("measured in", played.exposure.measured_in), ("heat", played.exposure.heat)]
     print_rows(rows)
     return int(played.report is not None and bool(played.report.broken))
 
