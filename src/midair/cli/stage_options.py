@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from midair.cli.console import err
 from midair.cli.options import quantity
-from midair.devices import StageDevice
+from midair.devices import GrblStage
 from midair.errors import InputError
 from midair.files import load_stage
 from midair.model import Provenance, Setting, StageSetup
@@ -44,77 +44,79 @@ class StageOptions:
             raise InputError("--stage: expected --stroke and --speed, such as --stroke 120mm --speed 50mm/s")
         setup = load_stage(self.stage_file)
         setup.check(self.stroke)
-        return Drawing(stage_named(self.stage), setup, stroke=self.stroke, speed=speed, home=self.home)
+        return Drawing(stage=stage_named(self.stage), setup=setup, stroke=self.stroke, speed=speed, home=self.home)
 
 
-class Drawing(AbstractContextManager["Drawing"]):
+@dataclass(frozen=True, kw_only=True)
+class Drawing(AbstractContextManager[GrblStage]):
     """Strokes of a motion stage, which is open inside the block; lengths in m, speed in m/s."""
 
-    def __init__(self, stage: StageDevice, setup: StageSetup, *, stroke: float, speed: float, home: bool) -> None:
-        self._stage, self._setup, self._stroke, self._speed, self._home = stage, setup, stroke, speed, home
+    stage: GrblStage
+    setup: StageSetup
+    stroke: float
+    speed: float
+    home: bool
 
-    def __enter__(self) -> Self:
-        self._stage.open()
-        return self
+    def __enter__(self) -> GrblStage:
+        return self.stage.__enter__()
 
-    def __exit__(self, *_: object) -> None:
-        self._stage.close()
+    def __exit__(self, *error: object) -> None:
+        self.stage.__exit__(*error)
 
     @property
     def seconds(self) -> float:
         """Estimated time of a stroke with the way down and up, plus a second for acceleration."""
-        down = self._setup.clear - self._setup.contact
-        return down / self._setup.approach + self._stroke / self._speed + down / self._setup.back + 1.0
+        down = self.setup.clear - self.setup.contact
+        return down / self.setup.approach + self.stroke / self.speed + down / self.setup.back + 1.0
 
     @property
     def settings(self) -> dict[str, Setting]:
         """The request, for the provenance."""
         return {
-            "stage": self._stage.name,
-            "firmware": self._stage.describe().get("firmware", ""),
-            "stroke_m": self._stroke,
-            "speed_m_s": self._speed,
-            "heading": self._setup.heading,
-            "start_m": self._setup.start,
-            "contact_m": self._setup.contact,
-            "clear_m": self._setup.clear,
-            "approach_m_s": self._setup.approach,
-            "return_m_s": self._setup.back,
+            "stage": self.stage.name,
+            "firmware": self.stage.firmware,
+            "stroke_m": self.stroke,
+            "speed_m_s": self.speed,
+            "heading": self.setup.heading,
+            "start_m": self.setup.start,
+            "contact_m": self.setup.contact,
+            "clear_m": self.setup.clear,
+            "approach_m_s": self.setup.approach,
+            "return_m_s": self.setup.back,
         }
 
     @property
     def stands(self) -> str:
         """Position of the stage in words."""
-        return f"the stage stands at {self._stage.describe().get('stands', 'an unknown position')}"
+        return f"the stage stands at {self.stage.stands}"
 
     def prepare(self, repeats: int, stopped: Stopped) -> None:
         """Find the position and print the plan; only --home moves the stage."""
-        if self._home:
-            err().print(f"{self._stage.name}: homing now; the stage moves")
-            self._stage.home(stopped)
-        self._stage.ready(homing=self._setup.homing == "switches")
-        self._stage.check_speed(self._speed, self._stroke, "xyz".index(self._setup.heading[1]))
-        known = "its switches" if self._setup.homing == "switches" else "where it was set by hand"
-        x, y, clear = (f"{1e3 * part:g}" for part in self._setup.above)
-        said = self._stage.describe()
-        err().print(f"stage {self._stage.name}, {said['firmware']}, at {said['stands']} by {known}")
+        stage, setup = self.stage, self.setup
+        if self.home:
+            err().print(f"{stage.name}: homing now; the stage moves")
+            stage.home(stopped)
+        stage.ready(homing=setup.homing == "switches")
+        stage.check_speed(self.speed, self.stroke, "xyz".index(setup.heading[1]))
+        origin = "its switches" if setup.homing == "switches" else "where it was set by hand"
+        (x, y), contact, clear = (1e3 * part for part in setup.start), 1e3 * setup.contact, 1e3 * setup.clear
+        err().print(f"stage {stage.name}, {stage.firmware}, at {stage.stands} by {origin}")
         err().print(
-            f"it will move: over x {x}, y {y} mm at z {clear} mm; then {repeats} x down to z "
-            f"{1e3 * self._setup.contact:g} mm at {_mm_s(self._setup.approach)}, {1e3 * self._stroke:g} mm along "
-            f"{self._setup.heading} at {_mm_s(self._speed)}, up and back at {_mm_s(self._setup.back)}; "
-            "Ctrl-C holds it"
+            f"it will move: over x {x:g}, y {y:g} mm at z {clear:g} mm; then {repeats} x down to z {contact:g} mm at "
+            f"{1e3 * setup.approach:g} mm/s, {1e3 * self.stroke:g} mm along {setup.heading} at {1e3 * self.speed:g} "
+            f"mm/s, up and back at {1e3 * setup.back:g} mm/s; Ctrl-C holds it"
         )
 
     def to_start(self, stopped: Stopped) -> None:
         """Move to the start of a stroke; KeyboardInterrupt if stopped on the way."""
-        here = self._stage.ready(homing=self._setup.homing == "switches").position
-        if not move_to_start(self._stage, self._setup, here, stopped):
+        here = self.stage.ready(homing=self.setup.homing == "switches").position
+        if not move_to_start(self.stage, self.setup, here, stopped):
             err().print(self.stands)
             raise KeyboardInterrupt
 
     def companion(self, stopped: Stopped) -> StageStroke:
         """The stroke that runs during a take."""
-        return StageStroke(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
+        return StageStroke(self.stage, self.setup, stroke=self.stroke, speed=self.speed, stopped=stopped)
 
 
 def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
@@ -126,10 +128,6 @@ def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
     strokes: list[dict[str, Any]] = []
     for (first, count), speed in zip(frames, speeds, strict=False):
         strokes.append({"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed})
-        said = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
-        lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {said}"))
+        text = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
+        lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {text}"))
     return [*lines, {"strokes": strokes}]
-
-
-def _mm_s(speed: float) -> str:
-    return f"{1e3 * speed:g} mm/s"

@@ -24,12 +24,12 @@ from .frame_bytes import amplitude_of as amplitude_of
 from .frame_bytes import divider as divider
 from .frame_bytes import intensity_bytes as intensity_bytes
 from .frame_bytes import phase_bytes as phase_bytes
+from .grbl import GrblStage as GrblStage
 from .interface import ArrayDevice as ArrayDevice
 from .interface import Cooling as Cooling
 from .interface import FrameBlock as FrameBlock
 from .interface import PlayReport as PlayReport
 from .interface import SensorDevice as SensorDevice
-from .motion_stages import StageDevice as StageDevice
 from .reading import GapFiller as GapFiller
 from .reading import read_frames as read_frames
 from .safety import Stopped as Stopped

@@ -42,5 +42,4 @@ from .stage import Heading as Heading
 from .stage import Place as Place
 from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
-from .stage import check_reached as check_reached
 from .stage import speed_of as speed_of

@@ -90,25 +90,6 @@ class StageSetup:
                 )
 
 
-def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
-    """Raise InputError unless a machine reaches a speed and keeps it over at least half of a distance `way`.
-
-    `largest` is the maximum speed of the machine along that path, `growth` its acceleration, in m/s2; acceleration and
-    braking take speed**2 / growth together.
-    """
-    if speed > largest:
-        raise InputError(
-            f"--speed: expected up to {1e3 * largest:g} mm/s, the machine's own limit along the stroke, got "
-            f"{1e3 * speed:g} mm/s; the machine would go slower; choose a lower speed"
-        )
-    if speed**2 / growth > way / 2:
-        raise InputError(
-            f"--speed: {1e3 * speed:g} mm/s is reached over less than half of {1e3 * way:g} mm: speeding up at "
-            f"{1e3 * growth:g} mm/s2 and slowing down take {1e3 * speed**2 / growth:.4g} mm; make the stroke longer or "
-            "slower"
-        )
-
-
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
     """Speed over the middle half of a straight path, in m/s; None with fewer than three positions in it.
 

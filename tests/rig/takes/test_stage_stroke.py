@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tests.waiting import wait_until
 
-from midair.devices import PacedSensor, ReplaySensor, StageDevice
+from midair.devices import PacedSensor, ReplaySensor
 from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
@@ -23,25 +23,11 @@ SETUP = StageSetup(
 )
 
 
-class Ghost(StageDevice):
+class Ghost:
     """A stage without inertia, whose place is a formula of time."""
-
-    name = "ghost"
 
     def __init__(self, fails_at=None):
         self.at, self.went, self.moving, self.fails_at = (0.0, 0.0, 0.0), [], False, fails_at
-
-    def open(self):
-        pass
-
-    def ready(self, *, homing):
-        return StageStamp(time=time.monotonic(), position=self.at, feed=0.0)
-
-    def home(self, stopped):
-        pass
-
-    def check_speed(self, speed, way, axis):
-        pass
 
     def move(self, target, speed, *, stamp, stopped):
         begin, start = time.monotonic(), np.array(self.at)
@@ -62,9 +48,6 @@ class Ghost(StageDevice):
         finally:
             self.moving = False
         return begin, time.monotonic()
-
-    def close(self):
-        pass
 
 
 class Watcher:

@@ -36,11 +36,11 @@ import serial
 from numpy.typing import NDArray
 
 from midair.devices import ArrayDevice, PlayReport, SilencerChoice
-from midair.devices.safety import PortGuard
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, RateError
 from midair.model import Drive, Placement, Progress
 
 from .boards import Board, array_of_boards, load_board
+from .port_guard import PortGuard
 
 Bytes = NDArray[np.uint8]
 
@@ -252,8 +252,7 @@ class OpenMpdArray(ArrayDevice):
         period, total = divider * PERIOD, drive.frames * repeats
         ahead = max(2, int(LEAD / period))
         if (self._guard is None or self._guard.ended) and sys.platform != "win32":
-            words = ("playback", "silenced the boards", "play again")
-            self._guard = PortGuard(self.name, [port.fileno() for port in self._ports], off_frames(), words=words)
+            self._guard = PortGuard(self.name, [port.fileno() for port in self._ports], off_frames())
         self._wait(delay, ordered)
         # In a silent frame: with sound, the divider's bits could be mistaken for the start of a frame.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)

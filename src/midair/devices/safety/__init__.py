@@ -12,7 +12,6 @@ from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
 from .play_log import read_log as read_log
 from .play_log import sound_left as sound_left
-from .port_guard import PortGuard as PortGuard
 from .stop_channel import Stopped as Stopped
 from .stop_channel import ordered_at as ordered_at
 from .stop_channel import playing_now as playing_now

@@ -19,6 +19,7 @@ from pydantic import BaseModel, Field, ValidationError
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import (
     Decimated,
+    GrblStage,
     LeapFrames,
     RawPose,
     RemappedSensor,
@@ -26,7 +27,6 @@ from midair.devices import (
     ReplaySource,
     SensorDevice,
     SensorOptions,
-    StageDevice,
     StreamedSensor,
     Tracker,
     TrackerOptions,
@@ -260,7 +260,7 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
     )
 
 
-def stage_named(name: str) -> StageDevice:
+def stage_named(name: str) -> GrblStage:
     """Make the motion stage that a name stands for, not yet open.
 
     ``grbl:PORT`` is a machine with Grbl 1.1 at a serial port; ``?baud=`` if its rate is not 115200 bits per second.
@@ -270,10 +270,11 @@ def stage_named(name: str) -> StageDevice:
     kind, place, stated = split_name(name)
     if not place or kind != "grbl":
         raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0, got {name!r}")
-    try:
-        return load_object(kind, "midair.devices.motion_stages.grbl:grbl_stage [serial]")(place, stated)
-    except InputError as wrong:
-        raise InputError(f"{name}: {wrong}") from wrong
+    baud = stated.pop("baud", "115200")
+    if stated or not baud.isdecimal() or not int(baud):
+        got = next(iter(stated), f"baud={baud}")
+        raise InputError(f"{name}: expected the option baud, bits per second, got {got}")
+    return GrblStage(place, baud=int(baud))
 
 
 TRACKERS = {

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 import scipy
 
-from midair.devices import StageDevice
+from midair.devices import GrblStage
 from midair.errors import MidairError
 from midair.files import OpenedTake, load_sensor
 from midair.model import Event, Place, SensorGrid, SensorWiring, StageSetup, StageStamp
@@ -292,7 +292,7 @@ class StageStroke:
     """
 
     def __init__(
-        self, stage: StageDevice, setup: StageSetup, *, stroke: float, speed: float, stopped: Callable[[], bool]
+        self, stage: GrblStage, setup: StageSetup, *, stroke: float, speed: float, stopped: Callable[[], bool]
     ) -> None:
         self._stage, self._setup, self._stroke, self._speed = stage, setup, stroke, speed
         self._asked_to_stop = stopped
@@ -355,7 +355,7 @@ class StageStroke:
         return self._enough.is_set() or self._asked_to_stop()
 
 
-def move_to_start(stage: StageDevice, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
+def move_to_start(stage: GrblStage, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
     """Raise the stage clear of the sensor and move it above the start of a stroke; return False if it was stopped."""
     height = max(here[2], setup.clear)
     for target in ((here[0], here[1], height), (*setup.start, height), setup.above):

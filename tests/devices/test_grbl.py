@@ -1,19 +1,13 @@
 """A stage with Grbl, against a stand-in written from Grbl's documentation and not from the driver."""
 
-import signal
-import subprocess
-import sys
 import threading
 import time
 
 import numpy as np
 import pytest
-import serial
 from tests.simulators.grbl import GrblSimulator
-from tests.waiting import wait_until
 
-from midair.devices.motion_stages import grbl
-from midair.devices.motion_stages.grbl import GrblStage
+from midair.devices import GrblStage, grbl
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
 from midair.model import speed_of
 
@@ -46,7 +40,7 @@ def test_opening_moves_nothing_and_reports_the_position(machine):
     with GrblStage(machine.port) as stage:
         stamp = stage.ready(homing=True)
         assert stamp.position == pytest.approx((-0.001, -0.001, -0.001))
-        assert stage.describe()["firmware"] == "Grbl 1.1h.20190825"
+        assert stage.firmware == "Grbl 1.1h.20190825"
     assert machine.moves == []
     assert machine.lines == ["$$", "$I"]
 
@@ -68,13 +62,16 @@ def test_a_move_ends_where_and_when_the_machine_does(machine):
         assert one.position[0] == pytest.approx(true.at(one.time)[0][0] * 1e-3, abs=0.005)
 
 
-@on(lambda: GrblSimulator(settings={13: 1, 10: 0}))
-def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same(machine):
-    with GrblStage(machine.port) as stage:
-        stage.ready(homing=True)
-        go(stage, (-0.0508, -0.001, -0.001))
-        assert stage.ready(homing=True).position[0] == pytest.approx(-0.0508, abs=3e-5)
-    assert machine.place[0] == pytest.approx(-50.8)
+@pytest.mark.parametrize(
+    ("settings", "words"), [({13: 1}, r"got inches; set \$13=0"), ({10: 0}, r"with MPos, got none.*set \$10=1")]
+)
+def test_reports_in_inches_or_work_coordinates_are_refused(settings, words):
+    machine = GrblSimulator(settings=settings)
+    try:
+        with pytest.raises(DeviceError, match=words), GrblStage(machine.port, search=0.5) as stage:
+            stage.ready(homing=True)
+    finally:
+        machine.close()
 
 
 def test_a_stop_holds_the_machine_and_cancels_the_rest(machine):
@@ -86,7 +83,7 @@ def test_a_stop_holds_the_machine_and_cancels_the_rest(machine):
         assert machine.state == "Idle"
         stood = machine.place
         assert -200 < stood[0] < -1
-        assert f"x {stood[0]:.3f}" in stage.describe()["stands"]
+        assert f"x {stood[0]:.3f}" in stage.stands
         # It goes on from there when it is told to, not by itself.
         time.sleep(0.2)
         assert machine.place == pytest.approx(stood)
@@ -138,7 +135,7 @@ class Hal(GrblSimulator):
 @pytest.mark.parametrize("machine", [GrblSimulator, Hal], indirect=True)
 def test_an_answer_that_is_lost_ends_the_move_after_its_time(machine, monkeypatch):
     """Before, the stage waited for it without end."""
-    monkeypatch.setattr(grbl, "MARGIN", 0.2)
+    monkeypatch.setattr(grbl, "ANSWER", 0.5)
     say = machine._say
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
@@ -219,14 +216,15 @@ def test_answers_from_before_the_port_was_opened_are_ignored(machine):
 
 
 @on(Damaging)
-def test_one_damaged_status_report_is_queried_again_and_four_end_the_move(machine):
+def test_a_damaged_status_report_is_queried_again_for_two_seconds(machine, monkeypatch):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
-        machine.damaged = 3
+        machine.damaged = 1
         times, _ = go(stage, (-0.02, -0.001, -0.001), 0.05)
         assert times is not None
-        machine.damaged = 4
-        with pytest.raises(LinkLostError, match=r"got '<Rvn.*check cable and baud rate.*was stopped at x -"):
+        monkeypatch.setattr(grbl, "ANSWER", 0.2)
+        machine.damaged = 1
+        with pytest.raises(LinkLostError, match=r"no answer for 0\.2 s.*was stopped at x -"):
             go(stage, FAR, 0.05)
     assert machine.state == "Idle"
 
@@ -276,57 +274,23 @@ def test_random_stops_never_leave_it_moving(machine, count):
             assert machine.state == "Idle"
 
 
-MOVER = """
-import sys
-from midair.devices.motion_stages.grbl import GrblStage
-with GrblStage(sys.argv[1]) as stage:
-    stage.ready(homing=True)
-    print("moves", flush=True)
-    stage.move((-0.2, -0.05, -0.001), 0.02, stamp=lambda _: None, stopped=lambda: False)
-"""
+def test_alarms_and_errors_have_explanations():
+    assert grbl.with_meaning("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
+    assert grbl.with_meaning("error:15") == "error:15, the target is beyond the machine's travel"
+    assert grbl.with_meaning("ALARM:77") == "ALARM:77"
 
 
-@pytest.fixture
-def mover(machine):
-    """A program that moves the machine for ten seconds."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", MOVER, machine.port], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    wait_until(lambda: machine.place[0] < -1.5)
-    yield process
-    process.kill()
-    process.communicate()
-
-
-def opens(port):
-    try:
-        serial.Serial(port, exclusive=True).close()
-    except serial.SerialException:
-        return False
-    return True
-
-
-@pytest.mark.long
-def test_a_program_that_is_killed_in_a_move_leaves_the_machine_at_rest(machine, mover):
-    """Before, the machine ran to the end of its move."""
-    mover.kill()
-    mover.wait()
-    wait_until(lambda: machine.state == "Idle")
-    stood = machine.place
-    assert -20 < stood[0] < -1.5
-    # The guard holds the port until it has ended.
-    wait_until(lambda: opens(machine.port))
-    with GrblStage(machine.port) as stage:
-        assert stage.ready(homing=True).position[0] == pytest.approx(stood[0] * 1e-3, abs=1e-5)
-
-
-@pytest.mark.long
-def test_a_program_that_hangs_in_a_move_is_held_after_a_second_and_reports_it(machine, mover):
-    mover.send_signal(signal.SIGSTOP)
-    wait_until(lambda: machine.state == "Idle")
-    stood = machine.place
-    mover.send_signal(signal.SIGCONT)
-    _, printed = mover.communicate(timeout=60)
-    assert "delayed by more than 1 s during a move, and its guard stopped the stage" in printed
-    assert "the stage was stopped at x -" in printed
-    assert machine.place == pytest.approx(stood)
+def test_status_reports_of_the_documentation():
+    found = grbl.REPORT.fullmatch("<Hold:0|MPos:-2.500,0.000,11.000,4.0|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664>")
+    assert found is not None
+    assert found.groups() == ("Hold:0", "-2.500", "0.000", "11.000", "|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664")
+    wrong = [
+        "ok",
+        "<Idle>",
+        "<Idle|MPos:1,2>",
+        "<Idle|MPos:a,b,c|F:0>",
+        "<Idle|MPos:0,0,0",
+        "<Sdle|MPos:0,0,0|F:0>",
+        "",
+    ]
+    assert [line for line in wrong if grbl.REPORT.fullmatch(line)] == []
