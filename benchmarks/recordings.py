@@ -53,7 +53,7 @@ from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of,
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.mirror_symmetry import Lattice
-from midair.solvers.terms import GuardField, Smooth
+from midair.solvers.problem import GuardField
 from midair.targets import MAPPINGS, Circle, add_lead, receptor_levels, receptor_pressure
 
 RATE = 8000.0
@@ -155,7 +155,7 @@ def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Pr
     guard = settings.solver.guard
     ring = None
     if isinstance(guard, Guard):
-        G = transfer_matrix(guard.ring(grid), ARRAY, acoustics=air) / focus
+        G = transfer_matrix(guard.points(grid), ARRAY, acoustics=air) / focus
         ring = GuardField(G=G, ceiling=guard.ceiling, weight=guard.weight)
     amplitude = strength * amplitude / amplitude.max()
     return Problem(
@@ -194,7 +194,7 @@ def best(seconds: float) -> None:
         frames = len(asked.amplitude)
         print(f"\nbest mode, {label}, {frames} frames, strength .15; {load()}")
         heading("E mean", "E worst", "ms", "ratio", "rad step")
-        before = replace(asked, cells=None, guard=replace(asked.guard, ceiling=0.6), costs=(Smooth(weight=0.2),))
+        before = replace(asked, cells=None, guard=replace(asked.guard, ceiling=0.6), smooth=0.2)
         short = replace(before, amplitude=before.amplitude[:512])
         answer, cost = timed(lambda short=short: Fast().solve(short))
         base = cost / len(short.amplitude)

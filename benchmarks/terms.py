@@ -28,7 +28,7 @@ from midair.solvers import (
     error_of,
     one_blas_thread,
 )
-from midair.solvers.terms import GuardField, Smooth
+from midair.solvers.problem import GuardField
 from midair.solvers.terms.amplitudes import doubled, halves
 
 PLANE = ControlGrid(rows=121, columns=121, pitch=2.5e-3)
@@ -89,7 +89,7 @@ def sequence(label: str, problem: Problem, fast: Fast) -> None:
     print(f"\n{label} blob, strength 0.1, {int(sounding.sum())} sounding frames; E without the first ten")
     print(f"{'':44}{'E mean':>8}{'worst':>7}{'step rad':>10}{'1 - cos':>9}{'ms':>8}")
     weights = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
-    rows = [(f"fast, smooth {mu:g}", replace(problem, costs=(Smooth(weight=mu),)), fast) for mu in weights]
+    rows = [(f"fast, smooth {mu:g}", replace(problem, smooth=mu), fast) for mu in weights]
     rows.append(("lm, 50 then 20 iterations", problem, LevenbergMarquardt()))
     for name, asked, method in rows:
         theta, _, cost = solved(asked, method, False)
@@ -139,7 +139,7 @@ def solved(problem: Problem, method: Solver, bounded: bool) -> tuple[np.ndarray,
 
 
 def guarded(problem: Problem, guard: Guard) -> Problem:
-    G = transfer_matrix(guard.ring(GRID), ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))
+    G = transfer_matrix(guard.points(GRID), ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))
     return replace(problem, guard=GuardField(G=G / _focus(), ceiling=guard.ceiling, weight=guard.weight))
 
 

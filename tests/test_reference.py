@@ -54,7 +54,7 @@ def test_the_first_page_says_what_each_module_is_and_classes_are_links(reference
     assert ":py:class:`~midair.model.Recording`: " in page
     assert ".. autoclass" not in page, "described once, in the module of the class"
     assert "autoclass:: midair.model.Recording" in (tmp_path / "midair.model.rst").read_text(encoding="utf-8")
-    links = next(line for line in page.splitlines() if "seealso" in line and "MethodSettings" in line)
+    links = next(line for line in page.splitlines() if "seealso" in line and "SolverSettings" in line)
     assert ":py:class:`~midair.model.AmplitudeFrames`" in links, "from a function to its classes"
     assert ":doc:`The whole palm </gallery/plot_palm>`" in links, "and to the examples that use it"
     front = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")

@@ -29,11 +29,9 @@ from midair.settings import Settings
 from midair.solvers import (
     Cells,
     Free,
-    PressureMeans,
     QuietPalm,
     Windows,
     check_memory,
-    check_terms,
     memory_of,
     one_blas_thread,
     solve,
@@ -241,17 +239,18 @@ def compensate_envelope(
     Solutions are unchanged if the transducers were not measured and the settings ask for no prediction, or with
     half-wave mapping: cells that are silent half of the time have zero slope.
     """
-    chosen, quiet = settings.compensation, QuietPalm.of(settings.solver.quiet_palm)
+    chosen = settings.compensation
     if not (len(array.pole) or chosen.predict) or settings.target.mapping == "half-wave":
         yield from parts
         return
-    means = PressureMeans.of(settings.solver.fit) or Windows()
+    means = settings.solver.means or Windows()
+    silent = [term.points(target.grid) for term in settings.solver.quiet if isinstance(term, QuietPalm)]
     alike = Transducers.alike(array.count, chosen.dynamics)
     foresight = EnvelopePrediction(
         transducers=Transducers(pole=array.pole if len(array.pole) else alike.pole, response=array.response),
         dynamics=chosen.dynamics,
         places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
-        silent=quiet.points(target.grid) if isinstance(quiet, QuietPalm) else np.empty((0, 3)),
+        silent=silent[0] if silent else np.empty((0, 3)),
         linear=chosen.compensate,
         iterations=16,
     )
@@ -269,7 +268,7 @@ def check_size(frames: int, array: TransducerArray, settings: Settings, *, parts
 
     With `parts`, the target is made and solved in parts.
     """
-    check_terms(settings.solver.method, settings.solver.asked)
+    settings.solver.check()
     grid, free = settings.target.grid, ram.available_memory()
     needed = memory_of((grid, frames), array, settings.solver, acoustics=settings.acoustics, parts=parts)
     # Weights of the cells at the points, and the amplitudes of a target that is made at once.

@@ -162,16 +162,17 @@ def setting(
     unit: str = "",
     limits: tuple[float, float] | None = None,
     above: bool = False,
+    compare: bool = True,
     **more: Any,
 ) -> Any:
     """Declare a setting: a field of a dataclass with its help text, SI unit and limits; `above` excludes the lower one.
 
-    A callable as `default` makes the default. Options, request models and provenance derive from the declaration;
-    `more` is metadata for them.
+    Values of the dataclass are equal without regard to a setting that is not to `compare`. A callable as `default`
+    makes the default. Options, request models and provenance derive from the declaration; `more` is metadata for them.
     """
     known = {"help": about, "unit": unit, "limits": limits, "above": above, **more}
     made: Any = {"default_factory" if callable(default) else "default": default}
-    return field(**made, metadata=known)
+    return field(**made, compare=compare, metadata=known)
 
 
 class Declared:

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MissingExtraError
-from midair.solvers import Fast, Glide, Problem, error_of, settings_type, solver
+from midair.solvers import Fast, Glide, Problem, SolverSettings, error_of, solver
 from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, Backend, backend
 from midair.solvers.lbfgs import LBFGS
-from midair.solvers.terms import GuardField, Smooth
-from midair.solvers.terms.fit import CellTarget
+from midair.solvers.problem import CellTarget, GuardField
 
 NEEDS = {"numpy": (), "strict": ("array_api_strict",), "torch": ("torch", "array_api_compat"), "cupy": ("cupy",)}
 
@@ -99,7 +98,7 @@ TERMS = {
     "points": small(),
     "guard": small(guard=GUARD),
     "cells": small(cells=CellTarget(weights=WEIGHTS, wanted=small().amplitude ** 2 @ WEIGHTS.T)),
-    "smooth": small(costs=(Smooth(weight=1e-2),)),
+    "smooth": small(smooth=1e-2),
 }
 
 
@@ -180,4 +179,4 @@ def test_other_methods_have_no_backend():
     with pytest.raises(InputError, match="backend: expected method fast or glide, got lm"):
         solver("lm", backend="torch")
     assert solver("fast", backend="strict").backend == "strict"
-    assert settings_type()().backend is None
+    assert SolverSettings().backend is None

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import METHODS, Fast, Problem, error_of, one_blas_thread, registered_terms, solver, takes
-from midair.solvers.methods import check_terms
-from midair.solvers.terms import GuardField, Smooth
+from midair.solvers import METHODS, Fast, Problem, SolverSettings, error_of, one_blas_thread, solver, takes
+from midair.solvers.problem import CellTarget, GuardField
 from midair.solvers.terms.amplitudes import doubled, halves
-from midair.solvers.terms.fit import CellTarget
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -78,7 +76,7 @@ def by_windows(problem):
 
 
 def smoothed(problem):
-    return replace(problem, costs=(Smooth(weight=1e-2),))
+    return replace(problem, smooth=1e-2)
 
 
 def in_two_airs(problem):
@@ -198,13 +196,27 @@ def solve_with_term(method, term, plain):
     assert [status == "silent" for status in answer.status] == list(~plain.amplitude.any(axis=1))
 
 
+ASKED = {
+    "amplitudes": {"amplitudes": "bounded"},
+    "guard": {"guard": 0.02},
+    "cells": {"fit": "cells"},
+    "smooth": {"smooth": 0.01},
+    "robust": {"robust": 1.0},
+    "quiet-ears": {"quiet_ears": 3.0},
+    "quiet-palm": {"quiet_palm": 0.1},
+}
+"""Settings that switch each term on."""
+
+
 def test_unsupported_terms_are_refused(method):
-    for term in (each.shown() for each in registered_terms().values()):
+    for term, changes in ASKED.items():
+        settings = SolverSettings(method=method, **changes)
+        assert settings.asked == {term}
         if term in takes(method):
-            check_terms(method, {term})
+            settings.check()
         else:
             with pytest.raises(InputError, match=rf"method {method}: .* got {term}; choose .*fast"):
-                check_terms(method, {term})
+                settings.check()
 
 
 def test_silence_keeps_the_phases_of_the_frame_before(method):

@@ -6,8 +6,7 @@ import pytest
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.phases import spreading_phase
-from midair.solvers.terms import Smooth
-from midair.solvers.terms.fit import CellTarget
+from midair.solvers.problem import CellTarget
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
 
@@ -60,7 +59,7 @@ def test_smooth_phases_change_less_and_the_sum_is_less():
     path = 0.1 + 0.05 * np.sin(0.1 * np.arange(20)[:, None] + rng.uniform(0, 6, 8))
     alone = replace(small(frames=20), amplitude=path)
     cost, jumps = [], []
-    for problem in (alone, replace(alone, costs=(Smooth(weight=mu),))):
+    for problem in (alone, replace(alone, smooth=mu)):
         phase = Fast(precision="double").solve(problem).phase
         jumps.append(change_of(phase).mean())
         cost.append((error_of(problem, phase) ** 2).sum() / 2 + mu * (change_of(phase) / 2).mean(axis=1).sum())
@@ -70,14 +69,14 @@ def test_smooth_phases_change_less_and_the_sum_is_less():
 
 def test_smooth_goes_on_from_one_batch_to_the_next():
     """The first frame of a batch is coupled to the last of the previous one: the same target, the same phases."""
-    problem = replace(small(frames=1), costs=(Smooth(weight=1.0),))
+    problem = replace(small(frames=1), smooth=1.0)
     problem = replace(problem, amplitude=np.repeat(problem.amplitude, 6, axis=0))
     tied = Fast(batch=2, precision="double").solve(problem).phase
     assert change_of(tied).max() < 1e-3
 
 
 def test_smooth_does_not_freeze_a_faint_frame_next_to_a_loud_one():
-    problem = replace(small(frames=3), costs=(Smooth(weight=1e-3),))
+    problem = replace(small(frames=3), smooth=1e-3)
     problem = replace(problem, amplitude=problem.amplitude * np.array([[1], [1e-3], [1]]))
     phase = Fast(precision="double").solve(problem).phase
     assert error_of(problem, phase).max() < 0.2

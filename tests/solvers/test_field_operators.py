@@ -4,8 +4,7 @@ import pytest
 from midair.solvers import Problem
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.terms.fit import CellTarget, misfit
-from midair.solvers.terms.guard import GuardField
+from midair.solvers.problem import CellTarget, GuardField, misfit
 
 
 def draw(*shape, seed=0):

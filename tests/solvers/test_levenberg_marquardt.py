@@ -3,8 +3,7 @@ import pytest
 from tests.solvers.conftest import jacobian
 
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt, dual_step
-from midair.solvers.problem import Problem, error_of, residual
-from midair.solvers.terms.guard import GuardField, excess_rows
+from midair.solvers.problem import GuardField, Problem, error_of, excess_rows, residual
 
 # Results of the plain form of the paper's method on ten patterns of strength .1 in 50 iterations, from zero.
 PLAIN = {

@@ -1,8 +1,7 @@
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import METHODS, solver
-from midair.solvers.methods import check_terms
+from midair.solvers import METHODS, SolverSettings, solver
 
 
 def test_every_name_makes_its_method():
@@ -33,4 +32,4 @@ def test_wrong_settings_are_refused(call, message):
 
 def test_a_method_without_cells_suggests_fit_points():
     with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or free or fit points"):
-        check_terms("lm", {"cells", "guard"})
+        SolverSettings(method="lm", fit="cells", guard=0.02).check()

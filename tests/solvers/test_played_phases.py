@@ -7,8 +7,7 @@ from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.physics import quantise_phase
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.backend import backend
-from midair.solvers.problem import phases_and_errors
-from midair.solvers.terms.fit import CellTarget
+from midair.solvers.problem import CellTarget, phases_and_errors
 
 
 @pytest.fixture(params=["numpy", "strict", "torch", "cupy"])

@@ -113,7 +113,7 @@ def test_a_guard_makes_the_ring_quieter(method):
     grid = ControlGrid(rows=5, columns=5, pitch=5e-3, height=0.1)
     wanted, guard = target(wave(3, 25, 1500.0), grid), Guard(margin=15e-3, pitch=5e-3, ceiling=0.3)
     free, kept = (solve(wanted, UNIT, method=method, guard=g) for g in (None, guard))
-    ring = guard.ring(grid)
+    ring = guard.points(grid)
     before, after = (
         np.abs(propagate(one.drive, ring)).max(axis=1) / wanted.amplitude.max(axis=1) for one in (free, kept)
     )

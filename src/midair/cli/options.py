@@ -33,7 +33,7 @@ from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm
 from midair.rig import TransducerSpread
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
-from midair.solvers import QuietPalm, check_terms
+from midair.solvers import QuietPalm
 from midair.validation import Declared
 
 EXAMPLES = {
@@ -237,17 +237,18 @@ class _SettingsOptions:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
-        palm, weight = getattr(self, "palm", None), QuietPalm.number(made.solver.quiet_palm)
-        if palm is not None and weight > 0:
-            made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))
-        check_terms(made.solver.method, made.solver.asked)
+        if (palm := getattr(self, "palm", None)) is not None:
+            for term in made.solver.quiet:
+                if isinstance(term, QuietPalm):
+                    made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=term.weight))
+        made.solver.check()
         if made.solver.jobs is None:
             made = made.but(jobs=_cores())
         return made
 
     def refuse_idle_palm(self) -> None:
         """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
-        if getattr(self, "palm", None) is not None and not QuietPalm.number(self.settings().solver.quiet_palm):
+        if getattr(self, "palm", None) is not None and not self.settings().solver.quiet_palm:
             raise InputError("--palm: expected --quiet-palm or --mode finest with it, got neither")
 
     def outline(self) -> Palm:

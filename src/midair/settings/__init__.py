@@ -15,7 +15,6 @@ from .settings import CalibrationSettings as CalibrationSettings
 from .settings import CompensationSettings as CompensationSettings
 from .settings import Mode as Mode
 from .settings import Settings as Settings
-from .settings import SolverSettings as SolverSettings
 from .settings import TargetSettings as TargetSettings
 from .settings import best_mode as best_mode
 from .settings import finest_mode as finest_mode

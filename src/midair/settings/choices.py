@@ -1,8 +1,8 @@
 """The settings that a user can type: source of the command line's options and of the table in the documentation."""
 
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from midair.errors import InputError
 from midair.model import Medium
 from midair.settings.settings import MODES, Mode, Settings
-from midair.solvers import Term, name_of, registered_terms
+from midair.solvers import Guard, name_of
 from midair.targets import Circle
 
 
@@ -26,16 +26,12 @@ class Choice:
     """Help text: one sentence or noun phrase."""
     unit: str = ""
     """SI unit of a quantity; empty for plain numbers, names and switches."""
-    term: type[Term] | None = None
-    """The term of the solver that it belongs to."""
 
     def of(self, settings: Settings) -> Any:
         """Value of this setting; None where the circle or the guard that it belongs to is switched off."""
-        if self.term is not None:
-            return self.term.number(getattr(settings.solver, self.term.keyword))
         value: Any = settings
         for part in self.path.split("."):
-            # A circle that is off has no attributes.
+            # A circle that is off has no attributes, nor has a number that stands for a term.
             value = getattr(value, part, value)
         return value
 
@@ -44,9 +40,6 @@ class Choice:
 
         InputError if the value is out of range, or the circle that it belongs to is off.
         """
-        if self.term is not None:
-            name = self.term.keyword
-            return settings.but(**{name: self.term.with_number(getattr(settings.solver, name), value)})
         group, name, *inner = self.path.split(".")
         if group == "acoustics":
             chosen = _in_air(settings.acoustics.medium, inner[0], value) if name == "medium" else value
@@ -56,6 +49,12 @@ class Choice:
             orbit = {"circle": settings.target.circle or Circle()} if value == "receptors" else {}
             return settings.but(**{name: value}, **orbit)
         part = getattr(getattr(settings, group), name)
+        if group == "solver":
+            if name == "guard":
+                part, value = part if isinstance(part, Guard) else Guard(), value or None
+            # A term that is on keeps its other settings.
+            kept: Any = part if value and is_dataclass(part) else None
+            return settings.but(**{name: value if kept is None else replace(kept, **{inner[0]: value})})
         if self.name == "circle":
             if value == 0:
                 return settings.but(circle=None)
@@ -74,17 +73,10 @@ def _in_air(medium: Medium, name: str, value: float) -> Medium:
     return Medium.at(alpha=medium.alpha, **{key: each for key, each in known.items() if each is not None})
 
 
-def _choices() -> Iterator[Choice]:
-    stored = tomllib.loads(Path(__file__).with_name("choices.toml").read_text(encoding="utf-8"))
-    for name, entry in stored.items():
-        if name == "backend":
-            for keyword, term in registered_terms().items():
-                path = f"solver.{term.path or keyword}"
-                yield Choice(name=term.option(), path=path, unit=term.unit, help=term.help, term=term)
-        yield Choice(name=name, **entry)
-
-
-CHOICES: tuple[Choice, ...] = tuple(_choices())
+CHOICES: tuple[Choice, ...] = tuple(
+    Choice(name=name, **entry)
+    for name, entry in tomllib.loads(Path(__file__).with_name("choices.toml").read_text(encoding="utf-8")).items()
+)
 """All settings that have an option, in the order of processing."""
 
 

@@ -4,13 +4,13 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from midair.errors import BrokenFileError, InputError
 from midair.files import from_plain, read_toml, to_plain, write_file
 from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
-from midair.solvers import Free, Glide, Guard, QuietEars, name_of, settings_type
+from midair.solvers import Free, Glide, Guard, QuietEars, SolverSettings, name_of
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
 from midair.validation import within
@@ -85,12 +85,6 @@ class CompensationSettings:
     """Ramp of the silencer that is compensated, in s."""
     predict: bool = False
     """Whether to correct the phases by a prediction of each transducer's envelope; always for a measured array."""
-
-
-if TYPE_CHECKING:
-    from midair.solvers import MethodSettings as SolverSettings
-else:
-    SolverSettings = settings_type()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

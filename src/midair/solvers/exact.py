@@ -6,7 +6,7 @@ error than fifty from zero.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,9 @@ def _whole(upper: Floats) -> Floats:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exact:
     """Settings of "exact"; `tolerance=0, precision="double", first="zero"` gives the steps of `LevenbergMarquardt`."""
+
+    terms: ClassVar[frozenset[str]] = frozenset({"amplitudes", "robust"})
+    """Names of the terms that it supports besides the error of the paper."""
 
     iterations: int = 13
     """Maximum iterations for a frame without a warm start."""

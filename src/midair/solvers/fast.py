@@ -11,7 +11,7 @@ alternatives.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,13 @@ from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 class Fast:
     """Settings of the batch solver."""
 
+    terms: ClassVar[frozenset[str]] = frozenset(
+        {"amplitudes", "cells", "guard", "robust", "smooth", "quiet-ears", "quiet-palm"}
+    )
+    """Names of the terms that it supports besides the error of the paper."""
+
     iterations: int = 40
-    """Iterations of the refinement; five times as many with `Problem.costs`, which refine a batch as a whole."""
+    """Iterations of the refinement; five times as many with `Problem.smooth`, which refine a batch as a whole."""
     more_iterations: int = 100
     """Additional iterations for the worst quarter of a batch, where frames are independent."""
     field_iterations: int = 110
@@ -104,11 +109,11 @@ class Fast:
             batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every
         )
         theta = operators.phase_fit(field, self.lift_iterations, relaxation=self.relaxation)
-        if operators.problem.costs:
+        if operators.problem.smooth:
             # Coupled frames converge together, so the worst quarter cannot get iterations of its own.
             return operators.refine_together(theta, batch, before, 5 * self.iterations)
         return operators.refine(theta, batch, self.iterations, more=self.more_iterations)
 
     def _iterations(self, problem: Problem) -> int:
-        refinement = 5 * self.iterations if problem.costs else self.iterations
+        refinement = 5 * self.iterations if problem.smooth else self.iterations
         return self.field_iterations + self.lift_iterations + refinement

@@ -14,8 +14,7 @@ from midair.solvers.lbfgs import LBFGS, CompiledLBFGS, Function, RingLBFGS, Rows
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Product, modes_by_kind
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
-from midair.solvers.problem import Problem
-from midair.solvers.terms import cell_misfit, excess, misfit
+from midair.solvers.problem import Problem, cell_misfit, excess, misfit, phase_change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -220,9 +219,8 @@ class FieldOperators:
             here = part * xp.reshape(x, shape)
             cost, gradient = alone(here)
             q = self.backend.phasor(here)
-            for term in self.problem.costs:
-                extra, pull = term.cost(xp, q, before)
-                cost, gradient = cost + extra, gradient + pull
+            extra, pull = phase_change(xp, q, before, self.problem.smooth)
+            cost, gradient = cost + extra, gradient + pull
             return xp.reshape(xp.sum(cost), (1,)), xp.reshape(part * gradient, (1, -1))
 
         step = xp.reshape(1 / (self.strongest * least) ** 2, (1,))

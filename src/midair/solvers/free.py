@@ -12,7 +12,7 @@ docs/decisions/0044-felt-and-quiet.md compares the alternatives.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ from midair.solvers.glide import evenly_spread
 from midair.solvers.lbfgs import RowsState
 from midair.solvers.modes import Keyed
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, Problem, WarmStart, status_of
-from midair.solvers.terms import GuardField
+from midair.solvers.problem import Answer, GuardField, Problem, WarmStart, status_of
 
 Indices = NDArray[np.int64]
 
@@ -33,6 +32,9 @@ Indices = NDArray[np.int64]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Free:
     """Settings of the solver with free amplitudes."""
+
+    terms: ClassVar[frozenset[str]] = frozenset({"cells", "guard", "robust", "quiet-ears", "quiet-palm"})
+    """Names of the terms that it supports besides the error of the paper."""
 
     iterations: int = 60
     """Iterations of a frame that is solved from scratch."""

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glide:
     """Settings of the recording solver; the defaults suit 1 kHz, those of the best mode 4 kHz."""
+
+    terms: ClassVar[frozenset[str]] = frozenset({"amplitudes", "cells", "guard", "robust", "quiet-ears", "quiet-palm"})
+    """Names of the terms that it supports besides the error of the paper."""
 
     coarse: int = 32
     """Frames from one mark to the next."""

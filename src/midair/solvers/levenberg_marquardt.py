@@ -8,15 +8,14 @@ Nielsen & Tingleff, "Methods for non-linear least squares problems" (2004), sect
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.model import Progress, Status
-from midair.solvers.problem import Answer, Problem, Start, WarmStart, residual
-from midair.solvers.terms import excess_rows
+from midair.solvers.problem import Answer, Problem, Start, WarmStart, excess_rows, residual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,6 +119,9 @@ class State(Damped):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevenbergMarquardt:
     """Settings of "lm": the defaults of the paper, and of the textbook for settings that the paper does not give."""
+
+    terms: ClassVar[frozenset[str]] = frozenset({"amplitudes", "guard", "robust", "quiet-ears", "quiet-palm"})
+    """Names of the terms that it supports besides the error of the paper."""
 
     iterations: int = 50
     """Maximum iterations for a frame that starts at zero."""

@@ -13,7 +13,7 @@ use one BLAS thread (`one_blas_thread`) and disable Python's garbage collector b
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from midair.solvers.problem import Answer, Problem, WarmStart
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live:
     """Settings of the live solver."""
+
+    terms: ClassVar[frozenset[str]] = frozenset({"amplitudes", "robust"})
+    """Names of the terms that it supports besides the error of the paper."""
 
     iterations: int = 200
     """Iterations of the field for the first frame."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
-from midair.solvers.methods import MethodSettings
+from midair.solvers.methods import SolverSettings
 from midair.solvers.solve_plan import folds, frames_per_part, settings_with
 
 _EIGEN = 5
@@ -52,7 +52,7 @@ def memory_needed(
 def memory_of(
     target: AmplitudeFrames | tuple[ControlGrid, int],
     array: TransducerArray,
-    settings: MethodSettings | None = None,
+    settings: SolverSettings | None = None,
     *,
     acoustics: Acoustics | None = None,
     bits: int | None = None,  # noqa: ARG001
@@ -66,13 +66,13 @@ def memory_of(
     """
     settings = settings_with(settings, changes)
     grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
-    terms = settings.terms()
+    around = [*settings.quiet] if settings.ring is None else [settings.ring, *settings.quiet]
     return memory_needed(
         grid.count,
-        array.count * max((term.copies for term in terms), default=1),
+        array.count * (2 if settings.amplitudes == "bounded" else 1),
         min(frames, frames_per_part(settings.solver())) if parts else frames,
         method=settings.name,
-        guard=sum(term.quiet_rows(grid) for term in terms),
+        guard=sum(term.count(grid) for term in around),
         airs=len(settings.airs(acoustics or Acoustics())),
         folded=folds(settings),
     )

@@ -1,11 +1,10 @@
-"""The solvers by name, the check of the terms that each of them supports, and the settings of a solution."""
+"""The solvers by name, and the settings of a solution: the method and the terms of the objective."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, make_dataclass, replace
-from functools import cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from numbers import Integral
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, TypeVar
 
 from midair.errors import InputError
 from midair.model import Acoustics, Setting
@@ -16,11 +15,23 @@ from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
 from midair.solvers.problem import Start
-from midair.solvers.terms import Term, registered_terms
+from midair.solvers.terms import (
+    Amplitudes,
+    Cells,
+    Fit,
+    FitName,
+    Guard,
+    QuietEars,
+    QuietPalm,
+    Windows,
+    airs_around,
+    pressure_means,
+)
+from midair.validation import documented, one_of, setting, within
 
 Method = LevenbergMarquardt | Exact | Fast | Glide | Free | Live
 
-METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
+METHODS: Mapping[str, type[Method]] = MappingProxyType(
     {
         "lm": LevenbergMarquardt,
         "exact": Exact,
@@ -30,36 +41,21 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
         "live": Live,
     }
 )
-"""Name and constructor of each method."""
+"""Name and settings of each method."""
 
 
 def takes(method: str | Method) -> frozenset[str]:
     """Names of the terms that a method supports besides the error of the paper."""
-    return frozenset(term.shown() for term in registered_terms().values() if name_of(method) in term.methods)
-
-
-def check_terms(method: str | Method, asked: Iterable[str]) -> None:
-    """Raise InputError if the method does not support one of these terms."""
-    method = name_of(method)
-    left = sorted(set(asked) - takes(method))
-    if left:
-        able = [name for name in METHODS if takes(name) >= set(left)]
-        able += [term.instead for term in registered_terms().values() if term.instead and term.shown() in left]
-        taken = ", ".join(sorted(takes(method))) or "none"
-        raise InputError(
-            f"method {method}: expected supported terms ({taken}), got {', '.join(left)}; choose {' or '.join(able)}"
-        )
+    return METHODS[name_of(method)].terms
 
 
 def name_of(method: str | Method) -> str:
-    """The name in `METHODS` of a configured solver; a name is returned unchanged.
+    """The name in `METHODS` of a configured solver, or the name itself.
 
     Raises InputError if the argument is neither a name nor a solver of `METHODS`.
     """
-    if isinstance(method, str):
-        return method
     for name, kind in METHODS.items():
-        if type(method) is kind:
+        if type(method) is kind or method == name:
             return name
     raise InputError(f"method: expected one of {', '.join(METHODS)} or a solver of midair.solvers, got {method!r}")
 
@@ -81,8 +77,6 @@ def solver(
     the start is unknown; if iterations are below 1, are given to "glide" (which has its own for each kind of frame), or
     are two numbers for a method that has one; if a backend is given to a method that has none.
     """
-    if isinstance(method, str) and method not in METHODS:
-        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     name = name_of(method)
     if start not in (None, "previous", "zero"):
         raise InputError(f"start: expected previous or zero, got {start!r}")
@@ -115,38 +109,72 @@ def _iterations(method: str, iterations: int | tuple[int, int], warm: bool) -> d
     return {"iterations": first}
 
 
+T = TypeVar("T")
+
+
+def _term(value: float | T | None, made: Callable[[float], T]) -> T | None:
+    """A term, or the one that is made of its number; None for 0 and None."""
+    return (made(value) if value else None) if isinstance(value, int | float) else value
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MethodSettings:
-    """Settings of the method. `settings_type` adds a field for the keyword of each term."""
+class SolverSettings:
+    """Settings of the solver, from target to drive: the method, and a setting for each term of the objective."""
 
-    method: str | Method = "exact"
-    """A name in `METHODS`, or a configured solver such as ``Exact(tolerance=1e-3)``. "lm": Levenberg-Marquardt of the
-    paper (4.2). "exact": the same steps in the modes of G above .5 % of the strongest, cheaper. "fast": batches of
-    independent frames. "glide": whole recordings, by bisection in time. "free": an amplitude for
-    each transducer, with little power. "live": less than a millisecond per frame.
-    """
-    iterations: int | tuple[int, int] | None = None
-    """Maximum iterations for every frame, or for frames that start at zero and frames that start at the previous frame;
-    the method's own if None (lm: 50 and 20; 5.2).
-    """
-    start: Start | None = None
-    """Start of every frame after the first, "previous" or "zero" (4.2), which makes frames independent; "lm" and
-    "exact" alone have this choice. The solver's own, "previous" unless configured, if None.
-    """
-    level: float | Literal["auto"] = 1.0
-    """Drive of every transducer, above 0 to 1: the equal amplitude A (4.2). "auto" takes what the loudest frame needs,
-    see `automatic_level`. Silent frames get 0.
-    """
-    backend: str | None = None
-    """Array library of methods "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy"; NumPy if None."""
-    jobs: int | None = field(default=None, compare=False)
-    """Number of blocks that method "glide" solves at once, 1 if None; it does not affect the result."""
+    method: str | Method = setting(
+        "exact",
+        "Solver, a name in `METHODS` or a configured one such as ``Fast(iterations=60)``. lm: Levenberg-Marquardt of "
+        "the paper (4.2); exact: the same steps in the modes of G above .5 % of the strongest, cheaper; fast: batches "
+        "of independent frames; glide: whole recordings, by bisection in time; free: an amplitude for each transducer, "
+        "with little power; live: less than a millisecond per frame.",
+    )
+    iterations: int | tuple[int, int] | None = setting(
+        None,
+        "Maximum iterations for every frame, or for frames that start at zero and at the previous frame; the method's "
+        "own if None.",
+    )
+    start: Start | None = setting(
+        None,
+        "Start of every frame after the first: the previous frame, or zero (4.2), which makes frames independent; lm "
+        "and exact alone have this choice. The method's own if None.",
+    )
+    level: float | Literal["auto"] = setting(
+        1.0,
+        "Drive of every transducer, above 0 to 1: the equal amplitude A (4.2); auto takes what the loudest frame "
+        "needs, see `automatic_level`. Silent frames get 0.",
+    )
+    backend: str | None = setting(
+        None, "Array library of fast and glide: numpy, torch, torch:cuda, cupy; NumPy if None."
+    )
+    jobs: int | None = setting(
+        None, "Blocks that glide solves at once, 1 if None; it does not affect the result.", compare=False
+    )
+    amplitudes: Amplitudes = setting("equal", "All transducers equal, or each up to the level (bounded).")
+    guard: float | Guard | None = setting(
+        None, "Width of the quiet ring around the control points, or the ring; None or 0 for none.", unit="m"
+    )
+    fit: Fit = setting(
+        "points", "Where the error is measured: control points, windows of 8 or 5.5 mm, or sensor cells."
+    )
+    smooth: float = setting(0.0, "Penalty on phase changes between frames; 0.01 is strong.")
+    robust: float = setting(
+        0.0, "Range below and above the temperature in which the phases stay accurate; with fit points alone.", unit="K"
+    )
+    quiet_ears: float | QuietEars | None = setting(0.0, "Penalty on sound at ears; 30 is strong.")
+    quiet_palm: float | QuietPalm | None = setting(
+        0.0, "Penalty on sound on the palm around the points, a disc of 100 mm or an outline; 0.1 is strong."
+    )
 
-    if TYPE_CHECKING:
-
-        def __init__(self, **settings: Any) -> None: ...
-
-        def __getattr__(self, name: str) -> Any: ...
+    def __post_init__(self) -> None:
+        name_of(self.method)
+        if self.level != "auto":
+            within(self.level, "level", 0, 1, above=True, advice="in parts of full drive, or auto")
+        one_of(self.amplitudes, Amplitudes, "amplitudes")
+        if not isinstance(self.fit, Windows | Cells):
+            one_of(self.fit, FitName, "fit")
+        within(self.smooth, "smooth", 0)
+        within(self.robust, "robust", 0, 10, unit="K")
 
     @property
     def name(self) -> str:
@@ -157,54 +185,70 @@ class MethodSettings:
         """The configured solver."""
         return solver(self.method, iterations=self.iterations, start=self.start, backend=self.backend, jobs=self.jobs)
 
-    def terms(self) -> tuple[Term, ...]:
-        """The terms that are on; InputError if a value is out of range."""
-        made = (term.of(getattr(self, keyword)) for keyword, term in registered_terms().items())
-        return tuple(term for term in made if term is not None)
+    @property
+    def ring(self) -> Guard | None:
+        """The guard ring, if there is one."""
+        return _term(self.guard, lambda margin: Guard(margin=margin))
+
+    @property
+    def means(self) -> Windows | Cells | None:
+        """The windows or cells that are compared in place of control points, if there are any."""
+        return pressure_means(self.fit)
+
+    @property
+    def quiet(self) -> tuple[QuietEars | QuietPalm, ...]:
+        """The quiet terms that are on."""
+        ears = _term(self.quiet_ears, lambda weight: QuietEars(weight=weight))
+        palm = _term(self.quiet_palm, lambda weight: QuietPalm(weight=weight))
+        return tuple(term for term in (ears, palm) if term is not None)
 
     @property
     def asked(self) -> frozenset[str]:
         """Names of the terms that are on."""
-        return frozenset(term.shown() for term in self.terms())
+        on = {
+            "amplitudes": self.amplitudes != "equal",
+            "guard": bool(self.guard),
+            "cells": self.means is not None,
+            "smooth": self.smooth > 0,
+            "robust": self.robust > 0,
+            "quiet-ears": bool(self.quiet_ears),
+            "quiet-palm": bool(self.quiet_palm),
+        }
+        return frozenset(name for name in on if on[name])
+
+    def check(self) -> None:
+        """Raise InputError if the method does not support a term, or two terms exclude each other."""
+        if left := sorted(self.asked - takes(self.method)):
+            able = [name for name in METHODS if takes(name) >= set(left)] + ["fit points"] * ("cells" in left)
+            taken = ", ".join(sorted(takes(self.method))) or "none"
+            raise InputError(
+                f"method {self.name}: expected supported terms ({taken}), got {', '.join(left)}; "
+                f"choose {' or '.join(able)}"
+            )
+        if {"robust", "cells"} <= self.asked:
+            # They lose signal to distortion at every temperature of the range, see docs/air.md.
+            raise InputError(
+                "robust: expected fit points, as in the paper's mode, got windows or cells; leave robust out, and play "
+                "with --correct-air"
+            )
 
     def airs(self, acoustics: Acoustics) -> tuple[Acoustics, ...]:
         """The airs that are solved for at once, the nominal one first."""
-        airs = (acoustics,)
-        for term in self.terms():
-            airs = term.airs(airs)
-        return airs
+        return airs_around(acoustics, self.robust) if self.robust else (acoustics,)
 
     def noted(self) -> dict[str, Setting]:
         """Settings of the terms for the provenance of a drive."""
-        return {
-            name: value
-            for keyword, term in registered_terms().items()
-            for name, value in term.noted(getattr(self, keyword)).items()
+        noted: dict[str, Setting] = {
+            "amplitudes": self.amplitudes,
+            "fit": self.fit if isinstance(self.fit, str) else type(self.fit).__name__.lower(),
+            "smooth": self.smooth,
+            "robust_c": self.robust,
+            "quiet_ears": 0.0,
+            "quiet_palm": 0.0,
         }
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """The class of `settings_type` is not in a module, so that pickle makes it again."""
-        return _made, ({one.name: getattr(self, one.name) for one in fields(self)},)
-
-
-@cache
-def settings_type() -> type[MethodSettings]:
-    """The dataclass with a field for each setting of the method and each registered term."""
-    terms = registered_terms().items()
-    made = [(keyword, term.setting(), field(default=term.default)) for keyword, term in terms]
-    return make_dataclass(
-        "SolverSettings",
-        made,
-        bases=(MethodSettings,),
-        namespace={
-            "__doc__": "Settings of the solver, from target to drive: of the method, and of each term.",
-            "__module__": __name__,
-        },
-        frozen=True,
-        slots=True,
-        kw_only=True,
-    )
-
-
-def _made(values: dict[str, Any]) -> MethodSettings:
-    return settings_type()(**values)
+        for term in self.quiet:
+            noted["quiet_ears" if isinstance(term, QuietEars) else "quiet_palm"] = term.weight
+            if isinstance(term, QuietPalm) and term.outline:
+                noted["quiet_palm_outline"] = term.outline
+        ring = self.ring
+        return noted if ring is None else noted | {f"guard_{one.name}": getattr(ring, one.name) for one in fields(ring)}

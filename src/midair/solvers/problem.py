@@ -15,14 +15,51 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.model import Progress, Status
 from midair.physics import relative_error
-from midair.solvers.backend import Backend
+from midair.solvers.backend import Backend, Numbers, Rows, squares
 from midair.solvers.mirror_symmetry import Lattice
-from midair.solvers.terms import CellTarget, GuardField, PhaseTerm
 
 Complex = NDArray[np.complex128]
 
 Start = Literal["previous", "zero"]
 """Initial phases of a frame: those of the previous frame, or zero. The first frame starts at zero."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CellTarget:
+    """Weights and target pressures of cells or windows in one problem."""
+
+    weights: Array  # w, the share of each point, shape (cell, point)
+    wanted: Array  # Target pressure in the unit of amplitude squared, shape (frame, cell)
+    faint: float = 0.0  # Frames with an rms target below this report their error relative to this, in the same unit
+
+    def error(self, size: Array) -> Array:
+        """|| w |y|^2 - P || / || P || of each frame, from the field's magnitude (frame, point); 0 where P is 0."""
+        norm = np.linalg.norm(self.wanted, axis=1)
+        norm = np.where(norm > 0, np.maximum(norm, self.faint * np.sqrt(self.wanted.shape[1])), 0.0)
+        missed = np.linalg.norm(size**2 @ self.weights.T - self.wanted, axis=1)
+        return np.divide(missed, norm, out=np.zeros(len(norm)), where=norm > 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GuardField:
+    """Transfer matrix and limits of the points that shall be quiet, in one problem."""
+
+    G: NDArray[np.complex128]  # Complex, shape (guard point, transducer), in the unit of the problem's G
+    # As in `Guard`, for all points or shape (guard point,); 0 for rows with minimal sound, see `terms.quiet_ears`
+    ceiling: float | NDArray[np.float64]
+    weight: float  # As in `Guard`
+
+    @property
+    def ceilings(self) -> NDArray[np.float64]:
+        """Ceiling of each point, shape (guard point,)."""
+        return np.array(np.broadcast_to(self.ceiling, len(self.G)), np.float64)
+
+    def and_quiet(self, rows: NDArray[np.complex128], weight: float) -> "GuardField":
+        """Add rows whose field shall be minimal, with their own weight."""
+        ceiling = np.concatenate([self.ceilings, np.zeros(len(rows))])
+        # With a ceiling of 0 the term is a plain square, so the weight can go into the rows.
+        G = np.concatenate([self.G, np.sqrt(weight / self.weight) * rows])
+        return GuardField(G=G, ceiling=ceiling, weight=self.weight)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +82,8 @@ class Problem:
     """Target pressures of sensor cells or windows, which replace the error at the points; see `terms.fit`.
     `amplitude` still decides which frames are silent, and where the solver starts.
     """
-    costs: tuple[PhaseTerm, ...] = ()
-    """Costs of the phases of successive frames; see `terms.smooth`."""
+    smooth: float = 0.0
+    """Weight of phase changes between frames; see `phase_change`."""
     position: Array | None = None
     """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
     lattice: Lattice | None = None
@@ -178,3 +215,70 @@ def phases_and_errors(
                 q = backend.put(level[here].reshape(theta.shape[0], -1)) * q
             played[here], size[here] = backend.get(theta), backend.get(xp.abs(q @ G))
     return played, error_of_field(problem, size)
+
+
+def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
+    """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
+
+    `weights` (point, cell) is w transposed, `wanted` (row, cell) is P, `scale` (row,) is 1 / || P ||^2.
+    """
+    size = xp.abs(y)
+    missed = (size * size) @ weights - wanted
+    return 0.5 * scale * squares(xp, missed), y * ((2 * scale[:, None] * missed) @ weights.T)
+
+
+def misfit(xp: Any, y: Rows, p: Rows) -> tuple[Numbers, Rows]:
+    """|| |y| - p ||^2 / 2 of each row (row,), and its gradient by y, (|y| - p) y / |y| (row, point); y is overwritten.
+
+    At the best phases u of the target || y - diag(p) u || is || |y| - p ||. d cost = Re(conj(slope) dy).
+    """
+    size = xp.abs(y)
+    missed = size - p
+    # The direction at an exactly silent point is undefined; 0 is used.
+    y *= missed / (size + xp.finfo(size.dtype).smallest_normal)
+    return 0.5 * squares(xp, missed), y
+
+
+def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Rows]:
+    """The cost lambda sum max(|y| - c, 0)^2 / 2 of each row (row,), and its gradient by y (row, guard point).
+
+    y is the field on the ring, `ceiling` (row, 1) is c = kappa times the row's loudest target; d cost = Re(conj(slope)
+    dy).
+    """
+    size = xp.abs(y)
+    above = xp.clip(size - ceiling, 0, None)
+    # The smallest number gives slope 0 instead of 0 / 0 at a silent point.
+    return 0.5 * weight * squares(xp, above), y * (weight * above / (size + xp.finfo(size.dtype).smallest_normal))
+
+
+def excess_rows(
+    guard: GuardField, theta: NDArray[np.float64], level: float, peak: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The term as residuals for least squares: sqrt(lambda) (|y| - c) where positive, and their derivative by theta.
+
+    Shapes (active point,) and (active point, transducer); the derivative is -sqrt(lambda) Im(conj(y) A G exp(j theta))
+    / |y|.
+    """
+    q = level * np.exp(1j * theta)
+    y = guard.G @ q
+    above = np.abs(y) - guard.ceiling * peak
+    active = above > 0
+    root = np.sqrt(guard.weight)
+    turned = (y[active].conj() / np.abs(y[active]))[:, None] * guard.G[active] * q
+    return root * above[active], -root * turned.imag
+
+
+def phase_change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows]:
+    """The cost of phase changes between frames of each row (row,), and the gradient of their sum by the phases.
+
+    A transducer whose phase jumps by d loses amplitude while it follows, down to cos(d / 2); the loss repeats at the
+    frame rate and is audible (Suzuki et al., IEEE Trans. Haptics 13 (2020)). The cost is mu mean_n |q_n - q_n'|^2 / 2 =
+    mu mean_n (1 - Re(conj(q_n) q_n')) with the previous row q', its gradient mu / N Im(q_n conj(q_n' + q_n'')) with
+    both neighbours; the last row has one. q (row, transducer) are drives of magnitude 1 in order of time; `before` (1,
+    transducer) is the fixed drive before the first, 0 if there is none; `weight` is mu.
+    """
+    count = q.shape[1]
+    earlier = xp.concat([before, q[:-1, :]], axis=0)
+    later = xp.concat([q[1:, :], xp.zeros_like(before)], axis=0)
+    kept = xp.real(xp.vecdot(earlier, q))
+    return weight * (1 - kept / count), (weight / count) * xp.imag(q * xp.conj(earlier + later))

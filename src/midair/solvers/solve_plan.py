@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
-from midair.physics import quantise_phase, transfer_matrix
+from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
 from midair.solvers.exact import Exact
@@ -17,11 +17,11 @@ from midair.solvers.fast import Fast
 from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.glide_blocks import frames_in_block
-from midair.solvers.methods import Method, MethodSettings, check_terms, settings_type
+from midair.solvers.methods import Method, SolverSettings
 from midair.solvers.mirror_symmetry import Lattice, kinds_differ
 from midair.solvers.phases import spreading_phase
-from midair.solvers.problem import Problem, WarmStart, error_of, phases_and_errors
-from midair.solvers.terms import Guard, PressureMeans, Robust, Term, psi_at_temperatures
+from midair.solvers.problem import GuardField, Problem, WarmStart, error_of, phases_and_errors
+from midair.solvers.terms import doubled, psi_at_temperatures, with_amplitudes
 
 TOGETHER = 256
 """Approximate number of sounding frames in a part."""
@@ -84,29 +84,45 @@ class NormalisedSetup:
         G = [transfer_matrix(self.target.grid, lattice.array, acoustics=each) / self.focus for each in self.airs]
         return replace(self, array=lattice.array, G=G, lattice=lattice)
 
-    def problem(self, level: float, terms: tuple[Term, ...] = ()) -> Problem:
-        """The problem for a solver: the target in all airs, and the terms."""
-        times = len(self.airs)
+    def problem(self, level: float, settings: SolverSettings | None = None) -> Problem:
+        """The problem for a solver: the target in all airs, and the terms of the settings, none if None.
+
+        With bounded amplitudes it has twice as many transducers, see `terms.amplitudes`.
+        """
+        times, grid = len(self.airs), self.target.grid
+        amplitude = self.target.amplitude / self.focus
         problem = Problem(
             G=self.G[0] if times == 1 else np.concatenate(self.G),
-            amplitude=np.tile(self.target.amplitude / self.focus, (1, times)),
+            amplitude=np.tile(amplitude, (1, times)),
             level=level,
-            psi=psi_at_temperatures(self.G, spreading_phase(self.target.grid, self.array, self.airs[0].medium)),
+            psi=psi_at_temperatures(self.G, spreading_phase(grid, self.array, self.airs[0].medium)),
             position=self.array.position,
             lattice=self.lattice,
         )
-        for term in terms:
-            problem = term.added(problem, self)
-        return problem
+        if settings is None:
+            return problem
+        if ring := settings.ring:
+            points = ring.points(grid)
+            G = np.concatenate([transfer_matrix(points, self.array, acoustics=each) for each in self.airs])
+            guard = GuardField(G=G / self.focus, ceiling=ring.ceiling, weight=ring.weight)
+            problem = replace(problem, guard=guard)
+        if means := settings.means:
+            unit = float(radiation_pressure(np.array(self.focus), self.airs[0].medium))
+            problem = replace(problem, cells=means.target(amplitude, grid, unit))
+        for term in settings.quiet:
+            rows = np.concatenate([term.rows(grid, self.array, each) for each in self.airs])
+            # The error is a sum over M control points, so a mean over other places is multiplied by M.
+            problem = problem.with_quiet(np.sqrt(len(self.G[0])) / self.focus * rows, term.weight)
+        problem = replace(problem, smooth=settings.smooth)
+        return doubled(problem) if settings.amplitudes == "bounded" else problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvePlan:
     """Checked settings for solving a recording, as a whole or part by part."""
 
-    settings: MethodSettings
+    settings: SolverSettings
     solver: Method
-    terms: tuple[Term, ...]
     own: NormalisedSetup
     scene: NormalisedSetup
     level: float
@@ -117,7 +133,7 @@ class SolvePlan:
         cls,
         target: AmplitudeFrames,
         array: TransducerArray,
-        settings: MethodSettings | None = None,
+        settings: SolverSettings | None = None,
         *,
         acoustics: Acoustics | None = None,
         bits: int | None = None,
@@ -125,22 +141,13 @@ class SolvePlan:
     ) -> "SolvePlan":
         """Check the settings of `solve`."""
         settings = settings_with(settings, changes)
-        level: Any = settings.level
         solver, acoustics = settings.solver(), acoustics or Acoustics()
-        if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
-            shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
-            raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
         if bits is not None and not 1 <= bits <= 16:
             raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")
-        check_terms(settings.method, settings.asked)
-        if {Robust.shown(), PressureMeans.shown()} <= set(settings.asked):
-            # They lose signal to distortion at every temperature of the range, see docs/air.md.
-            raise InputError(
-                "robust: expected fit points, as in the paper's mode, got windows or cells; leave robust out, and play "
-                "with --correct-air"
-            )
+        settings.check()
         airs = settings.airs(acoustics)
         own = scene = NormalisedSetup.of(target, array, (acoustics,))
+        level = settings.level
         if level == "auto":
             level = automatic_level(np.array(target.amplitude.max() / own.focus))
         if len(airs) > 1:
@@ -148,15 +155,7 @@ class SolvePlan:
         elif isinstance(solver, Glide) and folds(settings) and (lattice := Lattice.of(array)) is not None:
             folded = own.folded(lattice)
             scene = folded if kinds_differ(folded.G[0], solver.tolerance) else own
-        return cls(
-            settings=settings,
-            solver=solver,
-            terms=settings.terms(),
-            own=own,
-            scene=scene,
-            level=level,
-            bits=bits,
-        )
+        return cls(settings=settings, solver=solver, own=own, scene=scene, level=level, bits=bits)
 
     @property
     def leads(self) -> bool:
@@ -172,22 +171,17 @@ class SolvePlan:
             wanted = min(self.solver.opening, frames_in_block(self.solver.coarse, self.solver.block_on())) + 1
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
 
-    def _asked(self, problem: Problem) -> Problem:
-        for term in self.terms:
-            problem = term.asked(problem)
-        return problem
-
     def solve(
         self, target: AmplitudeFrames, after: WarmStart | None, progress: Progress | None
     ) -> tuple[Solution, WarmStart | None]:
         """Solve a part from the end of the part before it; returns the solution and its own end."""
-        problem = replace(self.scene, target=target).problem(self.level, self.terms)
+        problem = replace(self.scene, target=target).problem(self.level, self.settings)
         # Mean pressures are never asked for in several airs, see `SolvePlan.of`.
         own = replace(replace(self.own, target=target).problem(self.level), cells=problem.cells)
         with one_blas_thread():
-            answer = self.solver.solve(self._asked(problem), after=after, progress=progress)
-            for term in self.terms:
-                answer = term.answered(answer)
+            answer = self.solver.solve(problem, after=after, progress=progress)
+            if self.settings.amplitudes == "bounded":
+                answer = with_amplitudes(answer)
             if self.scene.lattice is not None:
                 answer = replace(answer, phase=self.scene.lattice.phase(answer.phase))
             # The error is computed after rounding, so that it is the error of the phases that are played.
@@ -235,15 +229,17 @@ class SolvePlan:
         }
 
 
-def folds(settings: MethodSettings) -> bool:
+def folds(settings: SolverSettings) -> bool:
     """Whether an array with mirror symmetry is folded: for windows or cells, with or without a guard, on NumPy.
 
     At points alone ADMM cannot handle fields of different kinds that overlap, see docs/decisions/0048-folding.md.
     """
-    solver, terms = settings.solver(), set(settings.asked) - {Guard.shown()}
-    return isinstance(solver, Glide) and solver.backend == "numpy" and terms == {PressureMeans.shown()}
+    solver = settings.solver()
+    return (
+        isinstance(solver, Glide) and solver.backend == "numpy" and settings.asked - {"guard"} == frozenset({"cells"})
+    )
 
 
-def settings_with(settings: MethodSettings | None, changes: dict[str, Any]) -> MethodSettings:
+def settings_with(settings: SolverSettings | None, changes: dict[str, Any]) -> SolverSettings:
     """The settings, those of method "lm" if None, with changes."""
-    return replace(settings, **changes) if settings is not None else settings_type()(**{"method": "lm"} | changes)
+    return replace(settings or SolverSettings(method="lm"), **changes)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
-from midair.solvers.methods import MethodSettings
+from midair.solvers.methods import SolverSettings
 from midair.solvers.solve_plan import SolvePlan
 from midair.streaming import blocks
 from midair.validation import check_type
@@ -17,7 +17,7 @@ from midair.validation import check_type
 def solve(
     target: AmplitudeFrames,
     array: TransducerArray,
-    settings: MethodSettings | None = None,
+    settings: SolverSettings | None = None,
     *,
     acoustics: Acoustics | None = None,
     bits: int | None = None,
@@ -40,14 +40,8 @@ def solve(
     progress : callable, optional
         Called with (frames done, frames in total).
     **changes
-        Settings by name, in place of those of `settings`: ``solve(target, array, method="fast", guard=0.02)``. They
-        are `method`, `iterations`, `start`, `level`, `backend` and `jobs` of `MethodSettings`, and the terms of
-        `TERMS`: `amplitudes` ("equal", "bounded"), `guard` (width of a quiet ring in m, or `Guard`), `fit` ("points",
-        "windows", "fine-windows", "cells", `Windows` or `Cells`: where the error is measured and reported), `smooth`
-        (E^2 / 2 plus this times mean(1 - cos(change of phase)) is minimised), `robust` (half a temperature range in
-        degrees Celsius, in which the root mean square of E is minimised; the reported error is that in the nominal air;
-        with fit "points" alone), `quiet_ears`, `quiet_palm` (a weight, or `QuietPalm`), and those of installed
-        packages.
+        Settings by name, in place of those of `settings`: ``solve(target, array, method="fast", guard=0.02)``; see
+        `SolverSettings`. The reported error is that in the nominal air.
 
     Returns
     -------
@@ -75,7 +69,7 @@ _READ = 256
 def solve_parts(
     target: AmplitudeFrames,
     array: TransducerArray,
-    settings: MethodSettings | None = None,
+    settings: SolverSettings | None = None,
     *,
     progress: Progress | None = None,
     **changes: Any,

@@ -31,7 +31,7 @@ from midair.rig import (
     write_report,
 )
 from midair.settings import CHOICES, MODES, Mode, Settings
-from midair.solvers import METHODS, check_terms, takes
+from midair.solvers import METHODS, takes
 from midair.studio.jobs import Progressed
 from midair.studio.take_data import describe_settings, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
@@ -70,7 +70,7 @@ def settings_of(order: SolveRequest) -> Settings:
         if name not in known:
             raise InputError(f"{name}: expected one of {', '.join(known)}")
         settings = known[name].put(settings, value)
-    check_terms(settings.solver.method, settings.solver.asked)
+    settings.solver.check()
     return settings
 
 

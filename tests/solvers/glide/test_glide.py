@@ -8,7 +8,7 @@ import pytest
 from midair.errors import InputError
 from midair.solvers import Fast, Glide, error_of
 from midair.solvers.glide import evenly_spread
-from midair.solvers.terms.guard import GuardField
+from midair.solvers.problem import GuardField
 
 
 def rms_step(phase):

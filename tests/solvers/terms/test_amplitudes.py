@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.solvers import Problem
+from midair.solvers.problem import GuardField
 from midair.solvers.terms.amplitudes import doubled, halves
-from midair.solvers.terms.guard import GuardField
 
 
 def test_alike_when_all_is_zero_the_two_are_a_right_angle_apart():

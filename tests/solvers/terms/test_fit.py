@@ -4,8 +4,8 @@ import pytest
 from midair.errors import MidairError
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, propagate, radiation_pressure, sound_amplitude
-from midair.solvers import Cells, PressureMeans, Windows, solve
-from midair.solvers.terms.fit import CellTarget, cell_misfit, misfit
+from midair.solvers import Cells, SolverSettings, Windows, solve
+from midair.solvers.problem import CellTarget, cell_misfit, misfit
 from midair.targets import interpolation_matrix
 
 GRID = ControlGrid()
@@ -85,14 +85,14 @@ def test_other_sensors():
 
 @pytest.mark.parametrize(("fit", "count"), [("windows", 13), ("fine-windows", 19)])
 def test_windows_overlap_and_end_at_the_square(fit, count):
-    windows = PressureMeans.of(fit)
+    windows = SolverSettings(fit=fit).means
     places = windows.places(GRID)
     assert places.grid.shape == (count, count)
     assert windows.pitch <= windows.aperture / 2
     # Half a cell within the outermost points, which stay silent.
     assert abs(GRID.x[0]) - abs(places.grid.x[0]) == pytest.approx(windows.inset)
     with pytest.raises(MidairError, match="fine-windows, cells"):
-        PressureMeans.of("finer")
+        SolverSettings(fit="finer")
 
 
 def test_cells_that_should_read_nothing_have_no_error():

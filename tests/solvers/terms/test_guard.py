@@ -4,12 +4,12 @@ import pytest
 from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.solvers import Guard
-from midair.solvers.terms.guard import GuardField, excess, excess_rows
+from midair.solvers.problem import GuardField, excess, excess_rows
 
 
 def test_the_ring_lies_around_the_square_and_no_wider_than_its_margin():
     grid = ControlGrid(centre=(0.01, -0.02))
-    ring = Guard(margin=20e-3).ring(grid)
+    ring = Guard(margin=20e-3).points(grid)
     away = np.abs(ring[:, :2] - [0.01, -0.02]).max(axis=1)
     assert away.min() == pytest.approx(27.5e-3 + 11e-3 / 3)
     assert 27.5e-3 + 20e-3 - 11e-3 / 3 < away.max() <= 27.5e-3 + 20e-3
@@ -20,7 +20,7 @@ def test_the_ring_lies_around_the_square_and_no_wider_than_its_margin():
 
 @pytest.mark.parametrize("pitch", [5e-3, 2e-3, 11e-3 / 6])
 def test_another_pitch_keeps_the_ring_outside_the_square(pitch):
-    ring = Guard(margin=20e-3, pitch=pitch).ring(ControlGrid())
+    ring = Guard(margin=20e-3, pitch=pitch).points(ControlGrid())
     away = np.abs(ring[:, :2]).max(axis=1)
     assert away.min() > 27.5e-3 + 11e-3 / 6
     assert away.min() <= 27.5e-3 + 11e-3 / 6 + pitch
@@ -28,7 +28,7 @@ def test_another_pitch_keeps_the_ring_outside_the_square(pitch):
 
 
 def test_a_grid_that_is_not_square_has_a_margin_on_each_side():
-    ring = Guard(margin=10e-3, pitch=5e-3).ring(ControlGrid(rows=3, columns=7, pitch=5e-3))
+    ring = Guard(margin=10e-3, pitch=5e-3).points(ControlGrid(rows=3, columns=7, pitch=5e-3))
     assert np.abs(ring[:, 0]).max() == pytest.approx(25e-3)
     assert np.abs(ring[:, 1]).max() == pytest.approx(15e-3)
 
@@ -79,4 +79,4 @@ def test_wrong_settings_are_refused(settings, message):
 
 def test_a_margin_of_less_than_a_pitch_holds_no_points():
     with pytest.raises(InputError, match=r"at least its pitch, 3.66667 mm, got 1 mm"):
-        Guard(margin=1e-3).ring(ControlGrid())
+        Guard(margin=1e-3).points(ControlGrid())

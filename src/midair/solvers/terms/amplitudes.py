@@ -6,19 +6,14 @@ are equal amplitudes on 2N transducers of half the strength, which every solver 
 (Hsueh & Sawchuk, "Computer-generated double-phase holograms", Applied Optics 17 (1978)).
 """
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError
-from midair.solvers.terms.guard import GuardField
-from midair.solvers.terms.term import Term
-
-if TYPE_CHECKING:
-    from midair.solvers.problem import Answer, Problem
+from midair.solvers.problem import Answer, GuardField, Problem
 
 Complex = NDArray[np.complex128]
 
@@ -26,40 +21,7 @@ Amplitudes = Literal["equal", "bounded"]
 """All transducers at the same drive, as in the paper; or each at its own, between 0 and that drive."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bounded(Term):
-    """Each transducer at its own amplitude, up to the level."""
-
-    keyword = "amplitudes"
-    help = "All transducers equal, or each up to the level."
-    methods = frozenset({"lm", "exact", "fast", "glide", "live"})
-    default = "equal"
-    values = Amplitudes
-    copies = 2
-
-    @classmethod
-    def setting(cls) -> Any:
-        """The names alone."""
-        return Amplitudes
-
-    @classmethod
-    def of(cls, value: str) -> "Bounded | None":
-        """The term for "bounded", None for "equal"."""
-        if value not in get_args(Amplitudes):
-            raise InputError(f"amplitudes: expected {' or '.join(get_args(Amplitudes))}, got {value!r}")
-        return cls() if value == "bounded" else None
-
-    def asked(self, problem: "Problem") -> "Problem":
-        """The problem with twice as many transducers."""
-        return doubled(problem)
-
-    def answered(self, answer: "Answer") -> "Answer":
-        """The answer of the doubled problem as phases of the array, and the amplitude of each transducer."""
-        phase, part = halves(answer.phase)
-        return replace(answer, phase=phase, level=part if answer.level is None else answer.level[:, None] * part)
-
-
-def doubled(problem: "Problem", *, apart: float = np.pi / 4) -> "Problem":
+def doubled(problem: Problem, *, apart: float = np.pi / 4) -> Problem:
     """The same problem for twice as many transducers of half the strength.
 
     `apart` is half the angle, in rad, between the two phases of a pair when both unknowns are 0: a solver that starts
@@ -70,6 +32,12 @@ def doubled(problem: "Problem", *, apart: float = np.pi / 4) -> "Problem":
         guard = GuardField(G=_twice(guard.G, apart), ceiling=guard.ceiling, weight=guard.weight)
     position = None if problem.position is None else np.tile(problem.position, (2, 1))
     return replace(problem, G=_twice(problem.G, apart), guard=guard, position=position)
+
+
+def with_amplitudes(answer: Answer) -> Answer:
+    """The answer of a doubled problem as phases of the array, and the amplitude of each transducer."""
+    phase, part = halves(answer.phase)
+    return replace(answer, phase=phase, level=part if answer.level is None else answer.level[:, None] * part)
 
 
 def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:

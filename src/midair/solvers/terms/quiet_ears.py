@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
 from midair.physics import Place, cone_points, transfer_matrix
-from midair.solvers.terms.term import QuietTerm
 from midair.validation import positive
 
 _AIRS = 5
@@ -22,11 +21,8 @@ _AIRS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QuietEars(QuietTerm):
+class QuietEars:
     """Positions of the ears and weight of the sound there."""
-
-    keyword = "quiet_ears"
-    help = "Penalty on sound at ears; 30: strong."
 
     # lambda: weight of the mean square at the ears relative to that of the error at the control points
     weight: float = 30.0
@@ -49,8 +45,8 @@ class QuietEars(QuietTerm):
         each = np.reshape(self.positions, (-1, 3)).tolist()
         return [Place(name="ear", position=(x, y, z), reach=self.reach, limit=0.0) for x, y, z in each]
 
-    def quiet_rows(self, grid: ControlGrid) -> int:  # noqa: ARG002
-        """The few components of `rows` in one air do not count."""
+    def count(self, grid: ControlGrid) -> int:  # noqa: ARG002
+        """Largest number of `rows`, for the estimate of memory; the few components in one air do not count."""
         # Points of a place in an air, for four units; fewer for smaller arrays.
         return 0 if self.temperatures is None else 150 * len(self.ears) * _AIRS
 

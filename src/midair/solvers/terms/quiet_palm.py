@@ -12,17 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import ControlGrid, Palm, Setting
-from midair.solvers.terms.term import QuietTerm
+from midair.model import Acoustics, ControlGrid, Palm, TransducerArray
+from midair.physics import transfer_matrix
 from midair.validation import positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QuietPalm(QuietTerm):
+class QuietPalm:
     """Part of a palm that shall be quiet, and its weight."""
-
-    keyword = "quiet_palm"
-    help = "Penalty on sound on the palm around the points (100 mm, or --palm); 0.1 is strong."
 
     weight: float = 0.1
     """lambda: weight of the mean square on the palm relative to that of the error at the control points."""
@@ -52,14 +49,6 @@ class QuietPalm(QuietTerm):
         """The term for a palm of any outline at a fixed place, independent of the control points."""
         return cls(weight=weight, outline=palm.rows, outline_pitch=palm.pitch)
 
-    @classmethod
-    def noted(cls, value: "float | QuietPalm") -> dict[str, Setting]:
-        """The weight, and the outline if there is one."""
-        noted: dict[str, Setting] = {"quiet_palm": cls.number(value)}
-        if isinstance(value, cls) and value.outline:
-            noted["quiet_palm_outline"] = value.outline
-        return noted
-
     def points(self, grid: ControlGrid) -> NDArray[np.float64]:
         """Points of the palm outside the grid, shape (row, 3), in m.
 
@@ -75,6 +64,15 @@ class QuietPalm(QuietTerm):
                 f"around {1e3 * grid.columns * grid.pitch:g} x {1e3 * grid.rows * grid.pitch:g} mm"
             )
         return beyond
+
+    def count(self, grid: ControlGrid) -> int:
+        """Number of `rows`."""
+        return len(self.points(grid))
+
+    def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
+        """Rows (row, transducer) in Pa whose squared fields add up to the mean of ``|p|^2`` over the points."""
+        points = self.points(grid)
+        return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
 
     def _skin(self, grid: ControlGrid) -> NDArray[np.float64]:
         """All points of the palm, shape (point, 3), in m."""

@@ -5,39 +5,15 @@ so each temperature has its own phases at the points: the stacked transfer matri
 the points, which every method can solve, and whose error is the root mean square of E over the temperatures.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.model import Acoustics, Setting
-from midair.solvers.terms.term import Term
+from midair.model import Acoustics
 
 Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Robust(Term):
-    """Range of temperatures for which the phases hold."""
-
-    keyword = "robust"
-    help = "Range below and above --temperature in which the phases stay accurate; with --fit points alone."
-    methods = frozenset({"lm", "exact", "fast", "glide", "live", "free"})
-    unit = "K"
-    limits = (0.0, 10.0, "0 to 10 degrees Celsius")
-
-    by: float
-    """Half the range in degrees Celsius."""
-
-    @classmethod
-    def noted(cls, value: "float | Robust") -> dict[str, Setting]:
-        """Half the range."""
-        return {"robust_c": cls.number(value)}
-
-    def airs(self, airs: tuple[Acoustics, ...]) -> tuple[Acoustics, ...]:
-        """The nominal air, then those of the range."""
-        return airs_around(airs[0], self.by)
 
 
 def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> tuple[Acoustics, ...]:
