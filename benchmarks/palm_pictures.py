@@ -23,7 +23,7 @@ from midair.model import Palm
 from midair.paper.modes_compared import FidelityPlan, at_strength
 from midair.physics import SKINS
 from midair.pipeline import reproduce, required_lead
-from midair.rig import VirtualRig, palm_frames_of_drive, played_chain
+from midair.rig import VirtualRig, palm_frames_of_drive
 from midair.targets import add_lead
 from midair.view import PalmMaps, film_of_palm, write_gif
 
@@ -62,7 +62,7 @@ def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames
     led = add_lead(asked, required_lead(settings))
     drive = reproduce(led, plan.rig.array, settings).solution.drive
     judged = (required_lead(settings), asked.frames / asked.rate)
-    chain = played_chain(drive, plan.rig)
+    chain = plan.rig.array_device().chain
     return {
         skin: palm_frames_of_drive(led, drive, palm, chain=chain, rig=plan.rig, judged=judged, skin=skin)
         for skin in SKINS

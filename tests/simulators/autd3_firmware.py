@@ -121,7 +121,7 @@ class Autd3Firmware(Banks):
         return self._recorder
 
 
-def autd3_firmware(placement=None, *, silencer="auto"):
+def autd3_firmware(placement=None, *, silencer="off"):
     """An array on the firmware's emulator; ``.units.put_out()`` returns the output of the transducers."""
     placement = placement or Placement.grid()
     return BankedArray(Autd3Firmware, placement, name="autd3:firmware", silencer=silencer, simulated=True)

@@ -7,8 +7,8 @@ from .arrays import Put as Put
 from .arrays import SilencerChoice as SilencerChoice
 from .arrays import autd3_array as autd3_array
 from .arrays import autd3_immediate as autd3_immediate
-from .arrays import choose_silencer as choose_silencer
 from .arrays import pyautd3_array as pyautd3_array
+from .arrays import silencer_named as silencer_named
 from .exposure_check import ArrayInfo as ArrayInfo
 from .exposure_check import ExposureChoices as ExposureChoices
 from .exposure_check import ExposureClearance as ExposureClearance

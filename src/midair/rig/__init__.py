@@ -44,7 +44,6 @@ from .correction import original_of_drive as original_of_drive
 from .correction import palm_frames_of_drive as palm_frames_of_drive
 from .correction import palm_of_drive as palm_of_drive
 from .correction import palm_of_loop as palm_of_loop
-from .correction import played_chain as played_chain
 from .correction import rerecord_drive as rerecord_drive
 from .correction import summarise_outcomes as summarise_outcomes
 from .correction import view_of_loop as view_of_loop

@@ -15,7 +15,7 @@ from midair.streaming import LazyFrames
 
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000
-OFF = Silencer(phase=0, intensity=0, reason="exact")
+OFF = Silencer(phase=0, intensity=0)
 
 
 def noise(frames, placement=ONE, level=1.0, rate=1000.0, seed=0):

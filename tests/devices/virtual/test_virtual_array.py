@@ -208,15 +208,15 @@ def test_plays_what_the_simulation_says():
 
 
 @pytest.mark.long
-def test_the_silencer_is_chosen_for_the_drive_and_reported():
-    """For a focus that moves in jumps, half a frame of silencer would weaken the pressure."""
-    auto, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
-    with VirtualArray(ARRAY, auto) as array:
-        assert array.play(clear_any_exposure(wandering(), array)).silencer.startswith("off (least error")
+def test_a_silencer_is_simulated_and_reported():
+    """For a focus that moves in jumps, half a frame of silencer weakens the pressure."""
+    off, half = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
+    with VirtualArray(ARRAY, off) as array:
+        assert array.play(clear_any_exposure(wandering(), array)).silencer == "off"
     with VirtualArray(ARRAY, half, silencer="half") as array:
         report = array.play(clear_any_exposure(wandering(), array))
-    assert report.silencer.startswith("phase 0.5 ms, intensity 0.25 ms (as requested")
-    assert np.abs(felt(half) - felt(auto)).max() > 0.05 * felt(auto).max()
+    assert report.silencer == "phase 0.5 ms, intensity 0.25 ms"
+    assert np.abs(felt(half) - felt(off)).max() > 0.05 * felt(off).max()
 
 
 def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_each_frame():

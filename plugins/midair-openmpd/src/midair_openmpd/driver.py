@@ -182,8 +182,7 @@ class OpenMpdArray(ArrayDevice):
     """Plays drives on boards frame by frame, and is silent at all other times.
 
     `ports` is that of one board, or of the lower and then the upper of two; `boards` are the data of each in the same
-    order, without which the boards can be silenced, but not play. `silencer`, "auto" or "off", has no effect: the
-    firmware has none.
+    order, without which the boards can be silenced, but not play. `silencer` must be off: the firmware has none.
     """
 
     streams, steps_a_turn = True, STEPS
@@ -194,12 +193,12 @@ class OpenMpdArray(ArrayDevice):
         boards: Sequence[Board] = (),
         *,
         name: str = "openmpd",
-        silencer: SilencerChoice = "auto",
+        silencer: SilencerChoice = "off",
     ) -> None:
         if boards and len(boards) != len(ports):
             raise InputError(f"{name}: expected a board file for each of {len(ports)} ports, got {len(boards)}")
-        if silencer not in ("auto", "off"):
-            raise InputError(f"{name}: expected --silencer auto or off, got {silencer}; this firmware has none")
+        if silencer != "off":
+            raise InputError(f"{name}: expected --silencer off, got {silencer}; this firmware has none")
         self.name, self.exclusive = name, f"openmpd:{','.join(ports)}"
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)

@@ -39,7 +39,7 @@ def budget_command(
     options: SolveOptions | None = None,
     start_at: StartAt = 0.0,
     duration: PartLength = None,
-    silencer: SilencerChoice = "auto",
+    silencer: SilencerChoice = "off",
     lead: Lead = None,
     lab: Path | None = None,
     array_calibration: ArrayCalibration = None,
@@ -61,7 +61,7 @@ def budget_command(
     figure
         Write a waterfall chart of the stages to this PNG file.
     silencer
-        How the array smooths phase steps; auto is the setting that midair uses on any array.
+        How the array smooths phase steps, by default not at all.
     trade
         Instead, solve under each of these levels at the ears (110dB,120dB) in the mode quiet, and print what the palm
         gets. --gain or --strength is the highest.

@@ -36,7 +36,6 @@ from midair.rig import (
     next_step,
     original_of_drive,
     palm_frames_of_drive,
-    played_chain,
     pressure_of,
     rerecord_drive,
 )
@@ -214,7 +213,7 @@ def _played(
     with progress_bars() as stage:
         if film is not None:
             lead = (asked.frames - piece.frames) // 2 / piece.rate
-            judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
+            judged, chain = (lead, piece.frames / piece.rate), rig.array_device().chain
             frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
             # Write pressure and displacement, target beside reproduction, as a film.
             progress = stage("film")

@@ -9,5 +9,5 @@ from .immediate import ImmediateUnits as ImmediateUnits
 from .immediate import Put as Put
 from .silencer import Silencer as Silencer
 from .silencer import SilencerChoice as SilencerChoice
-from .silencer import choose_silencer as choose_silencer
+from .silencer import silencer_named as silencer_named
 from .streaming import BankedArray as BankedArray

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from midair.devices.arrays.immediate import ImmediateArray
-from midair.devices.arrays.silencer import SilencerChoice, named_silencer
+from midair.devices.arrays.silencer import SilencerChoice, silencer_named
 from midair.devices.arrays.streaming import BankedArray
 from midair.errors import MissingExtraError, UnknownDeviceError
 from midair.model import RATE, Placement
@@ -111,14 +111,14 @@ def _numbered(where: str, address: ipaddress.IPv6Address) -> str:
 
 
 def autd3_array(
-    where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "auto"
+    where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "off"
 ) -> BankedArray:
     """An array of units with firmware series 0.12, over Ethernet; UnknownDeviceError if an address is invalid.
 
     `where` is a network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback,
     the address of a running one, such as ``[::1]:50000``, or one of the manufacturer's programs on this computer:
     ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``. The default placement is two by two units;
-    `silencer` is as in `choose_silencer`.
+    `silencer` is as in `silencer_named`.
     """
     place = autd3_place(where)
     return BankedArray(
@@ -142,23 +142,23 @@ def autd3_immediate(
 ) -> ImmediateArray:
     """Units as in `autd3_array`, for frames that are computed during playback; InputError if the silencer is unknown.
 
-    `where` is not a server, whose own heartbeat would keep the units on; `silencer` not "auto", which depends on a
-    drive. `rate` is in frames per second, `hold` the maximum time in s by which a frame is sent ahead of its instant,
-    `failsafe` the time in s without a frame after which the units go silent.
+    `where` is not a server, whose own heartbeat would keep the units on. `rate` is in frames per second, `hold` the
+    maximum time in s by which a frame is sent ahead of its instant, `failsafe` the time in s without a frame after
+    which the units go silent.
     """
     place = autd3_place(where)
     return ImmediateArray(
         lambda placement: _module("autd3_single_frames", "autd3").Autd3Immediate(placement, place, failsafe=failsafe),
         placement or Placement.grid(),
         name=place.device,
-        silencer=named_silencer(silencer, rate),
+        silencer=silencer_named(silencer, rate),
         hold=hold,
         simulated=place.simulated,
         exclusive=place.exclusive,
     )
 
 
-def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
+def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "off") -> BankedArray:
     """An array of units with older firmware, over EtherCAT.
 
     `link` is ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and

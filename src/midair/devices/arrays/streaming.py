@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError, UnitsArray, UnitsState, name_units
-from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
+from midair.devices.arrays.silencer import SilencerChoice, silencer_named
 from midair.devices.frame_bytes import TICK, Bytes, divider, intensity_bytes, phase_bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
@@ -262,7 +262,7 @@ def _aligned(instant: int, period: int) -> int:
 class BankedArray(UnitsArray[Banks]):
     """Streams drives through two banks, and is silent at all other times.
 
-    `connect` opens the device and returns its banks; `silencer` as in `choose_silencer`; `block` is the maximum length
+    `connect` opens the device and returns its banks; `silencer` as in `silencer_named`; `block` is the maximum length
     of a block, in s; the other parameters are as in `ArrayDevice`.
     """
 
@@ -274,7 +274,7 @@ class BankedArray(UnitsArray[Banks]):
         placement: Placement,
         *,
         name: str,
-        silencer: SilencerChoice = "auto",
+        silencer: SilencerChoice = "off",
         block: float = 0.25,
         simulated: bool = False,
         exclusive: str | None = None,
@@ -297,10 +297,7 @@ class BankedArray(UnitsArray[Banks]):
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
         arriving = drive.phase if isinstance(drive.phase, ArrivingFrames) else None
-        known = drive
-        if arriving is not None:
-            known = replace(drive, phase=drive.phase[: arriving.there], level=drive.level[: arriving.there])
-        silencer = choose_silencer(self.silencer, known)
+        silencer = silencer_named(self.silencer, drive.rate)
         paused: list[float] = []
 
         def check() -> None:
@@ -357,6 +354,6 @@ class BankedArray(UnitsArray[Banks]):
         """Information from the units, and properties of all arrays of this kind."""
         return {
             **self.units.describe(),
-            "rate": "any that is 40 kHz / N: 1000 Hz is N = 40; silencer chosen from steps",
+            "rate": "any that is 40 kHz / N: 1000 Hz is N = 40",
             "power": "cannot be asked; a unit takes up to 50 W at full drive",
         }

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.devices.arrays import OUTCOMES, ImmediateArray, ImmediateUnits, SilencerChoice, choose_silencer
+from midair.devices.arrays import OUTCOMES, ImmediateArray, ImmediateUnits, SilencerChoice, silencer_named
 from midair.devices.frame_bytes import Bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
 from midair.errors import DeviceStateError, InputError, RateError, ShapeError
@@ -184,8 +184,7 @@ class VirtualArray(ArrayDevice):
     a transducer to a change of its drive; phases are not quantised if `phase_bits` is None. `strength` is the mean
     strength relative to the model, `spread` and `quality_spread` the relative standard deviations of strengths and
     quality factors, `resonance_spread` that of the resonances in Hz, all drawn with `seed`; `transducers` replaces
-    them. `silencer` is auto by default, as on a real array, or off with a `chain`, which replaces everything but the
-    silencer, to make single parts ideal.
+    them. A `chain` replaces everything but the silencer, to make single parts ideal.
     """
 
     simulated = True
@@ -206,14 +205,14 @@ class VirtualArray(ArrayDevice):
         quality_spread: float = 0.05,
         seed: int = 0,
         transducers: Transducers | None = None,
-        silencer: SilencerChoice | None = None,
+        silencer: SilencerChoice = "off",
         chain: PlaybackChain | None = None,
         palm: PalmPath | None = None,
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
         self.acoustics = acoustics
-        self.silencer: SilencerChoice = silencer or ("auto" if chain is None else "off")
+        self.silencer: SilencerChoice = silencer
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
             transducers=transducers
@@ -253,9 +252,8 @@ class VirtualArray(ArrayDevice):
             moving = None if self.palm is None else self._moving(self._skin, self.palm, acoustics)
             self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread, moving=moving)
         path = self._path
-        silencer, chain = None, self.chain
+        silencer, chain = silencer_named(self.silencer, drive.rate), self.chain
         if self.silencer != "off":
-            silencer = choose_silencer(self.silencer, drive)
             chain = replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
         steps = 1 if self._skin is None else steps_per_frame(drive.rate, self._skin.rate)
         if self._skin is not None and delay:
@@ -275,8 +273,7 @@ class VirtualArray(ArrayDevice):
                 moment += len(q)
                 if progress:
                     progress(before + done, total)
-        said = "off" if silencer is None else str(silencer)
-        return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
+        return PlayReport(frames=total, duration=total / drive.rate, silencer=str(silencer))
 
     def silence(self) -> None:
         """Stop all sound immediately."""

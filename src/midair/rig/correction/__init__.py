@@ -15,7 +15,6 @@ from .drive_rerecording import original_of_drive as original_of_drive
 from .drive_rerecording import palm_frames_of_drive as palm_frames_of_drive
 from .drive_rerecording import palm_of_drive as palm_of_drive
 from .drive_rerecording import palm_of_loop as palm_of_loop
-from .drive_rerecording import played_chain as played_chain
 from .drive_rerecording import rerecord_drive as rerecord_drive
 from .iteration import Stage as Stage
 from .iteration import no_progress as no_progress

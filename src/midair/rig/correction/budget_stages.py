@@ -7,7 +7,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.devices import SilencerChoice, choose_silencer, measure_exposure
+from midair.devices import SilencerChoice, measure_exposure, silencer_named
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, apply_band_twice, band_levels, budget, leak
 from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
@@ -45,8 +45,8 @@ class BudgetPlan:
     settings: Settings
     rig: VirtualRig = field(default_factory=VirtualRig)
     """Array, sensor and air."""
-    silencer: SilencerChoice = "auto"
-    """How the firmware spreads phase steps; "auto" is midair's default choice."""
+    silencer: SilencerChoice = "off"
+    """How the firmware spreads phase steps."""
     lead: float = 0.0
     """Fade-in before and fade-out after the original, in s; excluded from the comparison."""
     palm: Palm | None = None
@@ -252,7 +252,7 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     yield "frame hold", f"holds each frame for {1e3 / drive.rate:g} ms", held
     moving = replace(held, transducers=full.transducers)
     yield "transducers", "respond with their own resonance, quality factor and strength", moving
-    silencer = choose_silencer(plan.silencer, drive)
+    silencer = silencer_named(plan.silencer, drive.rate)
     spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
     yield "silencer", f"spreads phase steps: {silencer}", spread
 

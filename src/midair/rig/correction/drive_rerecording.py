@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.devices import check_exposure, choose_silencer
+from midair.devices import check_exposure
 from midair.errors import InputError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
@@ -69,12 +69,6 @@ def _palm_pressure(
     return cells @ interpolation_matrix(sensor, grid)[skin].T, came, (asked.rate, rate), square
 
 
-def played_chain(drive: Drive, rig: VirtualRig) -> PlaybackChain:
-    """Playback chain of the rig's array for a drive, with the silencer that it would choose."""
-    silencer = choose_silencer("auto", drive)
-    return replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
-
-
 def palm_of_loop(
     loop: Loop, rig: VirtualRig, palm: Palm | None = None, *, progress: Progress | None = None
 ) -> PalmFidelity:
@@ -86,7 +80,7 @@ def palm_of_loop(
         add_lead(original, lead),
         drive,
         palm or Palm.disc(),
-        chain=played_chain(drive, rig),
+        chain=rig.array_device().chain,
         rig=rig,
         judged=(lead, original.frames / original.rate),
         band=loop.settings.calibration.band,
@@ -126,7 +120,7 @@ def rerecord_drive(
         admission = check_exposure(drive, array, default_exposure())
         recording = rerecord(admission, array, sensor, progress=stage("play and re-record"))
         calibration = sensor.calibration
-    chain = played_chain(drive, rig)
+    chain = rig.array_device().chain
     lead = (asked.frames - original.frames) // 2 / original.rate
     judged = (lead, original.frames / original.rate)
     of_palm = palm_of_drive(

@@ -47,7 +47,7 @@ def transducers_of(device: str, placement: Placement | None = None) -> Transduce
     return TransducerArray.autd3() if placement is None else placement.array()
 
 
-def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> ArrayDevice:
+def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "off") -> ArrayDevice:
     """Make the array that a name stands for, not yet open.
 
     ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` uses one, or the address of an emulator;

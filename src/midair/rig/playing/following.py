@@ -284,8 +284,7 @@ def immediate_array(settings: PlaySettings, rate: float, *, hold: float | None =
         raise InputError(
             f"--palm-path: expected --device virtual, got {settings.device}, above which a real palm moves"
         )
-    silencer = "off" if settings.silencer == "auto" else settings.silencer
-    return autd3_immediate(where or "auto", settings.placement, silencer=silencer, rate=rate, hold=hold)
+    return autd3_immediate(where or "auto", settings.placement, silencer=settings.silencer, rate=rate, hold=hold)
 
 
 def clear_followed(

@@ -70,8 +70,7 @@ class PlaySettings(Declared):
         load=load_placement,
     )
     silencer: SilencerChoice = setting(
-        "auto",
-        "How the array smooths phase steps; auto: least simulated pressure error; default: the firmware's 1 ms.",
+        "off", "How the array smooths phase steps: over a quarter or half of a frame; default: the firmware's 1 ms."
     )
     repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, 100_000), playback=True)
     delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
