@@ -60,12 +60,9 @@ links: $(VENV)/dev
 bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.recordings
-	$(BIN)/python -m benchmarks.limits
-	$(BIN)/python -m benchmarks.terms
 	$(BIN)/python -m benchmarks.playback
 	$(BIN)/python -m benchmarks.air
 	$(BIN)/python -m benchmarks.studio
-	$(BIN)/python -m benchmarks.reels --rows "small 30" "small 120" "paper 5" "paper 20"
 
 # On a machine with a GPU and a Python that has PyTorch, NumPy and SciPy, which GPU_PYTHON names. What else it needs lies in
 # .gpu, pure Python: made where there is a network, it goes along to a machine without.

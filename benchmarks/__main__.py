@@ -2,8 +2,8 @@
 
 Times are CPU times of this process on one BLAS thread, so that other load changes the ratios little; the frames of the
 live solver are timed by wall clock. All figures include the set-up (factorisation of G). "x floor" is the mean E over
-the mean of the lowest known errors (`python -m benchmarks.floors`). Methods that only give the shape of a field, and
-other packages, are rated after the best scaling of their field.
+the mean of the lowest known errors (`floors.json`). Methods that only give the shape of a field
+are rated after the best scaling of their field.
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from __future__ import annotations
 import argparse
 
 from benchmarks.clock import load
-from benchmarks.limits import limits
 from benchmarks.published import PUBLISHED
 from benchmarks.sequence import budget, sequence
 from benchmarks.static import static
-from benchmarks.targets import TEN, beating_blob, binary, moving_blob, patterns, problem_of, towel
+from benchmarks.targets import beating_blob, moving_blob, patterns, problem_of, towel
 from benchmarks.yardstick import plain
 from midair.solvers import METHODS, one_blas_thread
 
-PARTS = ("static", "sequence", "live", "limits")
+PARTS = ("static", "sequence", "live")
 
 
 def main() -> None:
@@ -32,7 +31,6 @@ def main() -> None:
     parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
     parser.add_argument("--frames", type=int, default=1200, help="frames of a sequence (default 1200)")
     parser.add_argument("--plain-frames", type=int, default=100, help="frames for the slow solvers (default 100)")
-    parser.add_argument("--no-peers", action="store_true", help="skip other packages")
     parser.add_argument(
         "--yardstick", help="file with paper_lm (default $MIDAIR_YARDSTICK, ../shared/baseline/paper_lm.py)"
     )
@@ -47,7 +45,7 @@ def main() -> None:
         if "static" in options.part:
             for strength in options.strengths:
                 bits = patterns(options.others, options.seed)
-                static(strength, bits, name, reference, options.methods, not options.no_peers)
+                static(strength, bits, name, reference, options.methods)
         if "sequence" in options.part:
             beating = problem_of(beating_blob(min(options.frames, 200)), 0.1)
             for label, problem in (("moving blob", spot), ("beating blob", beating), ("towel stroke", stroke)):
@@ -55,8 +53,6 @@ def main() -> None:
         if "live" in options.part:
             budget("moving blob", spot)
             budget("towel stroke", stroke)
-        if "limits" in options.part:
-            limits(problem_of(binary([TEN[3]]), 0.1), name, reference)
 
 
 if __name__ == "__main__":

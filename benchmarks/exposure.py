@@ -1,18 +1,15 @@
-"""Errors of the exposure check in both directions, and its time: `python -m benchmarks.exposure`.
+"""Errors of the exposure check in both directions: `python -m benchmarks.exposure`.
 
 The parts are: attacks by an optimiser that uses all points and airs of the check, on random places in random airs; a
 table of rooms for natural, quiet-ears and hostile drives, by the former check in the file's air and by the present one;
-random foci, a third of them on a surface; drives of strokes; the time for a drive of 5 s compared with the former
-check of 27 points; and the mode quiet under five levels at the ears (only with `--part safe`). The true level is the
-sum of all waves at the units' own phase and level steps, maximised over place and air without code of the check
-(`benchmarks.exposure_attacks`).
+random foci, a third of them on a surface; drives of strokes; and the mode quiet under five levels at the ears (only
+with `--part safe`). The true level is the sum of all waves at the units' own phase and level steps, maximised over
+place and air without code of the check (`benchmarks.exposure_attacks`).
 """
 
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -20,7 +17,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from benchmarks.clock import load
 from benchmarks.exposure_attacks import (
@@ -35,8 +31,7 @@ from benchmarks.exposure_attacks import (
     sounding,
     within,
 )
-from benchmarks.real_objects import fast, kept
-from benchmarks.real_pressure import DATA
+from benchmarks.real_objects import DATA, fast, kept
 from benchmarks.targets import towel
 from midair.datasets import stroke
 from midair.devices import measure_exposure
@@ -62,7 +57,7 @@ from midair.solvers import one_blas_thread, solve
 from midair.targets import add_lead, prepare
 
 PROFILE = profile_named("occupational-110")
-PARTS = ("attacks", "rooms", "foci", "natural", "time")
+PARTS = ("attacks", "rooms", "foci", "natural")
 THINGS = ("towel", "sponge", "denim", "am-i")
 
 
@@ -77,7 +72,6 @@ def main() -> None:
     parser.add_argument("--room", type=float, help="air temperature in degrees Celsius (default: unknown)")
     parser.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
     parser.add_argument("--seed", type=int, default=2026, help="seed of all random numbers (default 2026)")
-    parser.add_argument("--frames", type=int, default=5000, help="frames of the timed drive (default 5000)")
     parser.add_argument("--data", type=Path, default=DATA, help="folder with fabricslide, for denim")
     parser.add_argument("--things", nargs="*", choices=THINGS, default=THINGS, help="recordings of the part safe")
     parser.add_argument("--levels", type=float, nargs="*", default=[110, 115, 120, 125, 130], help="in dB")
@@ -97,8 +91,6 @@ def main() -> None:
         with one_blas_thread():
             for thing in options.things:
                 safe(thing, options.levels, options.data)
-    if "time" in options.part:
-        timed(options.frames, rng)
 
 
 def some_air(rng: np.random.Generator, room: Medium | None) -> Medium:
@@ -311,43 +303,6 @@ def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 2
         best = points[np.argsort(field.max(axis=1))[-5:]]
         found.append(max(field.max(), direct_sum(frame, within(place, best, 2.5e-3, 7), air).max()))
     return float(sound_level(np.array(max(found))))
-
-
-def timed(frames: int, rng: np.random.Generator) -> None:
-    """Time 27 points in double precision, the first drive on an array, and a later one, in one run."""
-    drive = played(rng.uniform(0, 2 * np.pi, (frames, ARRAY.count)))
-    for _ in range(3):
-        # A slightly moved place forces new points and modes.
-        profile = replace(PROFILE, places=tuple(_moved(place, rng) for place in PROFILE.places))
-        with threadpool_limits(limits=1, user_api="blas"):
-            before = seconds(lambda: corners(drive))
-        first = seconds(lambda: measure_exposure(drive, ARRAY, profile))  # noqa: B023
-        later = seconds(lambda: measure_exposure(drive, ARRAY, profile))  # noqa: B023
-        print(f"{frames} frames: 27 points {before}, first drive {first}, later {later}")
-
-
-def seconds(work: Callable[[], object]) -> str:
-    """Wall and CPU time in s."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    work()
-    return f"{time.perf_counter() - wall:.2f} s ({time.process_time() - cpu:.2f} s of CPU)"
-
-
-def _moved(place: Place, rng: np.random.Generator) -> Place:
-    x, y, z = (each + 1e-6 * rng.random() for each in place.position)
-    return replace(place, position=(x, y, z))
-
-
-def corners(drive: Drive) -> NDArray[np.float64]:
-    """The former check: the loudest of 27 points of each place, in double precision."""
-    points = np.concatenate([place.points for place in PROFILE.places])
-    matrix = transfer_matrix(points, drive.array, acoustics=drive.acoustics).T
-    level = np.empty((drive.frames, len(PROFILE.places)))
-    for first in range(0, drive.frames, 256):
-        part = slice(first, first + 256)
-        q = drive.level[part, None] * np.exp(1j * drive.phase[part])
-        level[part] = sound_level(np.abs(q @ matrix).reshape(-1, len(PROFILE.places), 27).max(axis=2))
-    return level
 
 
 if __name__ == "__main__":

@@ -4,9 +4,7 @@
 the last one where they end, until the output of the units begins to fall and until it is silent; and from the first
 right pose until it is at full level again. The output is that of the makers' firmware emulator, sampled every 25 us,
 which gets the frames of the wire at their instants. `wire`: time from a pose to the datagram of the first frame that is
-steered to it, at 1 kHz. `cpu`: CPU time of a block of 4 ms while the recorded palm HandSplay is followed for 1 s: of
-steering, of steering with the fit, and of the check of the steered frames, for a towel in the best mode (strength .15)
-that is attenuated to the limit at the ears. The mean over the blocks, in the least of several runs.
+steered to it, at 1 kHz.
 """
 
 from __future__ import annotations
@@ -15,9 +13,7 @@ import argparse
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from dataclasses import dataclass
 
 import numpy as np
 from autd3.commands import Pattern
@@ -30,19 +26,13 @@ from tests.simulators.udp_proxy import UdpProxy
 
 from benchmarks.clock import load
 from benchmarks.live_outside import frames_on, watch_in_time
-from benchmarks.palm_pose import HERE, MODES, ROOM, Gated
-from benchmarks.trackers import RECORDINGS, at_the_array
 from midair.devices import ExposureChoices, Tracker, autd3_immediate
 from midair.devices.arrays import Silencer
-from midair.files import DEFAULT_PROFILE, load_palm_path, profile_named, save_palm_path
+from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement
-from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
-from midair.physics import ExposureProfile, focus_phase
-from midair.pipeline import reproduce, required_lead
-from midair.rig import PlaySettings, VirtualRig, open_tracker
-from midair.rig.playing import Follower, FollowRules, clear_followed, play_followed
-from midair.solvers import one_blas_thread
-from midair.targets import add_lead
+from midair.physics import focus_phase
+from midair.rig import PlaySettings, open_tracker
+from midair.rig.playing import clear_followed, play_followed
 
 Values = NDArray[np.float64]
 GRID = ControlGrid(rows=4, columns=4, pitch=5e-3)
@@ -184,65 +174,16 @@ def wire(seconds: float) -> None:
     print(f"pose to wire: {len(found)} poses, median {middle:.1f} ms, 99 % {most:.1f} ms; {made.late} frames late")
 
 
-def cpu(runs: int) -> None:
-    plan = FidelityPlan(strength=0.15, duration=1.0, rig=VirtualRig(acoustics=ROOM))
-    original = original_of("towel", plan, MODES["best"])
-    settings = at_strength(original, MODES["best"], plan)
-    lead = required_lead(settings)
-    drive = reproduce(add_lead(original, lead), plan.rig.array, settings).solution.drive
-    first, every = round(lead * drive.rate), 4
-    grid, profile = settings.target.grid, profile_named(DEFAULT_PROFILE)
-    drive = replace(drive, phase=drive.phase[first : first + 4000], level=drive.level[first : first + 4000])
-    slow = replace(drive, phase=drive.phase[::every], level=drive.level[::every], rate=drive.rate / every)
-    print("| frames | steering | and the fit | check |\n|---|---|---|---|")
-    with TemporaryDirectory() as folder:
-        palm = at_the_array(load_palm_path(HERE / "palm-poses" / RECORDINGS["HandSplay"]))
-        hand = Path(folder) / "hand.csv"
-        save_palm_path(replace(palm, time=palm.time - palm.time[0]), hand)
-        for each in (slow, drive):
-            spent = [
-                min(followed(each, hand, grid, profile, fit=fit)[check] for _ in range(runs))
-                for fit, check in ((False, 0), (True, 0), (False, 1))
-            ]
-            print(f"| {each.rate / 1e3:g} kHz | {' | '.join(f'{1e3 * one:.2f} ms' for one in spent)} |", flush=True)
-
-
-def followed(
-    drive: Drive, hand: Path, grid: ControlGrid, profile: ExposureProfile, *, fit: bool
-) -> tuple[float, float]:
-    """Mean CPU time of a block in s: of steering it, and of the check."""
-    settings = PlaySettings(exposure=ExposureChoices(profile=profile, attenuate=True), steer_only=not fit)
-    admission = clear_followed(drive, Gated, settings, grid, samples=256)  # type: ignore[arg-type]
-    now, spent = [0.0], np.zeros(2)
-    with open_tracker(f"replay:{hand}?latency_ms=20", clock=lambda: now[0]) as tracker:
-        tracker.begin(-0.2)
-        rules = FollowRules(patience=0.2, fit=fit)
-        follower, count = Follower(tracker, drive, grid, rules=rules, report=lambda _: None), round(drive.rate * 4e-3)
-        for begin in range(0, drive.frames - count + 1, count):
-            times = (begin + np.arange(count)) / drive.rate
-            now[0] = float(times[0])
-            began = time.process_time()
-            part, pose = follower.steered(slice(begin, begin + count), times)
-            between = time.process_time()
-            admission.steered(part, pose)
-            spent += between - began, time.process_time() - between
-    return tuple(spent / (drive.frames / count))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.following", description=__doc__.splitlines()[0])
-    parser.add_argument("--part", choices=("silence", "wire", "cpu"), nargs="+", default=["silence", "wire"])
+    parser.add_argument("--part", choices=("silence", "wire"), nargs="+", default=["silence", "wire"])
     parser.add_argument("--seconds", type=float, default=10.0, help="duration of the play of wire in s (default 10)")
-    parser.add_argument("--runs", type=int, default=5, help="runs of cpu (default 5)")
     options = parser.parse_args()
     print(f"real-time priority: {watch_in_time()}; {load()}")
     if "silence" in options.part:
         silence()
     if "wire" in options.part:
         wire(options.seconds)
-    if "cpu" in options.part:
-        with one_blas_thread():
-            cpu(options.runs)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import os
 import signal
 import tempfile
@@ -20,26 +19,18 @@ from tests.simulators.udp_proxy import UdpProxy
 import midair
 from benchmarks.clock import load
 from benchmarks.live_outside import Running, SerialSkin, UnitsApart, loud, plain, seconds_to_silence, watch_in_time
-from benchmarks.standstill import Standstills, beside
 from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir
 from midair.devices import ExposureChoices, stop_playing
 from midair.dsp import welch
 from midair.errors import MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import ControlGrid, Drive, PressureFrames, TransducerArray
+from midair.model import ControlGrid, TransducerArray
 from midair.physics import (
-    PlaybackChain,
-    SensorModel,
-    TransducerDynamics,
-    Transducers,
-    cell_weights,
-    focus_amplitude,
-    simulate,
     transfer_matrix,
 )
-from midair.rig.live_touch.touch_ring import FRAME_LATE, STEP
+from midair.rig.live_touch.touch_ring import STEP
 
-PARTS = ("run", "runs", "latency", "bands", "spectra", "hurried", "deaths")
+PARTS = ("run", "latency", "bands", "deaths")
 THINGS = ("towel", "sponge", "brush")
 DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
 BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -51,8 +42,6 @@ def main() -> None:
     parser.add_argument(
         "--frames", type=int, default=60_000, help="frames of a run (default 60000; 600000 are ten minutes)"
     )
-    parser.add_argument("--busy", type=int, default=0, help="number of busy processes during a run (default 0)")
-    parser.add_argument("--runs", type=int, default=13, help="number of runs of the part runs (default 13)")
     parser.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
     parser.add_argument("--hold", type=float, default=6.0, help="hold time of a run in ms (default 6)")
     parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
@@ -63,10 +52,6 @@ def main() -> None:
     print(load())
     if "bands" in options.part:
         bands()
-    if "spectra" in options.part:
-        spectra()
-    if "hurried" in options.part:
-        hurried()
     if {"latency", "deaths"} & set(options.part):
         print(f"\nreal-time priority for the wire and the sensor's line: {watch_in_time()}")
     if "latency" in options.part:
@@ -75,41 +60,19 @@ def main() -> None:
         deaths()
     # The busy parts run without real-time priority, which would block other processes.
     plain()
-    chosen = {"busy": options.busy, "sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
+    chosen = {"sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
     chosen["latency"] = None if options.latency is None else options.latency / 1000
     if "run" in options.part:
         for priority in options.priority:
             run(options.frames, priority=priority, **chosen)
-    if "runs" in options.part:
-        runs(options.runs, options.frames, priority=options.priority[0], **chosen)
 
 
-def runs(count: int, frames: int, **chosen) -> None:
-    """Print how many of many runs ended early, and the share of late frames of each of the others."""
-    told = [run(frames, **chosen) for _ in range(count)]
-    late = [100 * one["late"] / one["frames"] for one in told if one is not None]
-    shares = ", ".join(f"{each:.2f}" for each in late)
-    print(f"\n{count - len(late)} of {count} runs ended early; late frames of the others in %: {shares}")
-
-
-def run(
-    frames: int, *, busy: int, priority: int, sensor: str, hold: float, apart: bool, latency: float | None
-) -> dict | None:
-    """Print lost and late frames, the delay until sending, and the causes, of a long run to four emulated units.
-
-    A frame is late because of the loop itself, or because the computer stopped while the frame was computed and sent;
-    threads of the highest priority detect such stops. Frames up to 50 ms after a stop are attributed to it, because
-    they wait for the frames before them.
-    """
-    spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(busy)]
-    for each in spinning:
-        each.start()
+def run(frames: int, *, priority: int, sensor: str, hold: float, apart: bool, latency: float | None) -> dict | None:
+    """Print lost and late frames, and the delay until sending, of a long run to four emulated units."""
     units = UnitsApart(4) if apart else None
     where = "in a separate process" if units else "in the loop's process"
-    print(
-        f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}, {busy} busy processes beside"
-    )
-    stills, before, late, began = Standstills(), load(), [], time.monotonic()
+    print(f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}")
+    before, began = load(), time.monotonic()
     try:
         with tempfile.TemporaryDirectory() as folder:
             session = midair.live(
@@ -122,12 +85,9 @@ def run(
                 exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a benchmark"),
                 priority=priority,
             )
-            seen, goes = 0, True
             with session:
-                while goes:
-                    goes = session.wait(0.5)
-                    slots, seen, _ = session.since(seen)
-                    late.append(slots["taken"][(slots["flags"] & FRAME_LATE) > 0])
+                while session.wait(0.5):
+                    pass
                 told = session.statistics.plain() | {
                     "computer": session.opened.granted.words(),
                     "rehearsal": session.opened.rehearsal.words(),
@@ -137,11 +97,8 @@ def run(
         print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}", flush=True)
         return None
     finally:
-        still = stills.end(longer=hold / 3)
         if units:
             units.close()
-        for each in spinning:
-            each.kill()
     print(f"  {before} before, {load()} after; computer: {told['computer']}")
     print(f"  rehearsal: {told['rehearsal']}")
     names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps", "failsafe")
@@ -151,30 +108,7 @@ def run(
     wide = round(0.5e-3 / STEP)
     steps = [(0.5 * (place // wide), int(left[place : place + wide].sum())) for place in range(0, len(left), wide)]
     print("  left, frames from each half ms on: " + ", ".join(f"{begin:g}: {count}" for begin, count in steps if count))
-    if not stills.granted:
-        print("  stops of the computer are unknown: real-time priority was not granted")
-        return told
-    taken = np.concatenate(late)
-    every = np.arange(began, time.monotonic(), 1e-3)
-    innocent, share = (beside(each, still, before=hold, after=0.05) for each in (taken, every))
-    lengths = np.concatenate([each[:, 1] - each[:, 0] for each in still])
-    print(
-        f"  the computer stopped {len(lengths)} times for more than {1e3 * hold / 3:.1f} ms, {lengths.sum():.2f} s "
-        f"on all cores together, {1e3 * lengths.max(initial=0.0):.0f} ms at most"
-    )
-    print(
-        f"  of {len(taken)} late frames {innocent.sum()} were sampled near such a stop, "
-        f"{len(taken) - innocent.sum()} were not; "
-        f"{100 * share.mean() if len(share) else 0:.1f} % of the time is near a stop",
-        flush=True,
-    )
     return told
-
-
-def _spin() -> None:
-    plain()
-    while True:
-        np.linalg.norm(np.arange(1000.0))
 
 
 def latency(seconds: float) -> np.ndarray:
@@ -310,78 +244,6 @@ def bands() -> None:
         print("".join(f"{cell:>20}" for cell in cells))
 
 
-def spectra() -> None:
-    """Print E and what cells feel of towel, sponge and brush, played live, with a latency, and in the best mode."""
-    from midair.evaluate import fidelity
-    from midair.pipeline import calibrated_pressure, reproduce
-    from midair.rig.live_touch import LiveSettings, Touch
-    from midair.settings import MODES
-
-    array, grid = TransducerArray.autd3(), ControlGrid()
-    air = LiveSettings().acoustics
-    G = transfer_matrix(grid, array, acoustics=air) / focus_amplitude(grid, array, acoustics=air)
-    print("\nE of the phases; signal to distortion; power in a cell over the recorded one; nominal transducers")
-    print("| | | E, % | signal to distortion, dB | 20-40 / 40-100 / 100-470 Hz, dB |\n|---|---|---|---|---|")
-    for thing in THINGS:
-        recording, calibration, wanted = _felt(thing, 1.2)
-        cells = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")
-        rows: list[tuple[str, Drive, float, float]] = []
-        for settings in (LiveSettings(), LiveSettings(latency=0.15), LiveSettings(latency=0.2)):
-            touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
-            phase, level, missed = [], [], []
-            for sample in recording.samples.reshape(recording.frames, -1):
-                touch.feel(sample)
-                for at in range(touch.schedule.formed):
-                    level.append(float(touch.form(at)))
-                    phase.append(2 * np.pi * touch.phases / 256)
-                    if level[-1]:
-                        field = np.abs(G @ np.exp(1j * phase[-1]))
-                        missed.append(np.linalg.norm(field - touch.wanted) / np.linalg.norm(touch.wanted))
-            rate = 1000.0 * touch.schedule.formed
-            drive = Drive(
-                phase=np.stack(phase), level=np.array(level), rate=rate, array=array, acoustics=settings.acoustics
-            )
-            name = "live" if settings.latency is None else f"{1e3 * settings.latency:.0f} ms"
-            rows.append((name, drive, touch.delay, float(np.mean(missed[20:]))))
-        best = MODES["best"]()
-        made = reproduce(calibrated_pressure(recording, calibration, best), array, best).solution
-        rows.append(("best mode", made.drive, 0.0, float(made.error.mean())))
-        for name, drive, delay, error in rows:
-            got, late = _pressed(drive, grid, cells).reshape(-1, *recording.sensor.shape), round(1000 * delay)
-            got, own = got[200 + late :], wanted[200 : len(wanted) - late]
-            gains = [10 * np.log10(_in_band(got[:, 1, 1], band) / _in_band(own[:, 1, 1], band)) for band in BANDS]
-            ratio = fidelity(*(PressureFrames(pressure=each, rate=1000.0) for each in (own, got))).distortion_ratio
-            shown = " / ".join(f"{each:+.1f}" for each in gains)
-            print(f"| {thing} | {name} | {100 * error:.1f} | {ratio:.1f} | {shown} |", flush=True)
-
-
-def hurried() -> None:
-    """Print the mean E of the phases if some frames are hurried, and the time per frame."""
-    from midair.rig.live_touch import LiveSettings, Touch
-    from midair.solvers import one_blas_thread
-
-    array, settings = TransducerArray.autd3(), LiveSettings()
-    air = settings.acoustics
-    G = transfer_matrix(settings.grid, array, acoustics=air) / focus_amplitude(settings.grid, array, acoustics=air)
-    print("\nE of the phases, % (no, every fourth, every second, every frame hurried), and median ms per frame")
-    for thing in THINGS:
-        recording, calibration, _ = _felt(thing, 1.5)
-        samples, cells = recording.samples.reshape(recording.frames, -1), []
-        for every in (0, 4, 2, 1):
-            touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
-            missed, took = [], []
-            with one_blas_thread():
-                for number, sample in enumerate(samples):
-                    touch.feel(sample)
-                    began = time.perf_counter()
-                    if touch.form(hurried=every > 0 and number % every == 0):
-                        took.append(time.perf_counter() - began)
-                        field = np.abs(G @ np.exp(2j * np.pi * touch.phases / 256))
-                        missed.append(np.linalg.norm(field - touch.wanted) / np.linalg.norm(touch.wanted))
-            cells.append(f"{100 * np.mean(missed[20:]):5.1f} % {1e3 * np.median(took):.2f} ms")
-        print(f"  {thing:8}" + "   ".join(cells), flush=True)
-
-
 DEATHS = (
     "Ctrl-C",
     "midair stop",
@@ -392,16 +254,6 @@ DEATHS = (
     "sensor falls silent",
     "cable to the array cut",
 )
-
-
-def _pressed(drive: Drive, grid: ControlGrid, cell: np.ndarray) -> np.ndarray:
-    """Pressure on cells, shape (ms, cell), averaged over 1 ms, with held frames and nominal transducer dynamics."""
-    follow = Transducers.varied(
-        drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
-    )
-    G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
-    moments = simulate(drive, G, chain=PlaybackChain(transducers=follow), rate=8000.0, weights=cell)
-    return moments.reshape(-1, 8, len(cell)).mean(axis=1)
 
 
 def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:

@@ -6,10 +6,9 @@ classifier, trained on the mode's own re-recordings, tests whether the materials
 """
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,17 +20,14 @@ from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.devices import check_exposure
 from midair.dsp import band_energies, resample
-from midair.errors import InputError, MissingExtraError
+from midair.errors import InputError
 from midair.evaluate import THIRD_OCTAVES
 from midair.evaluate.perception import OCTAVE_BANDS
-from midair.figures import png_bytes
-from midair.figures.style import STYLE, new_figure
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
-from midair.paper.figures import PaperResult, Row
 from midair.paper.modes_compared import strongest_begins
 from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_fitted_gain
-from midair.rig import Stage, VirtualRig, default_exposure, no_progress, record, rerecord
+from midair.rig import VirtualRig, default_exposure, record, rerecord
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
@@ -103,70 +99,38 @@ class MaterialsPlan:
         return {**with_paper_mode(self.mode, self.paper), LIVE: self.paper.but(method="live")}
 
 
-def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
-    """Reproduce every stroke in every mode, and classify it with two classifiers; call `stage` with each stage's name.
+def print_materials(plan: MaterialsPlan) -> None:
+    """Reproduce every stroke in every mode, classify it with two classifiers, and print a row and the answers of each.
 
-    Raises InputError if there are fewer than two materials, or fewer than three strokes of one; MissingExtraError if
-    scikit-learn is not installed.
+    Raises InputError if there are fewer than two materials, or fewer than three strokes of one.
     """
-    plan = plan or MaterialsPlan()
-    check_classifier()
     strokes = synthetic(plan) if plan.folder is None else recorded(plan.folder, plan.duration)
-    names = tuple(dict.fromkeys(one.material for one in strokes))
+    names = list(dict.fromkeys(one.material for one in strokes))
     truth = np.array([names.index(one.material) for one in strokes])
     heard: dict[str, list[Array]] = {"original": []}
     for mode, settings in plan.modes.items():
-        progress = stage(f"{len(strokes)} strokes, {mode} mode")
-        for number, one in enumerate(strokes):
+        for one in strokes:
             wanted = (one.live if mode == LIVE else one.original)(settings, plan.duration)
             if mode == next(iter(plan.modes)):
                 heard["original"].append(third_octaves(wanted))
             heard.setdefault(mode, []).append(third_octaves(through(wanted, settings, plan)))
-            if progress is not None:
-                progress(number + 1, len(strokes))
     known = np.array(heard["original"])
-    rows: list[Row] = []
-    matrices: list[ConfusionPanel] = []
-    for mode, shapes in heard.items():
-        named = left_out_names(known, np.array(shapes), truth)
-        apart = left_out_names(np.array(shapes), np.array(shapes), truth)
-        counts = np.zeros((len(names), len(names)), np.int64)
+    print(f"{len(truth)} strokes; rows: true material; columns: classified as", ", ".join(names))
+    for mode, found in heard.items():
+        shapes = np.array(found)
+        named, apart = left_out_names(known, shapes, truth), left_out_names(shapes, shapes, truth)
+        counts = np.zeros((len(names), len(names)), int)
         np.add.at(counts, (truth, named), 1)
-        right = int(np.trace(counts))
-        low, high = share_between(right, len(truth))
-        rows.append(
-            {
-                "mode": mode,
-                "strokes": len(truth),
-                "named_right": right / len(truth),
-                "named_right_low": low,
-                "named_right_high": high,
-                "as_its_original": float(np.mean(named == left_out_names(known, known, truth))),
-                "told_apart": float(np.mean(apart == truth)),
-                "shape_off_db": float(np.sqrt(np.mean((np.array(shapes) - known) ** 2))),
-                **{
-                    f"{names[true]}_as_{names[taken]}": int(counts[true, taken])
-                    for true in range(len(names))
-                    for taken in range(len(names))
-                },
-            }
+        low, high = share_between(int(np.trace(counts)), len(truth))
+        alike = np.mean(named == left_out_names(known, known, truth))
+        print(
+            f"{mode:9} {np.mean(named == truth):.2f} correct ({low:.2f} to {high:.2f}), same as original {alike:.2f}, "
+            f"correct within the mode {np.mean(apart == truth):.2f}, error of third octaves "
+            f"{np.sqrt(np.mean((shapes - known) ** 2)):.1f} dB",
+            flush=True,
         )
-        matrices.append(ConfusionPanel(title=f"{mode}\n{right} of {len(truth)} right", names=names, counts=counts))
-    return PaperResult(
-        name="materials",
-        title="Material of each stroke by a classifier trained on the originals",
-        rows=tuple(rows),
-        pictures={"materials.png": png_bytes(confusion_figures(matrices, simulated=True))},
-        about={
-            "materials": list(names),
-            "strokes": [one.name for one in strokes],
-            "duration_s": plan.duration,
-            "strength": plan.strength,
-            "features": f"{len(THIRD_OCTAVES)} third octaves, level taken out",
-            "classifier": "linear discriminants, shrunk (Ledoit and Wolf), each stroke left out in turn",
-            "interval": "95 %, Wilson",
-        },
-    )
+        for name, row in zip(names, counts, strict=True):
+            print("   ", f"{name:14}", " ".join(f"{each:3d}" for each in row))
 
 
 def synthetic(plan: MaterialsPlan) -> list[Stroke]:
@@ -263,12 +227,6 @@ def classifier() -> Any:
     return LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")
 
 
-def check_classifier() -> None:
-    """Raise a MissingExtraError early if scikit-learn is not installed."""
-    if find_spec("sklearn") is None:
-        raise MissingExtraError("materials: expected scikit-learn: pip install scikit-learn")
-
-
 def share_between(right: int, count: int) -> tuple[float, float]:
     """Confidence limits of a proportion at 95 % (Wilson's, valid at 0 and 1 and for small counts)."""
     from scipy.stats import binomtest
@@ -277,50 +235,13 @@ def share_between(right: int, count: int) -> tuple[float, float]:
     return float(limits.low), float(limits.high)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConfusionPanel:
-    """One confusion matrix."""
-
-    title: str
-    """Title, with the share of correct answers."""
-    names: tuple[str, ...]
-    """Names of the classes, for both axes."""
-    counts: NDArray[np.int64]
-    """Number of answers, shape (true, named)."""
-
-
-def confusion_figures(matrices: Sequence[ConfusionPanel], *, simulated: bool) -> Any:
-    """Draw matrices in a row: rows are the presented classes, columns the responses; shade is the share of a row."""
-    count = len(matrices[0].names)
-    side = 0.9 + 0.42 * max(count, 3)
-    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated)
-    axes = figure.subplots(1, len(matrices), squeeze=False)[0]
-    for axis, matrix in zip(axes, matrices, strict=True):
-        share = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
-        axis.imshow(share, cmap="Blues", vmin=0, vmax=1)
-        for (row, column), number in np.ndenumerate(matrix.counts):
-            ink = "white" if share[row, column] > 0.6 else STYLE.ink
-            axis.text(column, row, str(number) if number else "", ha="center", va="center", fontsize=8, color=ink)
-        axis.set_title(matrix.title, fontsize=8, loc="left", color=STYLE.ink)
-        axis.set_xticks(range(count), matrix.names, rotation=45, ha="right", fontsize=7)
-        axis.set_yticks(range(count), matrix.names if axis is axes[0] else [""] * count, fontsize=7)
-        axis.set_xlabel("response", fontsize=8)
-    axes[0].set_ylabel("presented", fontsize=8)
-    return figure
-
-
 def main() -> None:
-    """Write the table and the confusion matrices, and print how many strokes keep their material."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.materials", description=__doc__.splitlines()[0])
     parser.add_argument("--recordings", type=Path, help="a folder for each material; synthetic strokes without it")
     parser.add_argument("--strokes", type=int, default=12, help="of each synthetic material")
     parser.add_argument("--mode", choices=("best", "quick", "finest"), default="best")
-    parser.add_argument("--out", type=Path, default=Path("materials"), help="folder of the results")
     options = parser.parse_args()
-    result = materials_table(MaterialsPlan(folder=options.recordings, strokes=options.strokes, mode=options.mode))
-    for row in result.rows:
-        print(f"{row['mode']:9} {row['named_right']:.2f} correct, error of third octaves {row['shape_off_db']:.1f} dB")
-    print(*result.write(options.out))
+    print_materials(MaterialsPlan(folder=options.recordings, strokes=options.strokes, mode=options.mode))
 
 
 if __name__ == "__main__":

@@ -2,8 +2,7 @@
 
 Signals of the fidelity table, .12 s each, in the best mode at strength .15, in the paper's air, on nominal transducers
 and on transducers with individual resonance, quality factor and strength. The figures are signal to distortion in 20 to
-470 Hz, with a gain for each cell, without the delay and without the leads. `loop`: the same for each pass of a loop
-with correction, with the gain of the pass. Times are CPU times of this process.
+470 Hz, with a gain for each cell, without the delay and without the leads. Times are CPU times of this process.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from midair.model import Acoustics, Drive, PressureFrames
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.physics import PlaybackChain, Transducers, cell_weights, simulate, transfer_matrix
 from midair.pipeline import compensate_pressure, reproduce, required_lead
-from midair.rig import OpenRig, loop
 from midair.settings import Settings, best_mode
 from midair.solvers import Glide, one_blas_thread
 from midair.targets import add_lead, interpolation_matrix
@@ -33,12 +31,10 @@ BEFORE = Glide(coarse=256, near=0.6, smooth=6, wide=32, smooth_wide=20, toleranc
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.places", description=__doc__.splitlines()[0])
     parser.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
-    parser.add_argument("--part", choices=("places", "loop"), nargs="*", default=["places", "loop"])
     options = parser.parse_args()
     print(load())
     with one_blas_thread():
-        for part in options.part:
-            {"places": places, "loop": loops}[part](options.things)
+        places(options.things)
 
 
 def places(things: list[str]) -> None:
@@ -67,25 +63,6 @@ def places(things: list[str]) -> None:
             print(f"{thing:10} {name:8} {shown} ; {out:.2f} ; {cost / drive.frames:.2f}", flush=True)
 
 
-def loops(things: list[str]) -> None:
-    """Print results for the passes of the loop (two for the gain, three corrections) at each position."""
-    air, plan = Acoustics(), FidelityPlan()
-    settings = best_mode().but(acoustics=air)
-    print("waveform of the re-recording, dB below the original; the same on the skin, sensor moved as above")
-    for thing in things:
-        original = original_of(thing, plan, settings)
-        skin = plan.rig.skin()
-        with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
-            done = loop(original, settings, rig, corrections=1, iterate=3)
-        chain = plan.rig.array_device().chain
-        for number, one in enumerate(done.passes):
-            drive = one.reproduction.solution.drive
-            read = [ratio_at(original, one.asked, drive, settings, plan, chain, place, gains=False) for place in PLACES]
-            shown = " ".join(f"{each:5.1f}" for each in read)
-            told = -20 * np.log10(one.comparison.waveform_error)
-            print(f"{thing:10} pass {number + 1}  {told:5.1f} | {shown}", flush=True)
-
-
 def ratio_at(
     original: PressureFrames,
     asked: PressureFrames,
@@ -94,10 +71,8 @@ def ratio_at(
     plan: FidelityPlan,
     chain: PlaybackChain,
     place: tuple[float, float],
-    *,
-    gains: bool = True,
 ) -> float:
-    """Signal to distortion of a sensor's re-recording at a position, with or without the best gain of each cell."""
+    """Signal to distortion of a sensor's re-recording at a position, with the best gain of each cell."""
     grid, points, model = settings.target.grid, plan.rig.skin().points, plan.rig.sensor_model
     signed = compensate_pressure(asked, settings).pressure.reshape(asked.frames, -1)
     wanted = signed @ interpolation_matrix(asked.sensor, grid).T @ _on(model, grid, place, "lines").T
@@ -111,7 +86,7 @@ def ratio_at(
     x, y = (each[first : first + original.frames] for each in (x, y))
     power = (x**2).sum(axis=0)
     heard = power >= power.max() / 100
-    gain = ((x * y).sum(axis=0) / power if gains else np.ones(len(power)))[heard]
+    gain = ((x * y).sum(axis=0) / power)[heard]
     missed = y[:, heard] - gain * x[:, heard]
     return decibels(float((gain**2 * power[heard]).sum()), float((missed**2).sum()))
 

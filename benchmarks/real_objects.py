@@ -14,19 +14,27 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from benchmarks.clock import load, timed
-from benchmarks.materials import MaterialsPlan, materials_table
+from benchmarks.materials import MaterialsPlan, print_materials
 from benchmarks.places import ratio_at
-from benchmarks.real_pressure import DATA, RATE, flat_30_pa, over_the_sensor
 from midair.files import open_take, save
-from midair.model import Recording
+from midair.model import Calibration, Recording
 from midair.paper import FidelityPlan, fidelity_table
 from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
 from midair.pipeline import reproduce, required_lead
+from midair.recordings import Footprint, footprint_field
 from midair.settings import Mode, paper_mode
 from midair.solvers import one_blas_thread
 from midair.targets import add_lead
+
+_FOLDERS = [above / "shared" / "data" for above in Path(__file__).parents[1:]]
+DATA = next((folder for folder in _FOLDERS if folder.is_dir()), _FOLDERS[0])
+"""Folder with fabricslide, hapmat and audio-to-tactile."""
+RATE = 1000.0
+"""Rate in Hz to which recordings of a lower rate are sped up."""
 
 
 def main() -> None:
@@ -50,7 +58,12 @@ def takes(data: Path, folder: Path) -> list[str]:
     denim = fast(open_take(data / "fabricslide" / "fabric" / "Denim_F180_V-50mmps_0.csv").recording)
     stick = fast(open_take(data / "hapmat" / "Fabric 1.csv", channels=["accel_z"], unit="count").recording)
     effect = open_take(data / "audio-to-tactile" / "tactile_pattern_connect.wav", unit="count").recording
-    made = {"denim": denim, "hapmat-fabric": over_the_sensor(stick), "connect": over_the_sensor(effect)}
+    moved = Footprint(turn="back")
+    made = {
+        "denim": denim,
+        "hapmat-fabric": footprint_field(stick, moved),
+        "connect": footprint_field(effect, moved),
+    }
     return [str(kept(recording, folder / f"{name}.h5")) for name, recording in made.items()]
 
 
@@ -62,7 +75,10 @@ def fast(recording: Recording) -> Recording:
 
 def kept(recording: Recording, path: Path) -> Path:
     """Save a recording with a calibration that makes its largest change 30 Pa."""
-    save(recording, path, calibration=flat_30_pa(recording))
+    samples = np.asarray(recording.samples, float)
+    change = float(np.abs(samples - np.median(samples, axis=0)).max())
+    flat = Calibration.flat(recording.sensor, sensitivity=change / 30, unit=recording.unit)
+    save(recording, path, calibration=flat)
     return path
 
 
@@ -97,18 +113,7 @@ def materials(data: Path, folder: Path, mode: Mode) -> None:
     below.mkdir()
     for path in sorted((data / "fabricslide" / "fabric").glob("*50mmps_?.csv")):
         kept(fast(open_take(path).recording), below / f"{path.stem}.h5")
-    result = materials_table(MaterialsPlan(folder=below, mode=mode))
-    names = result.about["materials"]
-    print("rows: true material; columns: classified as", ", ".join(names))
-    for row in result.rows:
-        print(
-            f"{row['mode']:9} {row['named_right']:.2f} correct ({row['named_right_low']:.2f} to "
-            f"{row['named_right_high']:.2f}), same as original {row['as_its_original']:.2f}, correct within the mode "
-            f"{row['told_apart']:.2f}, error of third octaves {row['shape_off_db']:.1f} dB",
-            flush=True,
-        )
-        for true in names:
-            print("   ", f"{true:14}", " ".join(f"{row[f'{true}_as_{taken}']:3d}" for taken in names))
+    print_materials(MaterialsPlan(folder=below, mode=mode))
 
 
 if __name__ == "__main__":

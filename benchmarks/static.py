@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 
 from benchmarks.clock import heading, line, timed
-from benchmarks.floors import floors
-from benchmarks.peers import peers
-from benchmarks.published import PUBLISHED, best_level
+from benchmarks.published import PUBLISHED
 from benchmarks.targets import binary, problem_of
 from benchmarks.yardstick import Plain
 from midair.solvers import Problem, error_of, solver
 
+TABLE = Path(__file__).with_name("floors.json")
 
-def static(strength: float, bits: list[int], name: str, reference: Plain, methods: list[str], others: bool) -> None:
+
+def floors(bits: list[int], strength: float) -> np.ndarray | None:
+    """Lowest known E of each pattern, shape (pattern,); None if one of them is not in the table."""
+    known = json.loads(TABLE.read_text()).get(f"{strength:g}", {})
+    names = [f"{one:#06x}" for one in bits]
+    return np.array([known[name] for name in names]) if all(name in known for name in names) else None
+
+
+def static(strength: float, bits: list[int], name: str, reference: Plain, methods: list[str]) -> None:
     print(f"\n{len(bits)} patterns, strength {strength}; each pattern on its own")
     heading("E mean", "E worst", "x floor", "ms", "ratio")
     problem, floor = problem_of(binary(bits), strength), floors(bits, strength)
@@ -34,10 +44,6 @@ def static(strength: float, bits: list[int], name: str, reference: Plain, method
         each = cost / len(many.amplitude)
         error = error_of(many, answer.phase)[:count]
         _line(f"fast, {len(many.amplitude)} at once", error, floor, each, base / count / each)
-    for label, work in peers(problem) if others else ():
-        theta, cost = timed(work)
-        error = error_of(problem, theta, best_level(problem, theta))
-        _line(label, error, floor, cost / count, base / cost)
 
 
 def _line(label: str, error: np.ndarray, floor: np.ndarray | None, cost: float, ratio: float) -> None:

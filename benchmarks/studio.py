@@ -1,8 +1,8 @@
-"""Measure the studio against its own browser: frame rate of drawing, delay of samples, CPU share of the server.
+"""Measure the studio against its own browser: frame rate of drawing and CPU share of the server.
 
 ``python -m benchmarks.studio --seconds 10`` starts a server on the virtual rig in a separate process, and Chromium
 without a GPU, both on this machine. Every figure has a reference from the same browser in the same run.
-``--takes 1000 --part reproduce delays memory`` does so with a folder of 1000 takes.
+``--takes 1000 --part reproduce`` does so with a folder of 1000 takes.
 """
 
 import argparse
@@ -24,7 +24,7 @@ import midair
 from midair.files import save
 from midair.model import Recording
 
-PARTS = ("start", "reproduce", "play", "record", "delays", "live", "deaths", "memory")
+PARTS = ("start", "reproduce", "play", "record", "live", "deaths")
 
 TICKS = """void (studio.ticks ?? (studio.ticks = 0,
     (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
@@ -111,9 +111,8 @@ def _bytes_of(received):
 def main():
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="observation time of each panel in s")
-    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS[:-1], help="only these parts")
+    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS, help="only these parts")
     parser.add_argument("--takes", type=int, default=0, help="number of takes in the folder")
-    parser.add_argument("--minutes", type=float, default=10.0, help="duration of the part memory in minutes")
     given = parser.parse_args()
     figures = {"load": [round(each, 1) for each in os.getloadavg()]}
     if set(given.part) - {"deaths"}:
@@ -123,8 +122,6 @@ def main():
                 if part in given.part:
                     figures[part] = measure(page, server, given.seconds)
                     print(f"{part}: {figures[part]}", file=sys.stderr)
-            if "memory" in given.part:
-                figures["memory"] = memory(page, server, given.minutes)
             figures["server_memory_mb"] = round(server.memory_info().rss / 2**20)
     print(json.dumps(figures, indent=1))
     if "deaths" in given.part:
@@ -145,15 +142,13 @@ def found_takes(page):
 
 
 def reproduce(page, server, seconds):
-    """Target beside the played field, all frames; then the playhead is dragged."""
-    from benchmarks.studio_delays import scrubbed
-
+    """Target beside the played field, all frames."""
     found = measured(page, server, seconds, "studio.drawn")
     draws = []
     for _ in range(50):
         draws.append(page.evaluate("studio.drawing"))
         time.sleep(0.02)
-    return found | {"a_picture_ms": round(statistics.median(draws), 1)} | scrubbed(page)
+    return found | {"a_picture_ms": round(statistics.median(draws), 1)}
 
 
 def play(page, *_):
@@ -189,13 +184,6 @@ def record(page, server, seconds):
     found = measured(page, server, seconds, "studio.room.drawn")
     last = page.evaluate("[studio.room.track.lost, studio.room.newest]")
     return found | {"frames": last[1] - first[1], "frames_missing": last[0] - first[0]}
-
-
-def from_sample(page, _, seconds):
-    """Delay from the sensor's line to the screen."""
-    from benchmarks.studio_delays import delays
-
-    return delays(page, seconds, until)
 
 
 def live(page, server, seconds, attempts=3):
@@ -237,42 +225,7 @@ def _felt(page):
     return page.evaluate("studio.link.state.live.state === 'plays'")
 
 
-def memory(page, server, minutes):
-    """Memory of the page and the server's processes, once per minute, during recording and during playback."""
-    told = page.context.new_cdp_session(page)
-    told.send("Performance.enable")
-
-    def now():
-        told.send("HeapProfiler.collectGarbage")
-        found = {one["name"]: one["value"] for one in told.send("Performance.getMetrics")["metrics"]}
-        all_of_it = [server, *server.children(recursive=True)]
-        return {
-            "page_mb": round(found["JSHeapUsedSize"] / 2**20, 1),
-            "server_mb": round(server.memory_info().rss / 2**20, 1),
-            "processes_mb": round(sum(each.memory_info().rss for each in all_of_it) / 2**20),
-        }
-
-    page.evaluate("studio.link.order('record', 'listen', {sensor: 'virtual:towel'}); location.hash = '#record'")
-    until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
-    rows, lost = [now()], page.evaluate("studio.room.track.lost")
-    first = page.evaluate("studio.room.newest")
-    end = time.monotonic() + 60 * minutes / 2
-    while time.monotonic() < end:
-        time.sleep(min(60.0, max(0.0, end - time.monotonic())))
-        rows.append(now())
-    frames, missing = page.evaluate("studio.room.newest") - first, page.evaluate("studio.room.track.lost") - lost
-    page.evaluate("location.hash = '#reproduce/sample:towel'")
-    until(page, "!!studio.room.played && studio.room.take?.played.last > 0")
-    page.evaluate("studio.room.transport.play()")
-    plays = [now()]
-    end = time.monotonic() + 60 * minutes / 2
-    while time.monotonic() < end:
-        time.sleep(min(60.0, max(0.0, end - time.monotonic())))
-        plays.append(now())
-    return {"minutes": minutes, "record": rows, "frames": frames, "frames_missing": missing, "reproduce": plays}
-
-
-ROOMS = {"reproduce": reproduce, "play": play, "record": record, "delays": from_sample, "live": live}
+ROOMS = {"reproduce": reproduce, "play": play, "record": record, "live": live}
 
 if __name__ == "__main__":
     main()

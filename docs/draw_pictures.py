@@ -3,6 +3,7 @@
 ``python docs/draw_pictures.py FOLDER`` writes them there.
 """
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -65,10 +66,15 @@ def spectrum():
 
 
 def studio(folder):
-    """The panel Draw in Chromium, on the way of a designer's first minutes."""
+    """The panel Draw in Chromium, on the way of a designer's first minutes, which is a test."""
     with tempfile.TemporaryDirectory() as steps:
-        subprocess.run([sys.executable, "-m", "benchmarks.draw_minutes", steps], check=True)
-        picture = Image.open(Path(steps) / "2-key-frames.png").convert("RGB").quantize(128)
+        test = "tests/studio/test_draw_page.py::test_a_designer_draws_two_touches_and_a_study_of_them"
+        subprocess.run(
+            [sys.executable, "-m", "pytest", "-m", "browser", test],
+            env={**os.environ, "MIDAIR_PICTURES": steps},
+            check=True,
+        )
+        picture = Image.open(Path(steps) / "draw-2-key-frames.png").convert("RGB").quantize(128)
         picture.save(folder / "draw-studio.png", optimize=True)
 
 

@@ -15,7 +15,7 @@ LEFT_OUT_OF_ALL = {
     "gpu-torch": "a GPU",
     "gpu-cupy": "a GPU of one vendor",
     "all": "itself",
-    **dict.fromkeys(["test", "check", "docs", "bench", "dev"], "for those who work on midair"),
+    **dict.fromkeys(["test", "check", "docs", "dev"], "for those who work on midair"),
 }
 """Extras that `midair[all]` does not bring, and why."""
 

@@ -22,7 +22,7 @@ def files(folder, ending):
 
 def test_every_file_is_tested():
     found = {path.relative_to(DATA).parts[0] for ending in ("csv", "wav") for path in DATA.rglob(f"*.{ending}")}
-    # Poses of palms are no recordings; benchmarks.palm_pose reads them.
+    # Poses of palms are no recordings; the fits of palms read them.
     assert found <= {"fabricslide", "hapmat", "audio-to-tactile", "anova", "palm-poses"}
 
 

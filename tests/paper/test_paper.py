@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import ControlGrid
+from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.paper.figures import PATTERNS, PaperResult, StimuliPlan, figure_3, figure_4, figure_9
-from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
+from midair.paper.modes_compared import (
+    FidelityPlan,
+    at_strength,
+    fidelity_table,
+    original_of,
+    strongest_part,
+    target_strength,
+)
 from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
@@ -107,3 +114,11 @@ def test_files_are_whole_and_infinities_are_null(tmp_path):
     assert json.loads((tmp_path / "new" / "table.json").read_text())["rows"][0]["value"] is None
     assert (tmp_path / "new" / "table.csv").read_text() == "mode,value\npaper,inf\nbest,1\n"
     assert not np.isnan(rows[0]["value"])
+
+
+def test_the_strongest_part_is_found():
+    pressure = np.zeros((3000, 1, 1))
+    pressure[1700:1900, 0, 0] = np.cos(2 * np.pi * 100 * np.arange(200) / 1000)
+    frames = PressureFrames(pressure=pressure, rate=1000.0, sensor=SensorGrid(rows=1, columns=1))
+    assert strongest_part(frames, 0.2).pressure == pytest.approx(pressure[1700:1900], abs=0.05)
+    assert strongest_part(frames, 5.0) is frames

@@ -5,12 +5,99 @@ import tomllib
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from benchmarks.draw_minutes import SEEN, walk
 
 from midair.files import load_solution
 from midair.patterns import load_pattern
 
 pytestmark = pytest.mark.browser
+
+SEEN = "!studio.room.busy && studio.room.seen === JSON.stringify(studio.room.pattern)"
+"""The preview in view is that of the pattern."""
+
+HALF = 52
+"""Half the side of the picture of the palm in mm."""
+
+
+def walk(page, seen, until):
+    """Take the way on a page that has just opened an empty studio; returns the number of clicks, entries and drags.
+
+    `seen` is called with the name of what is to be seen, `until` waits until a script is true.
+    """
+    acts = "for (const name of ['click', 'change', 'pointerup']) addEventListener(name, (one) => { studio.acts += "
+    acts += "name !== 'pointerup' || one.target.closest?.('svg') ? 1 : 0; }, true);"
+    page.evaluate(f"() => {{ studio.acts = 0; {acts} }}")
+    button = lambda name: page.get_by_role("button", name=name, exact=True)  # noqa: E731
+    said = lambda words: until(f"document.querySelector('#draw-said').innerText === {words!r}")  # noqa: E731
+
+    def drag(selector, *way):
+        """Move the pointer over the picture of the palm, in mm, or of the time line, in its own units."""
+        page.locator(selector).scroll_into_view_if_needed()
+        box, times = page.locator(selector).bounding_box(), "times" in selector
+        for number, (x, y) in enumerate(way):
+            across, up = (x / 400, y / 84) if times else (x / 2 / HALF + 0.5, 0.5 - y / 2 / HALF)
+            page.mouse.move(box["x"] + across * box["width"], box["y"] + up * box["height"], steps=4)
+            if number == 0:
+                page.mouse.down()
+        page.mouse.up()
+
+    page.get_by_role("link", name="Draw").click()
+    until(f"studio.name === 'draw' && {SEEN}")
+    seen("1-draw")
+    # A curl, drawn by hand, that wanders to the right and fades.
+    drag(".palm-picture svg", (-25, -8), (-15, 5), (-5, -8), (-16, -14), (-24, -9))
+    button("Add a key").click()
+    page.locator('[data-handle="0.k1"]').focus()
+    for _ in range(6):
+        page.keyboard.press("Shift+ArrowRight")
+    drag(".times", (390, 12), (390, 47))
+    until(SEEN)
+    seen("2-key-frames")
+    page.locator("#draw-name").fill("curl")
+    button("Save").click()
+    said("saved curl.toml")
+    seen("3-saved")
+
+    # A recorded texture on a spot that moves up the palm.
+    button("texture on a spot").click()
+    until("[...document.querySelector('#draw-signal').options].some((one) => one.value === 'sample:towel')")
+    page.locator("#draw-signal").select_option("sample:towel")
+    until("!!studio.room.one.signal")
+    page.locator("#draw-am").uncheck()
+    button("Add a key").click()
+    page.locator('[data-handle="0.k1"]').focus()
+    for _ in range(5):
+        page.keyboard.press("Shift+ArrowUp")
+    until(f"{SEEN} && !document.querySelector('#draw-play').disabled")
+    seen("4-texture")
+    page.locator("#draw-loop").check()
+    page.locator("#draw-play").click()
+    until("studio.room.looping && studio.link.state.player.emitting")
+    page.locator("#draw-pressure_pa").fill("80")
+    page.keyboard.press("Tab")
+    until("document.querySelector('#draw-played').innerText === 'playing in a loop, with this change'")
+    seen("5-loop")
+    page.keyboard.press("Escape")
+    until("!studio.room.looping")
+    page.locator("#draw-name").fill("cloth")
+    button("Save").click()
+    said("saved cloth.toml")
+
+    page.get_by_role("link", name="Study").click()
+    until("document.querySelectorAll('#own-study option[value$=\".toml\"]').length === 2")
+    page.get_by_label("Name", exact=True).fill("touches")
+    page.get_by_label("Participants").fill("5")
+    page.get_by_label("takes and patterns to present").select_option(["curl.toml", "cloth.toml"])
+    page.get_by_label("Question", exact=True).fill("Which touch was it?")
+    page.get_by_label("Second question (may stay empty)").fill("How pleasant was it?")
+    seen("6-study")
+    page.locator("#new-study").click()
+    until("document.querySelector('#simulate')?.disabled === false")
+    page.locator("#simulate").click()
+    until("document.querySelector('#analyse')?.disabled === false")
+    page.locator("#analyse").click()
+    until("document.querySelector('#to-report')")
+    seen("7-analysed")
+    return int(page.evaluate("studio.acts"))
 
 
 def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look):

@@ -38,7 +38,7 @@ _TURN = PHASE_STEPS / (2 * np.pi)
 """Phase steps per radian."""
 
 UNSAMPLED = 1.5
-"""Level in dB that is added to that of sampled poses of a palm, since others are louder (benchmarks/palm_pose.py)."""
+"""Level in dB that is added to that of sampled poses of a palm, since others are louder (decision 0047)."""
 
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 

@@ -1,7 +1,7 @@
 """Estimate the memory that a solution needs before it is allocated.
 
 The estimate counts the arrays alive at once where there are most of them; tests compare it with the memory measured by
-the system (`python -m benchmarks.scale` prints both).
+the system (docs/sweep.md has both).
 """
 
 from typing import Any

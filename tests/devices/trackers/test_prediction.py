@@ -1,13 +1,15 @@
 import numpy as np
 import pytest
-from benchmarks.trackers import CONSTANT_ACCELERATION, CONSTANT_VELOCITY
 from scipy.linalg import expm
 from tests.palms import palm_path
 
-from midair.devices import DAMPED_VELOCITY, PosePredictor
+from midair.devices import DAMPED_VELOCITY, MotionModel, PosePredictor
 from midair.devices.trackers.tracker import ClockFit
 from midair.errors import DeviceStateError
 
+# A decay time of 1000 s is none; larger ones lose digits to cancellation.
+CONSTANT_VELOCITY = MotionModel(damping=1e3, memory=1e-4, agility=7.2e7)
+CONSTANT_ACCELERATION = MotionModel(damping=1e4, memory=1e3, agility=5.0e4)
 MODELS = [CONSTANT_VELOCITY, CONSTANT_ACCELERATION, DAMPED_VELOCITY]
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from benchmarks.thresholds import after
 
 from midair.errors import InputError, ShapeError
+from midair.study import draw_plan, read_design, template_text
 from midair.study.statistics import ThresholdModel
 
 LEVELS = np.array([1.0, 3.0, 10.0, 30.0, 100.0])
@@ -106,6 +106,65 @@ def test_impossible_input_is_refused():
         model("detection", lapse_most=0.5)
     with pytest.raises(ShapeError, match="6 cells"):
         model("detection").posterior(np.zeros(5), np.zeros(5))
+
+
+def after(
+    rng: np.random.Generator, task: str, observers: int, *, bias: float, lapse: float, slope: float
+) -> tuple[float, float, float]:
+    """Bias (%), coverage (%) and refused thresholds (%) of midair's estimate; bias and coverage without the refused."""
+    levels, trials = block_of_template()
+    kind = "two sides" if task == "two sides" else "detection"
+    fine, coarse = (
+        ThresholdModel(task=kind, levels=levels, lapse_most=0.15, coarse=coarse) for coarse in (False, True)
+    )
+    true = np.exp(rng.uniform(np.log(4), np.log(40), observers))
+    counted, total = np.zeros((2, observers, fine.cells))
+    who, top = np.arange(observers), len(levels) - 1
+    sides = rng.permuted(np.tile(np.arange(len(trials)) % 2, (observers, 1)), axis=1)
+    for number, role in enumerate(trials):
+        index = np.full(observers, top)
+        if role == "test":
+            index = coarse.next_level(coarse.posterior(counted, total))
+        second = sides[:, number] == 1
+        x = np.zeros(observers) if role == "catch" else levels[index]
+        yes = rng.random(observers) < chance(task, x, true, second, bias=bias, lapse=lapse, slope=slope)
+        cell = index + (len(levels) * second if kind == "two sides" else 0)
+        cell = np.full(observers, fine.cells - 1) if role == "catch" else cell
+        counted[who, cell] += yes
+        total[who, cell] += 1
+    found = [fine.estimate(one, many, rng=rng, draws=200) for one, many in zip(counted, total, strict=True)]
+    kept = np.array([not one.refusal(levels) for one in found])
+    inside = np.array([one.low <= value <= one.high for one, value in zip(found, true, strict=True)])
+    error = np.log([one.threshold for one in found]) - np.log(true)
+    return 100 * float(np.expm1(error[kept].mean())), 100 * float(inside[kept].mean()), 100 * float(1 - kept.mean())
+
+
+def chance(
+    task: str,
+    level: np.ndarray,
+    threshold: np.ndarray | float,
+    second: np.ndarray | bool,
+    *,
+    bias: float,
+    lapse: float,
+    slope: float,
+) -> np.ndarray:
+    """Probability of "yes", or of the first side; `second` states whether the second side is correct."""
+    from scipy.special import ndtr, ndtri
+
+    rise = -np.expm1(-((level / threshold) ** slope))
+    z = ndtri(np.minimum(0.5 + rise / 2, 1 - 1e-12))
+    if task == "two sides":
+        return lapse + (1 - 2 * lapse) * ndtr(np.where(second, -z, z) + bias)
+    return bias + (1 - bias - lapse) * rise
+
+
+def block_of_template() -> tuple[np.ndarray, list[str]]:
+    """Levels of the template `detection`, and the roles of the trials of its adaptive block for one participant."""
+    plan = draw_plan(read_design(template_text("detection"), participants=1))
+    block = next(one for one in plan.design.blocks if one.adaptive)
+    levels = {float(plan.design.stimulus(name).levels[block.strength]) for name in block.stimuli}
+    return np.array(sorted(levels)), [trial.role for trial in plan.trials if trial.block == block.name]
 
 
 @pytest.mark.long

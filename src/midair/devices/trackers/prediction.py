@@ -44,7 +44,7 @@ class MotionModel:
 
 
 DAMPED_VELOCITY = MotionModel(damping=0.063, memory=3.8e-3, agility=1.74e7)
-"""The model that predicts best on the recording HandSplay (benchmarks/trackers.py)."""
+"""The model that predicts best on the recording HandSplay (docs/follow.md)."""
 
 
 @lru_cache(maxsize=1024)

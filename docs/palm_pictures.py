@@ -1,4 +1,4 @@
-"""Figures and film of docs/palm.md: `python -m benchmarks.palm_pictures docs/images`.
+"""Figures and film of docs/palm.md: `python docs/palm_pictures.py docs/images`.
 
 A towel in three modes (the paper's solved by glide), as in `midair demo`: pressure in the band on a palm of 85 mm,
 displacement of four skin models, and a film of the pressure. Simulated; the colour scale is a square root, so that both
@@ -16,22 +16,24 @@ from matplotlib.colors import PowerNorm
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from benchmarks.palm import MODES, ROOM, original
 from midair.evaluate import PalmFrames
 from midair.figures.style import STYLE, new_figure, png_bytes
-from midair.model import Palm
-from midair.paper.modes_compared import FidelityPlan, at_strength
+from midair.model import Acoustics, Palm
+from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import SKINS
 from midair.pipeline import reproduce, required_lead
 from midair.rig import VirtualRig, palm_frames_of_drive
+from midair.settings import best_mode, finest_mode, paper_mode
 from midair.targets import add_lead
 from midair.view import PalmMaps, film_of_palm, write_gif
 
 Array = NDArray[np.float64]
+ROOM = Acoustics(medium=best_mode().acoustics.medium)
+MODES = {"paper": paper_mode().but(acoustics=ROOM, method="glide"), "best": best_mode(), "finest": finest_mode()}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.palm_pictures", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python docs/palm_pictures.py", description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder for palm-pressure.png, palm-skins.png and palm-film.gif")
     parser.add_argument("--duration", type=float, default=0.12, help="duration of the stroke in s (default 0.12)")
     parser.add_argument(
@@ -43,21 +45,21 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     any_skin = {mode: skins["soft, deep"] for mode, skins in shown.items()}
     rows = {"pressure (Pa, rms)": {"wanted": any_skin["best"].wanted} | _each(any_skin, "delivered", 1)}
-    keep(options.folder / "palm-pressure.png", drawn(rows, any_skin["best"]))
+    (options.folder / "palm-pressure.png").write_bytes(drawn(rows, any_skin["best"]))
     rows = {
         f"{skin} (µm, rms)": {"wanted": 1e6 * shown["best"][skin].wanted_motion}
         | _each({mode: skins[skin] for mode, skins in shown.items()}, "motion", 1e6)
         for skin in SKINS
     }
-    keep(options.folder / "palm-skins.png", drawn(rows, any_skin["best"]))
+    (options.folder / "palm-skins.png").write_bytes(drawn(rows, any_skin["best"]))
     film(options.folder / "palm-film.gif", any_skin)
 
 
 def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames]:
     """Pressure and displacement on a palm for a towel in a mode, for each skin."""
     plan = FidelityPlan(duration=duration, rig=VirtualRig(acoustics=ROOM))
-    settings = MODES[mode] if mode != "paper" else MODES[mode].but(method="glide")
-    asked = original("towel", plan, settings)
+    settings = MODES[mode]
+    asked = original_of("towel", plan, settings)
     settings = at_strength(asked, settings, plan)
     led = add_lead(asked, required_lead(settings))
     drive = reproduce(led, plan.rig.array, settings).solution.drive
@@ -110,12 +112,6 @@ def film(path: Path, shown: Mapping[str, PalmFrames], *, frames: int = 30) -> No
         [PalmMaps(maps=maps, unit="Pa", pitch=best.pitch, square=best.square)], rate=best.rate, side=175
     )
     write_gif(made, path)
-    print(f"{path}: {len(made)} pictures, {made.slower:g} times slower, {path.stat().st_size / 1e3:.0f} kB")
-
-
-def keep(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
-    print(f"{path}: {len(data) / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":
