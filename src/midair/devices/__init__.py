@@ -57,7 +57,6 @@ from .sensors import Stream as Stream
 from .sensors import StreamedSensor as StreamedSensor
 from .sensors import WrappedSensor as WrappedSensor
 from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
-from .trackers import LeapFrames as LeapFrames
 from .trackers import MotionModel as MotionModel
 from .trackers import PosePredictor as PosePredictor
 from .trackers import PoseSource as PoseSource

@@ -64,5 +64,5 @@ def test_a_missing_vendor_driver_is_an_error_with_advice():
 
 
 def test_unknown_wires_are_refused():
-    with pytest.raises(InputError, match="expected wires=default or rse or nrse or differential, got 'star'"):
+    with pytest.raises(InputError, match="expected default, rse, nrse, differential, got 'star'"):
         source_sensor("ni:Dev1/ai0:15?wires=star")

@@ -12,7 +12,7 @@ import pytest
 from tests.simulators.leap_server import LeapServer, frame
 
 import midair
-from midair.devices import LeapFrames
+from midair.devices.trackers.leap import LeapFrames
 from midair.model import PalmPath
 
 POSE = (0.01, -0.02, 0.2, 0, 0.6, -0.8, 0, 0.8, 0.6)

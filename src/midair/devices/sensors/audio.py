@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import PositiveFloat, PositiveInt
 
-from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, opened
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, above_zero, opened
 from midair.errors import DeviceError, UnknownDeviceError
 from midair.model import RATE
 
@@ -230,14 +229,15 @@ def _names() -> str:
     return ", ".join(f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs())
 
 
+@dataclass(frozen=True, kw_only=True)
 class AudioSensor(SensorOptions):
-    """Kind ``audio:DEVICE``; further options: channels, and the converter's own rate in Hz."""
+    """Kind ``audio:DEVICE``."""
 
     package = "sounddevice"
     has_default = True
-    rate: PositiveFloat | None = RATE
-    channels: PositiveInt | None = None
-    native: PositiveFloat | None = None
+    rate: float | None = above_zero(RATE, "Frame rate, to which the samples are filtered and decimated.", "Hz")
+    channels: int | None = above_zero(None, "Number of inputs; by default all.")
+    native: float | None = above_zero(None, "Rate of the converter; by default the device's.", "Hz")
 
     def source(self, place: str) -> AudioSource:
         """Inputs of a device; of the default one if the place is empty."""

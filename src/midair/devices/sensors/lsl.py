@@ -9,16 +9,16 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 import pylsl
 from numpy.typing import NDArray
-from pydantic import PositiveFloat
 from pylsl.util import LostError, TimeoutError
 
 from midair.devices.liblsl import quiet_liblsl
 from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, StatedRate, SteadyStamps, runs
-from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, opened
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream, above_zero, opened
 from midair.errors import DeviceError, InputError, RateError, UnitError
 from midair.model import known_unit
 
@@ -206,13 +206,14 @@ class LslSource:
         return DeviceError(f"lsl: lost the sender of {self._name!r}; make sure that it runs, then start again")
 
 
+@dataclass(frozen=True, kw_only=True)
 class LslSensor(SensorOptions):
     """Kind ``lsl:NAME``; further options as in `LslSource`."""
 
     package = "pylsl"
     source_id: str | None = None
     counter: int | None = None
-    search: PositiveFloat = 5.0
+    search: float = above_zero(5.0, "Longest time to find the stream.", "s")
 
     def source(self, place: str) -> LslSource:
         """Stream of a name."""

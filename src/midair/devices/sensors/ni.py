@@ -5,7 +5,8 @@ The driver runs on Windows and some Linux distributions; this module has not bee
 
 import time
 from collections.abc import Callable
-from typing import Any, Literal, cast, get_args
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import nidaqmx
 import numpy as np
@@ -13,10 +14,9 @@ from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.errors import DaqNotFoundError
 from nidaqmx.errors import Error as DaqmxError
 from nidaqmx.system import System
-from pydantic import PositiveFloat
 
-from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, opened
-from midair.errors import DeviceError, InputError
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream, above_zero, opened
+from midair.errors import DeviceError
 
 Wires = Literal["default", "rse", "nrse", "differential"]
 
@@ -135,20 +135,19 @@ def devices() -> list[str]:
         raise DeviceError("ni: expected the driver NI-DAQmx, it is not installed; get it from the vendor") from wrong
 
 
+@dataclass(frozen=True, kw_only=True)
 class NiSensor(SensorOptions):
-    """Kind ``ni:CHANNELS``; further options: the converter's own rate in Hz, and range and wiring as in `NiSource`."""
+    """Kind ``ni:CHANNELS``; `wires` as in `NiSource`."""
 
     package = "nidaqmx"
-    native: PositiveFloat | None = None
-    limit: PositiveFloat = 10.0
-    wires: str = "default"
+    native: float | None = above_zero(None, "Rate of the converter; by default the frame rate.", "Hz")
+    limit: float = above_zero(10.0, "Range, plus and minus.", "V")
+    wires: Wires = "default"
 
     def source(self, place: str) -> NiSource:
         """Voltage inputs."""
-        if self.wires not in get_args(Wires):
-            raise InputError(f"ni: expected wires={' or '.join(get_args(Wires))}, got {self.wires!r}")
         rate = self.native or self.rate or 1000.0
-        return NiSource(place, rate=rate, limit=self.limit, wires=cast(Wires, self.wires))
+        return NiSource(place, rate=rate, limit=self.limit, wires=self.wires)
 
     @classmethod
     def available(cls) -> str:

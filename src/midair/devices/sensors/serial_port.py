@@ -7,16 +7,16 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import serial
-from pydantic import PositiveInt
 from serial.tools.list_ports import comports
 
 from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
-from midair.devices.sensors.sources import Chunk, SensorOptions, Source, Stream, opened
+from midair.devices.sensors.sources import Chunk, SensorOptions, Source, Stream, above_zero, opened
 from midair.errors import DeviceError
 
 
@@ -171,11 +171,12 @@ def _group(port: str) -> str:
         return "dialout"
 
 
+@dataclass(frozen=True, kw_only=True)
 class SerialSensor(SensorOptions):
-    """Kind ``serial:PORT``; further option: bits per second."""
+    """Kind ``serial:PORT``."""
 
     package = "pyserial"
-    baud: PositiveInt = 921_600
+    baud: int = above_zero(921_600, "Bits per second.")
 
     def source(self, place: str) -> SerialSource:
         """Sensor at a port."""

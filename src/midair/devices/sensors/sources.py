@@ -7,11 +7,11 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
 from midair.errors import DeviceStateError
 from midair.model import SensorGrid, SensorWiring, Unit
 from midair.streaming import Stored
+from midair.validation import setting
 
 T = TypeVar("T")
 
@@ -111,14 +111,18 @@ def opened(part: T | None, kind: str) -> T:
     return part
 
 
-class SensorOptions(BaseModel, ABC):
+def above_zero(default: float | None, about: str, unit: str = "") -> Any:
+    """Declare an option above 0."""
+    return setting(default, about, unit=unit, limits=(0, np.inf), above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorOptions(ABC):
     """A kind of live sensor, with the options that may follow the question mark of its name.
 
     A driver subclasses it: further fields are further options, and `source` makes the source. The class is registered
     under the kind, the part of a name before the colon.
     """
-
-    model_config = ConfigDict(extra="forbid")
 
     package: ClassVar[str] = ""
     """Package that the driver needs, for `midair doctor`."""
@@ -126,15 +130,13 @@ class SensorOptions(BaseModel, ABC):
     """Whether a name without a place means a default device."""
 
     unit: Unit | None = None
-    full_scale: PositiveFloat | None = None
+    full_scale: float | None = above_zero(None, "Magnitude at which it clips, in its unit.")
     sensitivity: float | None = None
-    rows: PositiveInt | None = None
-    columns: PositiveInt | None = None
-    pitch_mm: PositiveFloat | None = None
-    rate: PositiveFloat | None = None
-    """Frame rate in Hz; a faster source is filtered and decimated."""
-    timeout: PositiveFloat = 2.0
-    """Seconds without a frame after which the sensor is lost."""
+    rows: int | None = above_zero(None, "Rows of cells.")
+    columns: int | None = above_zero(None, "Columns of cells.")
+    pitch_mm: float | None = above_zero(None, "Distance between cells.", "mm")
+    rate: float | None = above_zero(None, "Frame rate; a faster source is filtered and decimated.", "Hz")
+    timeout: float = above_zero(2.0, "Time without a frame after which the sensor is lost.", "s")
 
     @abstractmethod
     def source(self, place: str) -> Source:

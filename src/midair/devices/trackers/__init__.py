@@ -1,6 +1,5 @@
 """Trackers of the palm: the interface, its checks, prediction, and replayed poses."""
 
-from .leap_frames import LeapFrames as LeapFrames
 from .osc import osc_messages as osc_messages
 from .prediction import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .prediction import MotionModel as MotionModel

@@ -2,6 +2,7 @@
 
 import socket
 import time
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -120,6 +121,7 @@ def _message(data: bytes) -> tuple[str, list[Any]]:
     return address, osc_message.OscMessage(head + data[at:] + bytes(4)).params[:-1]
 
 
+@dataclass(frozen=True, kw_only=True)
 class OscTracker(TrackerOptions):
     """Kind ``osc:PORT``, on this computer alone, or ``osc:0.0.0.0:PORT``; `address` is that of the messages."""
 

@@ -13,10 +13,10 @@ from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
 from midair.errors import DeviceError
 from midair.model import PalmPath, TrackerPlacement
+from midair.validation import setting
 
 SAME_CLOCK = 0.25
 """Clocks whose least delay lies between 0 and this time, in s, are the same clock."""
@@ -113,19 +113,23 @@ class PoseSource(Protocol):
         ...
 
 
-class TrackerOptions(BaseModel, ABC):
+@dataclass(frozen=True, kw_only=True)
+class TrackerOptions(ABC):
     """A kind of tracker, with the options that may follow the question mark of its name."""
 
-    model_config = ConfigDict(extra="forbid")
-
-    latency_ms: NonNegativeFloat = 0.0
-    """Time from the pose to the arrival of its fastest message, if the tracker's clock is not that of this computer."""
-    speed: PositiveFloat = 5.0
-    """Highest speed of a palm in m/s; poses further away are refused as jumps."""
-    reach: PositiveFloat = 1.5
-    """Largest distance from the tracker in m."""
-    freeze: NonNegativeFloat = 0.1
-    """Time in s after which a pose that does not change by one bit counts as frozen; 0 for never."""
+    latency_ms: float = setting(
+        0.0,
+        "Time from a pose to the arrival of its fastest message, if the tracker's clock is not that of this computer.",
+        unit="ms",
+        limits=(0, math.inf),
+    )
+    speed: float = setting(
+        5.0, "Highest speed of a palm; poses further away are jumps.", unit="m/s", limits=(0, math.inf), above=True
+    )
+    reach: float = setting(1.5, "Largest distance from the tracker.", unit="m", limits=(0, math.inf), above=True)
+    freeze: float = setting(
+        0.1, "Time after which an unchanged pose counts as frozen; 0 for never.", unit="s", limits=(0, math.inf)
+    )
 
     @abstractmethod
     def source(self, place: str) -> PoseSource:

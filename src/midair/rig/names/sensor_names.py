@@ -9,18 +9,16 @@ import os
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Literal, TypedDict, TypeVar
+from typing import Any, Literal, TypedDict, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
 
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import (
     Decimated,
     GrblStage,
-    LeapFrames,
     RawPose,
     RemappedSensor,
     ReplaySensor,
@@ -50,7 +48,7 @@ from midair.model import (
 )
 from midair.physics import SensorModel, TransducerDynamics, Transducers
 from midair.registry import Registry, load_object
-from midair.validation import length
+from midair.validation import check_settings, length, setting
 
 TransducerSpread = Literal["default", "boards", "data-sheets"]
 """Differences between the transducers of a virtual array, see docs/fidelity.md."""
@@ -174,7 +172,7 @@ class VirtualRig:
                 )
 
 
-Options = TypeVar("Options", bound=BaseModel)
+Options = TypeVar("Options", bound=SensorOptions | TrackerOptions)
 
 SENSORS: Registry[type[SensorOptions]] = Registry(
     "midair.sensors",
@@ -219,15 +217,26 @@ def split_name(name: str) -> tuple[str, str, dict[str, str]]:
 
 def checked_options(name: str, kind: type[Options], stated: Mapping[str, str]) -> Options:
     """The options of a name; InputError if one is unknown or invalid."""
+    known, types = [one.name for one in fields(kind)], get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for option, text in stated.items():
+        if option not in known:
+            raise InputError(f"{name}: expected the options {', '.join(known)}, got {option}")
+        wanted = next((each for each in get_args(types[option]) if get_origin(each) is Literal), types[option])
+        words = get_args(wanted) if get_origin(wanted) is Literal else ()
+        number = next((each for each in (int, float) if each in (wanted, *get_args(wanted))), None)
+        try:
+            values[option] = text if number is None else number(text)
+        except ValueError:
+            raise InputError(f"{name}: option {option}: expected a number, got {text!r}") from None
+        if words and text not in words:
+            raise InputError(f"{name}: option {option}: expected {', '.join(words)}, got {text!r}")
+    made = kind(**values)
     try:
-        return kind.model_validate(dict(stated))
-    except ValidationError as wrong:
-        first = wrong.errors()[0]
-        option = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(kind.model_fields)
-        if first["type"] == "extra_forbidden":
-            raise InputError(f"{name}: expected the options {known}, got {option}") from None
-        raise InputError(f"{name}: option {option}: {first['msg']}, got {stated.get(option, '')!r}") from None
+        check_settings(made)
+    except InputError as wrong:
+        raise InputError(f"{name}: option {wrong}") from None
+    return made
 
 
 def sensor_named(
@@ -286,11 +295,12 @@ TRACKERS = {
 """Kinds of trackers; each is imported when it is first used."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class ReplayTracker(TrackerOptions):
     """Kind ``replay:FILE``: a file of poses; `latency_ms` delays them."""
 
     # A hand-made path may hold still.
-    freeze: float = Field(0.0, ge=0)
+    freeze: float = setting(0.0, "As of a live tracker.", unit="s", limits=(0, np.inf))
 
     def source(self, place: str) -> ReplaySource:
         """Poses of a file: CSV, or a list of frames of Ultraleap's service in JSON."""
@@ -304,7 +314,7 @@ def _leap_recording(path: str) -> PalmPath:
         content = json_of(read_text(path, "a list of frames in JSON"))
     except ValueError as wrong:
         raise BrokenFileError(f"{path}: expected a list of frames in JSON, got: {wrong}") from wrong
-    reader = LeapFrames()
+    reader = load_object("leap", "midair.devices.trackers.leap:LeapFrames [leap]")()
     read = [reader.read(frame) for frame in (content["frames"] if isinstance(content, dict) else content)]
     poses = [pose for pose in read if isinstance(pose, RawPose)]
     if not poses:
