@@ -21,8 +21,8 @@ def sequence(label: str, problem: Problem, name: str, reference: Plain, methods:
     theta, base = timed(lambda: warm(short, reference))
     base /= heard.sum()
     _line(f"{name}, 50 then 20, {plain_frames} frames", short, theta, base, 1.0)
-    for method in [method for method in ("lm", "exact", "fast", "live") if method in methods]:
-        these = short if method in ("lm", "exact") else problem
+    for method in [method for method in ("lm", "fast", "live") if method in methods]:
+        these = short if method == "lm" else problem
         settings = solver(method)
         answer, cost = timed(lambda settings=settings, these=these: settings.solve(these))
         cost /= these.amplitude.any(axis=1).sum()

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.solvers import LevenbergMarquardt, Problem
+from midair.solvers import PLAIN, Problem
+from midair.solvers.damped_step import PlainForm
 
 Plain = Callable[[np.ndarray, np.ndarray, int, "np.ndarray | None"], np.ndarray]
 """(G, p, iterations, initial x) -> x = [theta, psi]."""
@@ -28,8 +29,9 @@ def plain(path: str | None) -> tuple[str, Plain]:
 
 
 def _own(G: np.ndarray, p: np.ndarray, iterations: int, x: np.ndarray | None) -> np.ndarray:
-    problem, method = Problem(G=G, amplitude=p[None]), LevenbergMarquardt()
-    state = method.begin(problem, p, np.zeros(sum(G.shape)) if x is None else x)
+    form = PlainForm(problem=Problem(G=G, amplitude=p[None]))
+    largest = max(float((np.abs(G) ** 2).sum(axis=0).max()), float((p**2).max()))
+    state = form.at(p, np.zeros(sum(G.shape)) if x is None else x, PLAIN.tau * largest)
     while state.iterations < iterations:
-        state = replace(method.step(problem, p, state), status=None)
+        state = replace(PLAIN.step(form, p, state), status=None)
     return state.x

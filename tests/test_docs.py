@@ -74,7 +74,7 @@ def test_the_python_of_the_tutorial_runs(folder):
     assert run(["record", "virtual:towel", "stroke.h5"]) == 0
     (script,) = blocks("docs/tutorial.md", "python")
     names = {}
-    exec(script.replace('"exact"', '"fast"'), names)
+    exec(script.replace('"lm"', '"fast"'), names)
     assert names["field"].shape == (100, 256)
     assert names["played"].take.recording.frames == 120
 
@@ -239,7 +239,7 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
     assert len(table.splitlines()) == len(CHOICES) + 2
     assert all(f"`--{choice.name}`" in table for choice in CHOICES)
     assert "`--rate`<br>`target.rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |  |" in table
-    assert "| exact | glide |  |  | free |" in table
+    assert "| lm | glide |  |  | free |" in table
     assert set(MODES) == {"paper", "best", "quick", "finest", "quiet"}
 
 

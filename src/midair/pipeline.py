@@ -190,7 +190,7 @@ def _part_under(
     limit: float, pressure: PressureFrames, array: TransducerArray, settings: Settings, streamed: bool
 ) -> float:
     """Part of the gain, up to 1, with which some frames of a target meet a level at the ears."""
-    if settings.solver.name in ("lm", "exact"):
+    if settings.solver.name == "lm":
         # A thousand frames and more are solved for the gain.
         raise InputError(f"ears: expected a faster method, got {settings.solver.name}; use --mode quiet")
     target = target_amplitude(pressure, settings, streamed=streamed)

@@ -14,7 +14,7 @@ from midair.settings import (
     with_fewer_points,
     with_paper_mode,
 )
-from midair.solvers import Cells, Exact, Fast, Glide, Windows
+from midair.solvers import Cells, Fast, Glide, LevenbergMarquardt, Windows
 from midair.targets import Circle
 
 
@@ -30,7 +30,7 @@ OTHERS = [
     Settings(),
     best_mode(),
     quick_mode(),
-    Settings().but(method=Exact(tolerance=1e-3, iterations=7), level="auto", circle=Circle(radius=2e-3)),
+    Settings().but(method=LevenbergMarquardt(tolerance=1e-3, iterations=7), level="auto", circle=Circle(radius=2e-3)),
     Settings().but(method=Fast(iterations=9), iterations=(5, 5), guard=0.02, fit="cells"),
     Settings().but(grid=ControlGrid(rows=3, columns=5, centre=(1e-3, -2e-3)), inverse="fir"),
     Settings(acoustics=Acoustics(medium=Medium.at(temperature=24.0, humidity=0.4), directivity="piston")),
@@ -48,7 +48,7 @@ def test_settings_are_the_same_after_a_file_and_after_a_provenance(settings, tmp
     ("text", "says"),
     [
         ("[solver]\nmethods = 'fast'", "solver.methods: expected one of amplitudes"),
-        ("[solver.method]\nname = 'exact'\ntolerance = 'low'", "solver.method.tolerance: expected float, got 'low'"),
+        ("[solver.method]\nname = 'lm'\ntolerance = 'low'", "solver.method.tolerance: expected float, got 'low'"),
         ("[solver.method]\nname = 'magic'", "method: expected one of lm"),
         ("[target]\ninterpolate = 'sound'", "target.interpolate: expected amplitude or pressure, got 'sound'"),
         ("[target.grid]\nrows = 0", "grid: expected at least 1 row"),

@@ -11,14 +11,14 @@ def test_every_name_makes_its_method():
 
 def test_iterations_and_start_reach_those_that_have_them():
     assert (solver("lm", iterations=(7, 3), start="zero").iterations, solver("lm", start="zero").start) == (7, "zero")
-    assert solver("exact", iterations=4).warm_iterations == 4
+    assert solver("lm", iterations=4).warm_iterations == 4
     assert solver("fast", iterations=4, start="previous").iterations == 4
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        ({"method": "ml"}, "method: expected one of lm, exact, fast"),
+        ({"method": "ml"}, "method: expected one of lm, fast"),
         ({"method": "lm", "iterations": (3, 0)}, "iterations: expected 1 or more"),
         ({"method": "lm", "iterations": "20"}, "iterations: expected 1 or more, got '20'"),
         ({"method": "fast", "iterations": (3, 2)}, "since fast solves all frames alike"),

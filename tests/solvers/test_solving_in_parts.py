@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
-from midair.solvers import Free, Glide, solve, solve_parts
+from midair.solvers import PLAIN, Free, Glide, solve, solve_parts
 from midair.streaming import LazyFrames
 
 UNIT = TransducerArray.autd3(columns=1, rows=1)
 
 PARTS = {
     "fast, automatic": {"method": "fast", "level": "auto"},
-    "exact": {"method": "exact", "iterations": 2},
-    "exact, on their own": {"method": "exact", "iterations": 2, "start": "zero"},
-    "lm": {"method": "lm", "iterations": 1},
+    "lm": {"method": "lm", "iterations": 2},
+    "lm, on their own": {"method": "lm", "iterations": 2, "start": "zero"},
+    "lm, plain": {"method": PLAIN, "iterations": 1},
     "fast": {"method": "fast"},
     "fast, smooth": {"method": "fast", "smooth": 0.01},
     "fast, bounded": {"method": "fast", "amplitudes": "bounded"},

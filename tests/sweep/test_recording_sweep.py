@@ -90,7 +90,7 @@ def test_invalid_sweeps_are_rejected():
     for trials, words in (
         ((), "at least one recording"),
         ((trial("a", 2), trial("a", 3)), "twice"),
-        ((trial("a", 2, Settings().but(method="magic")),), "method"),
+        ((trial("a", 2, Settings().but(iterations=0)),), "iterations"),
     ):
         with pytest.raises(InputError, match=words):
             RecordingSweep(trials=trials)

@@ -36,6 +36,7 @@ from midair.pipeline import solve_with
 from midair.progress import report_progress
 from midair.rig import Loop, OpenRig, Stage, VirtualRig, loop, no_progress, pressure_of, record
 from midair.settings import MODES, Mode, Settings, paper_mode, with_paper_mode
+from midair.solvers import PLAIN
 from midair.targets import MAPPINGS, interpolation_matrix
 
 Row = Mapping[str, str | int | float | None]
@@ -105,7 +106,7 @@ def figure_3(
     """
     array, sensor = TransducerArray.autd3(), SensorGrid()
     acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")
-    cold = (paper or paper_mode().but(method="lm", iterations=(50, 50))).but(start="zero", acoustics=acoustics)
+    cold = (paper or paper_mode().but(method=PLAIN, iterations=(50, 50))).but(start="zero", acoustics=acoustics)
     # Patterns are not a sequence, so phases need not be continuous.
     still = (best or MODES[mode]()).but(method="fast", fit="points", acoustics=acoustics)
     modes = with_paper_mode(mode, cold, still)

@@ -34,7 +34,7 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.settings import Settings
-from midair.solvers import METHODS, Problem, WarmStart
+from midair.solvers import PLAIN, Problem, WarmStart
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
@@ -206,7 +206,7 @@ def _several(
     level = float(np.abs(field) @ wanted / np.linalg.norm(field) ** 2)
     start = WarmStart(theta=first, known=np.concatenate([first, np.angle(field)]))
     problem = Problem(G=G / scale, amplitude=wanted[None] / scale / level)
-    phase = METHODS["lm"]().solve(problem, after=start).phase[0]
+    phase = PLAIN.solve(problem, after=start).phase[0]
     size = np.abs(G @ np.exp(1j * phase))
     level = float(size @ wanted / (size @ size))
     if level > 1:

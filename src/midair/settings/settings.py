@@ -91,8 +91,7 @@ class CompensationSettings:
 class Settings:
     """All settings, in the order of processing; the defaults are the paper's.
 
-    The default solver is the paper's Levenberg-Marquardt in a faster form, restricted to field modes above .5 % of the
-    strongest; method "lm" is the paper's exactly.
+    Its solver is the paper's in a faster form; ``method=midair.solvers.PLAIN`` is the form as printed.
     """
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)

@@ -1,10 +1,10 @@
 """Solvers for the phases of a phased array whose transducers all have the same amplitude (paper, 4.2)."""
 
 from .backend import one_blas_thread as one_blas_thread
-from .exact import Exact as Exact
 from .fast import Fast as Fast
 from .free import Free as Free
 from .glide import Glide as Glide
+from .levenberg_marquardt import PLAIN as PLAIN
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live

@@ -41,11 +41,8 @@ def memory_needed(
     places = 16 * N * (M + 2 * listeners) if folded else 0
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
-    if method in ("exact", "fast", "glide", "live", "free"):
-        batch = min(frames, _ROWS) * 4 * _DESCENT * N + 8 * min(listeners, N) * (2 * listeners + 3 * N)
-        work = max(_modes(listeners, N), batch, gram if method == "exact" else 0)
-    else:
-        work = gram if method == "lm" else 16 * M * N
+    batch = min(frames, _ROWS) * 4 * _DESCENT * N + 8 * min(listeners, N) * (2 * listeners + 3 * N)
+    work = max(_modes(listeners, N), batch, gram if method == "lm" else 0)
     return G + places + work + answer
 
 
@@ -81,7 +78,7 @@ def memory_of(
 def check_memory(needed: int, available: int | None, *, points: int, transducers: int) -> None:
     """Raise InputError if a problem needs more memory than is available; None means that this is unknown."""
     if available is not None and needed > available:
-        # Memory grows with the points, or with their square for "lm" and "exact".
+        # Memory grows with the points, or with their square for "lm".
         side = max(1, int((points * (available / needed)) ** 0.5))
         raise InputError(
             f"memory: expected a problem that fits into {available / 1e9:.3g} GB of free memory, got "

@@ -8,7 +8,6 @@ from typing import Any, Literal, TypeVar
 
 from midair.errors import InputError
 from midair.model import Acoustics, Setting
-from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
 from midair.solvers.glide import Glide
@@ -29,12 +28,11 @@ from midair.solvers.terms import (
 )
 from midair.validation import documented, one_of, setting, within
 
-Method = LevenbergMarquardt | Exact | Fast | Glide | Free | Live
+Method = LevenbergMarquardt | Fast | Glide | Free | Live
 
 METHODS: Mapping[str, type[Method]] = MappingProxyType(
     {
         "lm": LevenbergMarquardt,
-        "exact": Exact,
         "fast": Fast,
         "glide": Glide,
         "free": Free,
@@ -123,11 +121,10 @@ class SolverSettings:
     """Settings of the solver, from target to drive: the method, and a setting for each term of the objective."""
 
     method: str | Method = setting(
-        "exact",
+        "lm",
         "Solver, a name in `METHODS` or a configured one such as ``Fast(iterations=60)``. lm: Levenberg-Marquardt of "
-        "the paper (4.2); exact: the same steps in the modes of G above .5 % of the strongest, cheaper; fast: batches "
-        "of independent frames; glide: whole recordings, by bisection in time; free: an amplitude for each transducer, "
-        "with little power; live: less than a millisecond per frame.",
+        "the paper (4.2); fast: batches of independent frames; glide: whole recordings, by bisection in time; free: an "
+        "amplitude for each transducer, with little power; live: less than a millisecond per frame.",
     )
     iterations: int | tuple[int, int] | None = setting(
         None,
@@ -137,7 +134,7 @@ class SolverSettings:
     start: Start | None = setting(
         None,
         "Start of every frame after the first: the previous frame, or zero (4.2), which makes frames independent; lm "
-        "and exact alone have this choice. The method's own if None.",
+        "alone has this choice. The method's own if None.",
     )
     level: float | Literal["auto"] = setting(
         1.0,

@@ -12,11 +12,11 @@ from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, S
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
-from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
 from midair.solvers.glide import Glide
 from midair.solvers.glide_blocks import frames_in_block
+from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.methods import Method, SolverSettings
 from midair.solvers.mirror_symmetry import Lattice, kinds_differ
 from midair.solvers.phases import spreading_phase
@@ -39,7 +39,7 @@ def frames_per_part(solver: Method) -> int:
         return 4 * solver.block
     if isinstance(solver, Fast):
         return _whole_batches(solver)
-    if isinstance(solver, Exact) and solver.start == "zero" and solver.first == "field":
+    if isinstance(solver, LevenbergMarquardt) and solver.start == "zero" and solver.first == "field":
         return _whole_batches(solver.first_moves)
     return TOGETHER
 
@@ -242,4 +242,4 @@ def folds(settings: SolverSettings) -> bool:
 
 def settings_with(settings: SolverSettings | None, changes: dict[str, Any]) -> SolverSettings:
     """The settings, those of method "lm" if None, with changes."""
-    return replace(settings or SolverSettings(method="lm"), **changes)
+    return replace(settings or SolverSettings(), **changes)

@@ -7,7 +7,7 @@ from midair.rig import loop as run_loop
 from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
-SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)
+SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="lm", iterations=2)
 
 
 @pytest.fixture(scope="session")

@@ -60,7 +60,7 @@ def test_right_place_right_frequency_and_better_after_correction(stimulus):
 @pytest.mark.slow
 @pytest.mark.parametrize("stimulus", PEAKS)
 def test_the_same_with_the_paper_s_settings(stimulus):
-    done = loop(stimulus, Settings().but(method="exact"), 0.2)
+    done = loop(stimulus, Settings().but(method="lm"), 0.2)
     check(done, stimulus)
     assert done.passes[-1].reproduction.solution.error.mean() < 0.15
 

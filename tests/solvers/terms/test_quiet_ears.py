@@ -69,7 +69,7 @@ def test_half_an_ear_is_refused():
         QuietEars(positions=(0.0, 0.0, 0.3, 0.1))
 
 
-@pytest.mark.parametrize(("method", "weight", "says"), [("exact", 1.0, "quiet-ears"), ("fast", -1.0, "above 0")])
+@pytest.mark.parametrize(("method", "weight", "says"), [("live", 1.0, "quiet-ears"), ("fast", -1.0, "above 0")])
 def test_impossible_settings_are_refused(method, weight, says):
     with pytest.raises(InputError, match=says):
         solve(target(), ARRAY, method=method, quiet_ears=weight)

@@ -89,7 +89,7 @@ def _parts(array):
 @pytest.mark.parametrize(
     ("method", "asked", "says"),
     [
-        ("exact", 0.1, "quiet-palm"),
+        ("live", 0.1, "quiet-palm"),
         ("fast", -0.1, "weight of the quiet palm: expected .* above 0.* got -0.1"),
         ("fast", QuietPalm(diameter=40e-3), "a palm larger than the control grid, got a disc of 40 mm"),
         ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "a palm larger than the control grid, got an outline"),

@@ -47,7 +47,7 @@ class SolveForm(Arguments):
     take: str = Field(max_length=1000)
     mode: Mode = "best"
     mapping: Literal["half-wave", "constant-offset", "slow-bias", "receptors"] | None = None
-    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
+    method: Literal["live", "fast", "lm", "glide"] | None = None
     level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
     gain: float | None = Field(default=None, gt=0, le=100)
     ears_db: float | None = Field(default=None, ge=EARS[0], le=EARS[1])

@@ -10,7 +10,7 @@ import { askToPlay } from "/web/playing.js";
 import { otherAir, warningBox } from "/web/warnings.js";
 
 const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"], ["receptors", "receptors"]];
-const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
+const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["lm", "lm, the paper's, slow"]];
 const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"], ["quiet", "quiet ears"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
 const EARS = [["", "of the mode"], ["110", "110 dB"], ["115", "115 dB"], ["120", "120 dB"], ["125", "125 dB"], ["130", "130 dB"]];
