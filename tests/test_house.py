@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3140,
     "solvers": 5075,
     "files": 4860,
-    "devices": 7703,
+    "devices": 7661,
     "rig": 9630,
     "patterns datasets": 1775,
     "view figures": 2100,

@@ -1,9 +1,9 @@
 """A program that sends frames of 16 channels over LSL: channel c of frame i is (i mod 2048) * 16 + c. Run by tests.
 
 Arguments: name, rate in Hz, seconds, unit of the channels (or -), frames to leave out before every 200th; then, if they
-are given, the frame before which 100 are left out, where the counter in channel 16 begins, and whether that is rounded
-to float32 ("cast"), or counts in it ("sum", which stands still at 2^24), or each frame has the stamp of when it was due
-("stamped"), from that frame on three seconds earlier and none left out ("back").
+are given, the frame before which 100 are left out, where the counter in channel 16 begins, and whether frames have the
+stamps that liblsl gives them ("cast"), or those of when they were due ("stamped"), from that frame on three seconds
+earlier and none left out ("back").
 """
 
 import sys
@@ -31,8 +31,6 @@ while sent < seconds * rate:
     if len(frames):
         values = (frames[:, None] % 2048) * 16 + np.arange(17)
         values[:, 16] = frames + base
-        if how == "sum":
-            values[:, 16] = np.minimum(values[:, 16], 2**24)
         due_at = first_stamp + frames / rate - 3 * ((frames >= once) & (how == "back"))
         stamps = list(due_at) if how in ("stamped", "back") else 0.0
         outlet.push_chunk(np.ascontiguousarray(values, np.float32), stamps)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from midair.devices.sensors.decimated import CENTRE, Decimated, Decimator, Polyphase
+from midair.devices.sensors.decimated import CENTRE, Decimated, Decimator
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceStateError
 
@@ -64,7 +64,7 @@ def test_it_is_the_filter_and_the_lower_rate():
     assert decimated.open() == replace(source.stream, rate=1000.0)
     assert decimated.describe() == {"name": "an array", "native rate": "3000 Hz", "filter delay": "64 ms"}
     chunks = everything(source)
-    alone = Decimator(Polyphase.between(RATE, 1000.0), 2).push(samples())
+    alone = Decimator(RATE, 1000.0).push(samples())
     np.testing.assert_allclose(np.concatenate([chunk.samples for chunk in chunks]), alone, atol=1e-12)
     assert chunks[0].first == 0
     assert all(one.first + len(one) == after.first for one, after in pairwise(chunks))
@@ -84,7 +84,7 @@ def test_no_frame_is_made_across_a_gap(gap):
     # The filter is empty after the gap: the next frame is the one whose filter lies wholly behind it.
     run = -(-gap.stop // 3)
     assert late[0].first == run
-    alone = Decimator(Polyphase.between(RATE, 1000.0), 2).push(data[3 * run :])
+    alone = Decimator(RATE, 1000.0).push(data[3 * run :])
     np.testing.assert_allclose(np.concatenate([chunk.samples for chunk in late]), alone, atol=1e-12)
     assert late[0].device_time == pytest.approx(10 + (run + CENTRE) / 1000)
 

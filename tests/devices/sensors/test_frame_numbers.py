@@ -24,22 +24,12 @@ def test_a_counter_of_any_type_counts_on_when_it_is_full(dtype, start):
     assert frames.frames == 1500
 
 
-def test_a_float32_that_goes_on_is_read_to_within_its_precision():
-    """A sender that casts its counter: from 2^24 on only every second number exists, from 2^26 on every eighth."""
-    sent = np.concatenate([np.arange(3000), np.arange(3100, 6000)]) + 2**26 - 1500
+def test_a_float32_counter_that_is_no_longer_exact_gives_none():
+    """From 2^24 on a sender that increments it stands still, one that casts it skips every second number."""
     frames = CountedFrames(np.dtype("float32"))
-    found = np.concatenate([frames.number(part) for part in blocks(sent.astype(np.float32).astype(float), 100)])
-    np.testing.assert_array_equal(np.flatnonzero(np.diff(found) != 1), [2999])
-    assert abs(found[3000] - found[2999] - 101) <= 8
-    assert np.abs(found - (sent - sent[0])).max() <= 8
-
-
-def test_a_float32_counter_that_has_stopped_gives_none():
-    counter = np.cumsum(np.r_[2**24 - 150, np.ones(299)].astype(np.float32), dtype=np.float32).astype(float)
-    frames = CountedFrames(np.dtype("float32"))
-    assert counter[-1] == 2**24
+    counter = 2.0**24 - 150 + np.arange(300)
     assert len(frames.number(counter[:100])) == 100
-    assert frames.number(counter[100:]) is None
+    assert frames.number(np.minimum(counter[100:], 2**24)) is None
     assert frames.frames == 100
 
 

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -21,55 +21,38 @@ RATIO_MAX = 1000
 """Largest denominator of the ratio of the rates that counts as exact."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Polyphase:
-    """A linear-phase low-pass filter in polyphase form: `length` input frames become `count` output frames.
+class Decimator:
+    """A linear-phase low-pass filter from `rate` down to `new_rate`, both in Hz, block by block.
 
-    `weights`, shape (count, span), are the coefficients of the `span` input frames from the first of a run on. `delay`
-    is the time from an output frame to the last input frame that it needs, in s.
+    Windowed sinc with a Kaiser window, beta = 8 (Oppenheim and Schafer, Discrete-Time Signal Processing, 7.6), as in
+    `midair.dsp.resample`: flat to 0.1 % up to 94 % of half the new rate (470 of 500 Hz), 0.5 at half the new rate,
+    -80 dB from 106 % of it on. `length` input frames become `count` output frames; `delay` is the time from an output
+    frame to the last input frame that it needs, 64 frames of the new rate, in s. Raises RateError unless the ratio of
+    the rates is a simple fraction below 1.
     """
 
-    weights: Array
-    length: int
-    delay: float
-
-    @property
-    def count(self) -> int:
-        """Output frames per run."""
-        return len(self.weights)
-
-    @classmethod
-    def between(cls, rate: float, new_rate: float) -> "Polyphase":
-        """The filter from `rate` down to `new_rate`, both in Hz; raises RateError unless their ratio is a simple
-        fraction below 1.
-
-        Windowed sinc with a Kaiser window, beta = 8 (Oppenheim and Schafer, Discrete-Time Signal Processing, 7.6), as
-        in `midair.dsp.resample`: flat to 0.1 % up to 94 % of half the new rate (470 of 500 Hz), 0.5 at half the new
-        rate, -80 dB from 106 % of it on. The delay is 64 frames of the new rate.
-        """
+    def __init__(self, rate: float, new_rate: float) -> None:
         ratio = Fraction(positive(new_rate, "rate", "Hz") / positive(rate, "rate", "Hz")).limit_denominator(RATIO_MAX)
-        count, length = ratio.numerator, ratio.denominator
-        if ratio >= 1 or ratio == 0 or abs(count * rate - length * new_rate) > 1e-6 * new_rate * length:
+        self.count, self.length, self.delay = ratio.numerator, ratio.denominator, CENTRE / new_rate
+        if ratio >= 1 or ratio == 0 or abs(self.count * rate - self.length * new_rate) > 1e-6 * new_rate * self.length:
             raise RateError(
                 f"rate: expected one below {rate:g} Hz whose ratio to it is a fraction up to {RATIO_MAX}, "
                 f"got {new_rate:g} Hz; leave the rate out to use the source's own"
             )
-        half = CENTRE * length
+        half = CENTRE * self.length
         # Times `count`: at the interpolated rate only one frame in `count` is not zero.
-        fir = np.asarray(scipy.signal.firwin(2 * half + 1, 1 / length, window=("kaiser", 8.0)), np.float64) * count
+        fir = self.count * np.asarray(
+            scipy.signal.firwin(2 * half + 1, 1 / self.length, window=("kaiser", 8.0)), np.float64
+        )
         # In steps of the interpolated rate, input i lies at count * i and output j at (CENTRE + j) * length.
-        span = (2 * half + (count - 1) * length) // count + 1
-        place = count * np.arange(span) - length * np.arange(count)[:, None]
-        weights = np.where((place >= 0) & (place <= 2 * half), fir[np.clip(place, 0, 2 * half)], 0.0)
-        return cls(weights=weights, length=length, delay=CENTRE / new_rate)
+        span = (2 * half + (self.count - 1) * self.length) // self.count + 1
+        place = self.count * np.arange(span) - self.length * np.arange(self.count)[:, None]
+        self._weights = np.where((place >= 0) & (place <= 2 * half), fir[np.clip(place, 0, 2 * half)], 0.0)
+        self.restart()
 
-
-class Decimator:
-    """Filters a stream of `channels` channels to a lower rate, block by block."""
-
-    def __init__(self, filter: Polyphase, channels: int) -> None:
-        self._filter = filter
-        self._held = np.zeros((0, channels))
+    def restart(self) -> None:
+        """Empty the filter."""
+        self._held: Array | None = None
 
     def push(self, samples: NDArray[np.floating]) -> Array:
         """Add input frames, shape (frame, channel), and return the output frames that are now complete, perhaps none.
@@ -77,22 +60,19 @@ class Decimator:
         Output frame k lies at input frame (64 + k) * rate / new_rate; earlier ones would need frames before the first
         input.
         """
-        weights, length = self._filter.weights, self._filter.length
-        held = np.concatenate([self._held, samples])
-        runs = (len(held) - weights.shape[1]) // length + 1
-        if runs < 1:
-            self._held = held
-            return np.zeros((0, held.shape[1]))
-        windows = np.lib.stride_tricks.sliding_window_view(held, weights.shape[1], axis=0)[: runs * length : length]
-        out = np.matmul(windows, weights.T).transpose(0, 2, 1)
+        held = samples if self._held is None else np.concatenate([self._held, samples])
+        span = self._weights.shape[1]
+        runs = max(0, (len(held) - span) // self.length + 1)
         # A view would keep all previous input in memory.
-        self._held = held[runs * length :].copy()
-        return np.asarray(out, np.float64).reshape(-1, held.shape[1])
+        self._held = np.array(held[runs * self.length :], np.float64)
+        if not runs:
+            return np.zeros((0, held.shape[1]))
+        windows = np.lib.stride_tricks.sliding_window_view(held, span, axis=0)[: runs * self.length : self.length]
+        return np.matmul(windows, self._weights.T).transpose(0, 2, 1).reshape(-1, held.shape[1])
 
 
 class Decimated:
-    """A source at a higher rate behind an anti-aliasing filter of linear phase (`Polyphase`); `rate` of the output in
-    Hz.
+    """A source at a higher rate behind a `Decimator`; `rate` of the output in Hz.
 
     Both times of a chunk are corrected for the filter's delay; a frame arrives `delay` later than without the filter:
     64 ms at 1 kHz. Frame 0 is the first one with a full filter. The filter is refilled after a gap, so that a gap
@@ -102,22 +82,21 @@ class Decimated:
 
     def __init__(self, source: Source, rate: float) -> None:
         self._source, self._rate = source, rate
-        self._filter: Polyphase | None = None
         self._stream: Stream | None = None
         self._decimator: Decimator | None = None
-        self._expected, self._begin, self._given = 0, 0, 0
+        self._expected, self._begin, self._given = -1, 0, 0
         self._waiting: deque[Chunk] = deque()
 
     def open(self) -> Stream:
         """Open the source and design the filter."""
         self._stream = self._source.open()
         if self._stream.rate != self._rate:
-            self._filter = Polyphase.between(self._stream.rate, self._rate)
+            self._decimator = Decimator(self._stream.rate, self._rate)
         return replace(self._stream, rate=self._rate)
 
     def start(self) -> None:
         """Start with an empty filter."""
-        self._decimator = None
+        self._expected = -1
         self._waiting.clear()
         self._source.start()
 
@@ -140,30 +119,29 @@ class Decimated:
     def describe(self) -> dict[str, str]:
         """Description of the source and the filter."""
         said = self._source.describe()
-        if self._stream is not None and self._filter is not None:
-            said |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._filter.delay:g} ms"}
+        if self._stream is not None and self._decimator is not None:
+            said |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._decimator.delay:g} ms"}
         return said
 
     def _filtered(self, chunk: Chunk) -> Iterator[Chunk]:
         if self._stream is None:
             raise DeviceStateError("decimated source: expected open first")
-        if self._filter is None:
+        if (decimator := self._decimator) is None:
             yield chunk
             return
         rate = self._stream.rate
         for part in chunk.finite_parts(rate):
             # After a gap an empty filter begins with the next whole run.
-            if self._decimator is None or part.first != self._expected:
-                self._decimator = Decimator(self._filter, part.samples.shape[1])
-                runs = -(-part.first // self._filter.length)
-                self._begin, self._given = runs * self._filter.length, runs * self._filter.count
+            if part.first != self._expected:
+                decimator.restart()
+                runs = -(-part.first // decimator.length)
+                self._begin, self._given = runs * decimator.length, runs * decimator.count
             self._expected = part.first + len(part)
-            decimator = self._decimator
             # After a gap the filter waits for the start of a run, so that output frames keep their time grid.
             out = decimator.push(part.samples[max(0, self._begin - part.first) :])
             if len(out):
                 # Frames of the source from the part's first frame to the centre of the filter.
-                later = (self._given + CENTRE) * self._filter.length / self._filter.count - part.first
+                later = (self._given + CENTRE) * decimator.length / decimator.count - part.first
                 yield Chunk(
                     samples=out,
                     first=self._given,

@@ -39,50 +39,30 @@ def runs(number: Numbers, samples: Samples, stamps: Array) -> Iterator[Run]:
 
 
 class CountedFrames:
-    """Frame numbers from a counter of any number type, which may start anywhere and wraps to 0.
+    """Frame numbers from a counter that may start anywhere: an integer of b bits wraps at 2^b.
 
-    An integer of b bits wraps at 2^b. A float32 that is incremented stops at 2^24; one that is converted from an
-    integer continues, rounded to its precision, so that shorter gaps are not detected.
+    A float32 is exact below 2^24, a double below 2^53; it may wrap to 0 there.
     """
 
     def __init__(self, dtype: "np.dtype[np.generic]") -> None:
         self._whole = np.issubdtype(dtype, np.integer)
-        self._dtype = dtype
         self._full = 2.0 ** (8 * dtype.itemsize if self._whole else np.finfo(dtype.name).nmant + 1)
-        self._offset: int | None = None
+        self._last: float | None = None
         self.frames = 0
         """Number of frames so far, including lost ones."""
 
     def number(self, counter: Array) -> Numbers | None:
-        """Numbers of the next frames; None once a float counter has stopped, ValueError if it decreases."""
-        if self._offset is None:
-            self._offset = round(float(counter[0]))
-        expected = np.arange(self.frames, self.frames + len(counter), dtype=np.int64)
-        at = 0
-        while True:
-            ahead = self._ahead(counter[at:], expected[at:])
-            off = np.flatnonzero(ahead)
-            if not len(off):
-                break
-            at += int(off[0])
-            if ahead[off[0]] < 0:
-                # A float counter has stopped at its limit.
-                if not self._whole and bool((counter[at:] == self._full).all()):
-                    return None
-                raise ValueError("went back")
-            expected[at:] += int(ahead[off[0]])
-        self.frames = int(expected[-1]) + 1
-        return expected
-
-    def _ahead(self, counter: Array, expected: Numbers) -> Array:
-        """Number of frames by which the counter is ahead of the expected value; 0 within its precision."""
-        ahead = counter - (expected + (self._offset or 0))
-        turns = np.floor(ahead / self._full) if self._whole and self._full <= 2**16 else np.rint(ahead / self._full)
-        ahead = np.rint(ahead - turns * self._full)
-        if self._whole:
-            return ahead
-        precision = np.spacing(counter.astype(self._dtype)).astype(np.float64)
-        return np.where(np.abs(ahead) <= np.where(precision > 1, precision / 2, 0), 0, ahead)
+        """Numbers of the next frames; None once a float counter is no longer exact, ValueError if it decreases."""
+        if not self._whole and counter.max() >= self._full:
+            return None
+        steps = np.diff(counter, prepend=counter[0] - 1 if self._last is None else self._last) % self._full
+        # A counter of a byte or two wraps so often that a gap may be longer than half of its range.
+        if not steps.all() or (self._full > 2**16 and steps.max() > self._full / 2):
+            raise ValueError("went back")
+        self._last = float(counter[-1])
+        numbers = self.frames - 1 + np.cumsum(steps).astype(np.int64)
+        self.frames = int(numbers[-1]) + 1
+        return numbers
 
 
 class SteadyStamps:

@@ -37,7 +37,7 @@ class LslSource:
         self._inlet: pylsl.StreamInlet | None = None
         self._rate, self._correction = 1.0, 0.0
         self._counted: CountedFrames | None = None
-        self._full = False  # the counter has reached its limit
+        self._full = False  # the counter is no longer exact
         self._stamped, self._steady = StampedFrames(1.0), SteadyStamps(1.0)
         self._waiting: deque[Chunk] = deque()
         self._stated = StatedRate(1.0)
@@ -127,7 +127,7 @@ class LslSource:
     def describe(self) -> dict[str, str]:
         """Sender, library version, and the method that detects gaps."""
         by = "its stamps" if self._counter is None else "its counter"
-        by = "its counter, and since that stands still its stamps" if self._full else by
+        by = "its counter, and since that is full its stamps" if self._full else by
         said = {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
         jumps = self._steady.jumps
         return said | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
@@ -175,7 +175,7 @@ class LslSource:
             yield from runs(number, samples, stamps)
 
     def _count(self, counter: Samples) -> NDArray[np.int64] | None:
-        """Frame numbers from the counter; None once it has stopped, after which the stamps are used."""
+        """Frame numbers from the counter; None once it is not exact, after which the stamps are used."""
         if self._counted is None:
             self._counted = CountedFrames(counter.dtype)
         try:
