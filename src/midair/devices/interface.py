@@ -234,7 +234,7 @@ class ArrayDevice(ABC):
 
     def play(
         self,
-        admission: ExposureClearance,
+        clearance: ExposureClearance,
         *,
         source: str | Path = "python",
         delay: float = 0.0,
@@ -247,47 +247,47 @@ class ArrayDevice(ABC):
         On a gated array the order is logged before the first sound and its end after the last, and `midair stop` in
         another terminal silences the array.
 
-        `admission` is the result of `check_exposure` for this device; it includes the number of repeats, which follow
+        `clearance` is the result of `check_exposure` for this device; it includes the number of repeats, which follow
         without a gap. `source` names the drive in the log, where a file is hashed; `delay` is the silence in s before
         the first frame; `progress` is called with (frames begun, total frames). With `watched`, playback on an array
         that is not gated is logged and can be stopped too; a gated one always is. `room` is the air that the user
         stated, for the log. Raises MismatchError if the drive was checked for another array, InputError if the delay is
-        out of range, DeviceStateError if `admission` is no clearance or has no frames yet or the device is not open,
+        out of range, DeviceStateError if `clearance` is no clearance or has no frames yet or the device is not open,
         StoppedError if `midair stop` was called, HeldError if another program uses the device, FileError if the log or
         the state folder cannot be written.
         """
-        if not isinstance(admission, ExposureClearance):  # pyright: ignore[reportUnnecessaryIsInstance]
-            kind = type(admission).__name__
+        if not isinstance(clearance, ExposureClearance):  # pyright: ignore[reportUnnecessaryIsInstance]
+            kind = type(clearance).__name__
             raise DeviceStateError(
                 f"{self.name}: expected the result of check_exposure(), got a {kind}; nothing plays unchecked"
             )
         if not 0 <= delay < 3600:
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
-        drive = admission.check_for(self)
+        drive = clearance.check_for(self)
 
         said: dict[str, Any] = {}
-        logs = self._logged(admission, source, room, said) if self.gated or watched else contextlib.nullcontext()
+        logs = self._logged(clearance, source, room, said) if self.gated or watched else contextlib.nullcontext()
         with logs:
             with self._playing():
-                report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
+                report = self.emit(drive, progress, repeats=clearance.repeats, delay=delay)
             said |= asdict(report)
         return report
 
     @contextmanager
     def _logged(
-        self, admission: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, Any]
+        self, clearance: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, Any]
     ) -> Generator[None]:
         """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(
-                source, self.name, admission, simulated=self.simulated, room=room, participant=self.participant
+                source, self.name, clearance, simulated=self.simulated, room=room, participant=self.participant
             )
             self._log = partial(log_pause, number, source, self.name)
-            profile, outcome = admission.exposure.profile, cast("tuple[Ending, str]", ("played", ""))
-            free, later = self.simulated or admission.named, admission.later
+            profile, outcome = clearance.exposure.profile, cast("tuple[Ending, str]", ("played", ""))
+            free, later = self.simulated or clearance.named, clearance.later
             # An array for which orders replace each other must not keep their drives.
-            del admission
+            del clearance
             if not self._orders:
                 self._left = np.inf if free else sound_left(profile, self.participant)
             self._orders.append((profile, time.monotonic(), said))

@@ -80,7 +80,7 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
 
     @contextmanager
     def frames_to_come(
-        self, admission: ExposureClearance, *, source: str | Path = "live", room: Medium | None = None
+        self, clearance: ExposureClearance, *, source: str | Path = "live", room: Medium | None = None
     ) -> Generator[Put]:
         """Yield a function that plays frames up to the level cleared by `check_exposure_level`; silences on exit.
 
@@ -91,13 +91,13 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         from the first frame after `midair stop`; TooHotError if a unit is too hot, but with `cooling` frames are
         dropped until all units have cooled, and the error comes after its limit.
         """
-        admission.check_array(self)
+        clearance.check_array(self)
         said: dict[str, object] = {}
-        with self._logged(admission, source, room, said):
+        with self._logged(clearance, source, room, said):
             before = self.units.told()
             self.resume()
             with self._playing():
-                yield partial(self._put, admission.strongest)
+                yield partial(self._put, clearance.strongest)
             said |= _since(before, self.units.told())
 
     @contextmanager
@@ -109,10 +109,10 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         """
         with ExitStack() as orders:
 
-            def begin(admission: ExposureClearance, source: str | Path, report: dict[str, Any]) -> Any:
-                admission.check_array(self)
-                orders.enter_context(self._logged(admission, source, None, report))
-                return partial(self._put, admission.strongest), self._log
+            def begin(clearance: ExposureClearance, source: str | Path, report: dict[str, Any]) -> Any:
+                clearance.check_array(self)
+                orders.enter_context(self._logged(clearance, source, None, report))
+                return partial(self._put, clearance.strongest), self._log
 
             self.resume()
             with self._playing():
