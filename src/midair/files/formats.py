@@ -13,20 +13,12 @@ import numpy as np
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import existing_file, parse_errors
-from midair.files.native import (
-    ARRAY_SUFFIX,
-    CALIBRATION_SUFFIX,
-    DRIVE_SUFFIX,
-    HDF5,
-    Kind,
-    check_kind,
-    kind_of,
-    load_solution,
-    open_file,
-    plain_text,
-    stored_dataset,
-    write_recording,
-)
+from midair.files.native.calibration_file import ARRAY_SUFFIX, CALIBRATION_SUFFIX
+from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution
+from midair.files.native.hdf5 import check_kind, kind_of, plain_text, stored_dataset
+from midair.files.native.raw_recording import open_file
+from midair.files.native.recording_file import HDF5, write_recording
+from midair.files.native.schema import Kind
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, Writer
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Event, PressureFrames, Recording, Solution

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
-from midair.files.native import check_format, from_plain, signature, to_plain
+from midair.files.native.hdf5 import check_format, signature
+from midair.files.native.provenance_json import from_plain, to_plain
 from midair.files.text_files import json_of
 from midair.model import Recording, SensorGrid
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, FileError, MismatchError
 from midair.files.atomic import atomic_file, check_disk_space, reason
 from midair.files.importers.header import header_of, parse_header, recording_from
-from midair.files.native import open_hdf5
+from midair.files.native.hdf5 import open_hdf5
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
 from midair.files.size_limits import check_expansion
 from midair.model import Calibration, Recording
