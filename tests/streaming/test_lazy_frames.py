@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.errors import NonFiniteError, ShapeError
 from midair.model import AmplitudeFrames, ControlGrid
 from midair.streaming import (
     BYTES,
@@ -11,7 +11,6 @@ from midair.streaming import (
     cached_blocks,
     concatenate_lazy,
     each_frame,
-    from_iterator,
 )
 from midair.validation import check_finite, frozen_array
 
@@ -125,14 +124,6 @@ def test_chosen_frames_are_read_in_blocks(monkeypatch):
     asked = []
     np.testing.assert_array_equal(reel_of(X, asked)[np.arange(1000)], X)
     assert asked == [(0, 400), (400, 800), (800, 1000)]
-
-
-def test_an_iterator_is_read_in_order():
-    lazy = from_iterator(iter([X[:300], X[300:310], X[310:]]), X.shape)
-    np.testing.assert_array_equal(lazy.read(0, 305), X[:305])
-    with pytest.raises(InputError, match="frame 305 to be read next, got frame 0"):
-        lazy.read(0, 10)
-    np.testing.assert_array_equal(lazy.read(305, 1000), X[305:])
 
 
 def test_single_frames_do_not_keep_the_segments_that_they_lie_in():

@@ -10,7 +10,6 @@ from .lazy_frames import blocks as blocks
 from .lazy_frames import cached_blocks as cached_blocks
 from .lazy_frames import concatenate_lazy as concatenate_lazy
 from .lazy_frames import each_frame as each_frame
-from .lazy_frames import from_iterator as from_iterator
 from .lazy_frames import read_frames as read_frames
 from .temp_frames import ArrivingFrames as ArrivingFrames
 from .temp_frames import TempFrames as TempFrames

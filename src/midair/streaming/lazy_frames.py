@@ -5,7 +5,7 @@ Iterating over its `blocks` needs the memory of one block; NumPy functions conve
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from threading import Lock
 from typing import Any, Literal
 
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError
 from midair.progress import report_progress
 
 Stored = Literal["f4", "f8"]
@@ -166,24 +165,6 @@ def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
 
     single = all(isinstance(part, LazyFrames) and part.stored == "f4" for part in parts)
     return LazyFrames(read, (int(ends[-1]), *parts[0].shape[1:]), stored="f4" if single else "f8")
-
-
-def from_iterator(parts: Iterable[NDArray[Any]], shape: tuple[int, ...], *, stored: Stored = "f8") -> LazyFrames:
-    """Lazy frames of an iterator of blocks; they must be read once and in order. `shape` is the total shape."""
-    coming, given = iter(parts), 0
-    waiting: list[NDArray[Any]] = []
-
-    def read(first: int, last: int) -> Array:
-        nonlocal given
-        if first != given:
-            raise InputError(f"lazy frames: expected frame {given} to be read next, got frame {first}")
-        while sum(map(len, waiting)) < last - first:
-            waiting.append(next(coming))
-        whole = np.concatenate(waiting)
-        waiting[:], given = [whole[last - first :]], last
-        return whole[: last - first]
-
-    return LazyFrames(read, shape, stored=stored)
 
 
 def cached_blocks(

@@ -5,9 +5,8 @@ frames and compressed; for other arrays as float64 without rounding. Targets are
 """
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
@@ -23,6 +22,7 @@ from midair.files.native.hdf5 import (
     read_group,
     signature,
     stored_dataset,
+    write_frames,
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
@@ -36,9 +36,9 @@ from midair.model import (
     Medium,
     Solution,
     Status,
-    TransducerArray,
 )
-from midair.streaming import LazyFrames, TempFrames, each_frame, from_iterator
+from midair.progress import report_progress
+from midair.streaming import LazyFrames, block_ranges, blocks, each_frame
 
 DRIVE_SUFFIX = ".drive.h5"
 
@@ -57,12 +57,8 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
     Raises UnknownFormatError or FileError if the name does not end in ``.drive.h5``, or the file cannot be written;
     MismatchError if target and drive differ in frames or rate.
     """
-    _check_name(path)
-    values = {**_drive_values(solution.drive), **_solution_values(solution)}
-    if target is not None:
-        _check_target(target, solution.drive)
-        values |= _target_values(target)
-    _write(values, path)
+    parts = (solution.cut(first, last) for first, last in block_ranges(solution.drive.phase.shape))
+    save_solutions(parts, path, frames=solution.drive.frames, target=target)
 
 
 def save_solutions(
@@ -71,62 +67,35 @@ def save_solutions(
     """Write a drive block by block as it is solved; the file gets its name after the last block.
 
     The blocks come in order and differ only in their frames; `frames` is the number of all, and `target` that of all.
-    Level, error, iterations and status of each frame stay in memory until the end: 25 bytes per frame. Raises the
-    errors of `save_solution`.
+    Raises the errors of `save_solution`.
     """
-    _check_name(path)
+    if not os.fspath(path).lower().endswith(DRIVE_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
     coming = iter(parts)
     first = next(coming)
     if target is not None:
-        _check_target(target, replace(first.drive, phase=first.drive.phase[:1], level=first.drive.level[:1]), frames)
-    others = _FrameValues()
-    with TempFrames(first.drive.array.count) as spool:
-        phases = from_iterator(others.collect(chain([first], coming), spool), (frames, first.drive.array.count))
-        level = others.level(frames, spool, own_level=first.drive.level.ndim == 2)
-        values = {**_drive_values(first.drive), **_solution_values(first), **time_values(frames, first.drive.rate)}
-        # Phases come first in the schema: after they are written, the other values are known.
-        values |= {**_frame_values(phases, level, first.drive.array), **others.lazy(frames)}
-        if target is not None:
-            values |= _target_values(target)
-        # A compressed dataset does not exceed its size in memory.
-        sizes = (value.nbytes if isinstance(value, LazyFrames | np.ndarray) else 100 for value in values.values())
-        _write(values, path, room=int(sum(sizes)))
-
-
-class _FrameValues:
-    """Values per frame of the blocks of a solution other than phases."""
-
-    def __init__(self) -> None:
-        self.parts: dict[str, list[np.ndarray]] = {name: [] for name in ("level", "error", "iterations", "status")}
-
-    def collect(self, parts: Iterable[Solution], spool: TempFrames) -> Iterator[np.ndarray]:
-        """Yield the phases of each block and keep the other values, levels of single transducers on disk."""
-        for part in parts:
-            values = _solution_values(part)
-            for name in ("error", "iterations", "status"):
-                self.parts[name].append(values[name])
-            if part.drive.level.ndim == 2:
-                spool.append(part.drive.level)
-            else:
-                self.parts["level"].append(part.drive.level)
-            yield part.drive.phase
-
-    def lazy(self, frames: int) -> dict[str, LazyFrames]:
-        """Lazy frames of the values other than level, to be read after the last block."""
-        return {name: self._lazy(name, frames) for name in ("error", "iterations", "status")}
-
-    def level(self, frames: int, spool: TempFrames, *, own_level: bool) -> LazyFrames:
-        """Lazy frames of the level, likewise."""
-        return spool.reel(frames) if own_level else self._lazy("level", frames)
-
-    def _lazy(self, name: str, frames: int) -> LazyFrames:
-        return LazyFrames(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
-
-
-def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int = 0) -> None:
+        _check_target(target, first.drive.rate, frames)
+    values, before, done = _frame_values(first, None, 0), first.drive, first.drive.frames
+    # A compressed dataset does not exceed its size in memory.
+    room = frames * (sum(each.nbytes for each in values.values()) // done + 8)
+    room += 0 if target is None else 4 * frames * target.grid.count
     with new_file(path, room=room) as file:
-        write_group(file, "drive", values)
+        write_group(file, "drive", {**_drive_values(first.drive, frames), **values}, frames=frames)
         name_numbers(stored_dataset(file, "status"), get_args(Status))
+        for part in report_progress(coming, frames, weight=lambda part: part.drive.frames):
+            write_frames(file, _frame_values(part, before, done), done)
+            before, done = part.drive, done + part.drive.frames
+        if done != frames:
+            raise MismatchError(f"{path}: expected a drive of {frames} frames, got {done}")
+        if target is not None:
+            written = 0
+            for block in blocks(target.amplitude):
+                values = {"target": block.astype(np.float32)}
+                if written:
+                    write_frames(file, values, written)
+                else:
+                    write_group(file, "drive", {**_target_values(target), **values}, frames=frames)
+                written += len(block)
 
 
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
@@ -216,53 +185,55 @@ _AIR = {
 """Names in the file of the attributes of a grid and of the air."""
 
 
-def _check_name(path: str | os.PathLike[str]) -> None:
-    if not os.fspath(path).lower().endswith(DRIVE_SUFFIX):
-        raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
-
-
-def _check_target(target: AmplitudeFrames, drive: Drive, frames: int | None = None) -> None:
-    frames = drive.frames if frames is None else frames
-    if target.frames != frames or target.rate != drive.rate:
+def _check_target(target: AmplitudeFrames, rate: float, frames: int) -> None:
+    if target.frames != frames or target.rate != rate:
         raise MismatchError(
-            f"target: expected {frames} frames at {drive.rate:g} Hz as in the drive, "
+            f"target: expected {frames} frames at {rate:g} Hz as in the drive, "
             f"got {target.frames} at {target.rate:g} Hz; save the target that was solved"
         )
 
 
-def _drive_values(drive: Drive) -> dict[str, Any]:
+def _drive_values(drive: Drive, frames: int) -> dict[str, Any]:
+    """Stored values of a drive of so many frames, without those of its frames."""
     array = drive.array
     return {
         **signature("drive", drive.provenance),
-        **time_values(drive.frames, drive.rate),
+        **time_values(frames, drive.rate),
         **array_values(array),
         **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
-        **_frame_values(drive.phase, drive.level, array),
         "directivity": drive.acoustics.directivity,
         **{name: value for name, own in _AIR.items() if (value := getattr(drive.acoustics.medium, own)) is not None},
     }
 
 
-def _frame_values(phase: Frames, level: Frames, array: TransducerArray) -> dict[str, Any]:
-    if not (np.bincount(array.unit) == AUTD3_TRANSDUCERS).all():
-        return {"phase": phase, "level" if level.ndim == 1 else "transducer_level": level}
-    own = {"level": level} if level.ndim == 1 else {"intensity_change": _changes(level, 255)}
-    return {"phase_change": _changes(phase, _TURN), **own}
+def _frame_values(part: Solution, before: Drive | None, first: int) -> dict[str, np.ndarray]:
+    """Stored values of the frames of a part that begins at frame `first`, after the drive `before`."""
+    drive, names = part.drive, get_args(Status)
+    phase, level = np.asarray(drive.phase), np.asarray(drive.level)
+    values: dict[str, np.ndarray] = {
+        "error": part.error,
+        "iterations": part.iterations,
+        "status": np.array([names.index(status) for status in part.status], "i1"),
+        "level" if level.ndim == 1 else "transducer_level": level,
+    }
+    if not (np.bincount(drive.array.unit) == AUTD3_TRANSDUCERS).all():
+        return {**values, "phase": phase}
+    last = (None, None) if before is None else (np.asarray(before.phase[-1:]), np.asarray(before.level[-1:]))
+    if level.ndim == 2:
+        values["intensity_change"] = _changes(values.pop("transducer_level"), last[1], 255, first)
+    return {**values, "phase_change": _changes(phase, last[0], _TURN, first)}
 
 
-def _changes(x: Frames, steps: float) -> Any:
-    """Numbers in steps, modulo 256, as changes since the frame before; themselves in the first of each block."""
+def _changes(x: np.ndarray, before: np.ndarray | None, steps: float, first: int) -> NDArray[np.uint8]:
+    """Numbers in steps, modulo 256, as changes since the frame before; themselves in the first of each block.
 
-    def change(block: np.ndarray) -> NDArray[Any]:
-        byte = np.mod(np.rint(block * steps), 256).astype(np.uint8)
-        moved = np.diff(byte, axis=0, prepend=np.zeros_like(byte[:1]))
-        moved[::BLOCK] = byte[::BLOCK]
-        return moved
-
-    # Frames that are being solved are read once: a lazy map of `each_frame` reads the first one twice.
-    return (
-        LazyFrames(lambda first, last: change(x.read(first, last)), x.shape) if isinstance(x, LazyFrames) else change(x)
-    )
+    `x` begins at frame `first`, after the numbers `before`.
+    """
+    whole = np.concatenate([x[:1] if before is None else before, x])
+    byte = np.mod(np.rint(whole * steps), 256).astype(np.uint8)
+    moved, start = np.diff(byte, axis=0), -first % BLOCK
+    moved[start::BLOCK] = byte[1:][start::BLOCK]
+    return moved
 
 
 def _from_changes(changes: Frames, steps: float) -> Any:
@@ -278,31 +249,20 @@ def _from_changes(changes: Frames, steps: float) -> Any:
     return LazyFrames(number, changes.shape) if isinstance(changes, LazyFrames) else number(0, len(changes))
 
 
-def _solution_values(solution: Solution) -> dict[str, Any]:
-    names = get_args(Status)
-    return {
-        "error": solution.error,
-        "iterations": solution.iterations,
-        "status": np.array([names.index(status) for status in solution.status], "i1"),
-    }
-
-
 def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
-    grid, wanted = target.grid, target.amplitude
+    """Stored values of a target without those of its frames."""
+    grid = target.grid
     return {
         **{name: getattr(grid, attribute) for name, attribute in _GRID.items()},
         "grid_centre_x_m": grid.centre[0],
         "grid_centre_y_m": grid.centre[1],
         "target_provenance": to_json(target.provenance),
         "point": np.arange(grid.count),
-        "target": LazyFrames(wanted.read, wanted.shape, stored="f4")
-        if isinstance(wanted, LazyFrames)
-        else wanted.astype(np.float32),
     }
 
 
-def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]:
-    """Lazy levels that are checked when read; Drive itself checks levels in memory."""
+def _levels(level: Frames, path: Path) -> NDArray[np.float64]:
+    """Levels that are checked; lazy ones when they are read."""
 
     def checked(block: np.ndarray) -> np.ndarray:
         if not (block.min() >= 0 and block.max() <= 1):
@@ -311,7 +271,7 @@ def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]
             )
         return block
 
-    return each_frame(level, checked) if isinstance(level, LazyFrames) else level
+    return each_frame(level, checked)
 
 
 def _acoustics_from(values: Mapping[str, Any], path: Path) -> Acoustics:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, parse_errors
 from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
-from midair.streaming import LazyFrames, block_ranges
+from midair.streaming import LazyFrames, each_frame
 from midair.validation import check_finite
 from midair.version import __version__
 
@@ -91,8 +91,11 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
     }
 
 
-def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any]) -> None:
-    """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them."""
+def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, frames: int | None = None) -> None:
+    """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
+
+    With `frames`, values per frame have room for so many; `write_frames` writes those that come later.
+    """
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
     for entry in entries:
@@ -101,13 +104,19 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any]) -> N
             group.attrs[entry.name] = fixed_text(value) if entry.dtype == "text" else np.dtype(entry.dtype).type(value)
     for entry in sorted(entries, key=lambda entry: not entry.coordinate):
         if entry.dimensions is not None:
-            _create(group, entry, values[entry.name], entry.unit.format(unit=unit))
+            _create(group, entry, values[entry.name], entry.unit.format(unit=unit), frames)
+
+
+def write_frames(group: "h5py.Group", values: Mapping[str, np.ndarray], first: int) -> None:
+    """Write values of some frames, from frame `first` on."""
+    for name, block in values.items():
+        stored_dataset(group, name)[first : first + len(block)] = block
 
 
 def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = False) -> dict[str, Any]:
     """Read the values that the schema lists for `kind`, and check types, axes, units and lengths.
 
-    With `streamed`, times and datasets with several numbers per frame are lazy.
+    With `streamed`, datasets with several numbers per frame are lazy.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
@@ -185,25 +194,24 @@ def kind_of(group: "h5py.Group") -> str:
     return plain_text(group.attrs.get("kind"))
 
 
-def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str) -> None:
+def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, frames: int | None) -> None:
     # float32 data are stored as such where the schema allows it; all others in the type of the schema.
-    data = value if isinstance(value, LazyFrames) else np.asarray(value)
-    single = entry.single and (data.stored if isinstance(data, LazyFrames) else data.dtype) == "f4"
-    kind = np.dtype("f4" if single else entry.dtype)
-    axes = entry.dimensions or ()
-    chunk = _chunk(data.shape, kind.itemsize, frames=min(BLOCK, len(data)) if entry.packed else 0)
+    data = np.asarray(value)
+    kind = np.dtype("f4" if entry.single and data.dtype == "f4" else entry.dtype)
+    axes, shape = entry.dimensions or (), data.shape
+    if frames is not None and axes[:1] == ("time",):
+        shape = (frames, *shape[1:])
+    chunk = _chunk(shape, kind.itemsize, frames=min(BLOCK, shape[0]) if entry.packed else 0)
     dataset = group.create_dataset(
         entry.name,
-        shape=data.shape,
+        shape=shape,
         dtype=kind,
-        data=None if isinstance(data, LazyFrames) else data.astype(kind),
         chunks=chunk,
         fletcher32=True if data.ndim else None,
         shuffle=entry.packed and kind.itemsize > 1,
         compression=1 if entry.packed else None,
     )
-    if isinstance(data, LazyFrames) and chunk is not None:
-        _fill(dataset, data, chunk[0])
+    dataset[: len(data) if data.ndim else ()] = data
     dataset.attrs["units"] = fixed_text(unit)
     dataset.attrs["long_name"] = fixed_text(entry.what)
     if entry.coordinate:
@@ -213,16 +221,6 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str) -> None:
         dataset.attrs["coordinates"] = fixed_text("y x")
     for index, axis in enumerate(axes):
         dataset.dims[index].attach_scale(group[axis])
-
-
-def _fill(dataset: "h5py.Dataset", frames: LazyFrames, chunk: int) -> None:
-    """Write lazy frames in whole chunks, because HDF5 reads back a chunk that is written twice."""
-    size = next(last for _, last in block_ranges(frames.shape))
-    size = max(chunk, size // chunk * chunk)
-    first = 0
-    for block in frames.blocks(size):
-        dataset[first : first + len(block)] = block
-        first += len(block)
 
 
 def _chunk(shape: tuple[int, ...], itemsize: int, *, frames: int) -> tuple[int, ...] | None:
@@ -295,7 +293,7 @@ def _dataset(
         return dataset[()]
     kind = np.dtype("f8") if single else dataset.dtype
 
-    if streamed and axes[0] == "time" and (len(axes) > 1 or entry.coordinate):
+    if streamed and axes[0] == "time" and len(axes) > 1:
         return _lazy_dataset(dataset, path)
     return _rows(dataset, 0, len(dataset), path).astype(kind, copy=False)
 
@@ -325,17 +323,13 @@ def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
 
 
 def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
-    """Lazy frames that raise NonFiniteError for non-finite numbers when read; an array unchanged."""
-    if not isinstance(x, LazyFrames):
-        return x
+    """Frames whose numbers are checked: raises NonFiniteError at once, or when lazy frames are read."""
 
-    def read(first: int, last: int) -> np.ndarray:
-        block = x.read(first, last)
-        check_finite(block, name, frame=first)
+    def check(block: np.ndarray) -> np.ndarray:
+        check_finite(block, name)
         return block
 
-    # Type checkers treat lazy frames as an array.
-    return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
+    return each_frame(x, check, exact=True)
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:

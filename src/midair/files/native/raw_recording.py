@@ -23,11 +23,18 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
-from midair.files.native.hdf5 import begins_as_hdf5, new_file, open_hdf5, write_group
+from midair.files.native.hdf5 import (
+    begins_as_hdf5,
+    new_file,
+    open_hdf5,
+    stored_group,
+    write_frames,
+    write_group,
+)
 from midair.files.native.journal import event_values, name_event_kinds, stage_values
 from midair.files.native.schema import PLAYED, TABLE, time_values
 from midair.model import Event, StageStamp
-from midair.streaming import LazyFrames, from_iterator
+from midair.streaming import BYTES
 
 if TYPE_CHECKING:
     import h5py
@@ -100,19 +107,16 @@ class _RawRecording:
         )
         return cls(file=file, header=texts[0], frames=frames, events=events, stamps=stamps)
 
-    def lazy(self, name: str) -> LazyFrames:
-        """Frames of one field, to be read once and in order."""
-        kind = frame_type(self.header)
-        base, shape = kind[name].base, kind[name].shape
-        rows = shape if name == "samples" else shape[1:]
-        each = 1 if name == "samples" else shape[0]
-
-        def blocks() -> Iterator[NDArray[Any]]:
-            for found, content in records(self.file):
-                if found == FRAMES:
-                    yield np.frombuffer(content, kind)[name].reshape(-1, *rows).astype(base.newbyteorder("="))
-
-        return from_iterator(blocks(), (each * self.frames, *rows), stored=self.header["stored"])
+    def blocks(self) -> Iterator[NDArray[Any]]:
+        """Frames of `frame_type`, about 2 MB at a time."""
+        held, kind = bytearray(), frame_type(self.header)
+        for found, content in records(self.file):
+            held += content if found == FRAMES else b""
+            if len(held) >= BYTES:
+                yield np.frombuffer(bytes(held), kind)
+                held.clear()
+        if held:
+            yield np.frombuffer(bytes(held), kind)
 
 
 def convert(path: Path, handle: int) -> tuple[int, float]:
@@ -122,23 +126,34 @@ def convert(path: Path, handle: int) -> tuple[int, float]:
     """
     with os.fdopen(handle, "rb+") as file:
         raw = _RawRecording.read(file, path)
-        header, rate = raw.header, raw.header["recording"]["rate_hz"]
-        values = {**header["recording"], **time_values(raw.frames, rate), "samples": raw.lazy("samples")}
+        header, rate, kind = raw.header, raw.header["recording"]["rate_hz"], frame_type(raw.header)
+        values = {**header["recording"], **time_values(raw.frames, rate), "samples": np.empty(0, kind)["samples"]}
         values |= event_values(raw.events) if raw.events else {}
         values |= stage_values(raw.stamps) if raw.stamps else {}
         with new_file(path, room=os.fstat(handle).st_size + 8 * raw.frames, recording=True) as made:
-            write_group(made, "recording", values)
+            write_group(made, "recording", values, frames=raw.frames)
             name_event_kinds(made)
             if header["calibration"]:
                 write_group(made.create_group("calibration"), "calibration", header["calibration"])
             if header["played"]:
                 each = header["played_each"]
                 played = {**header["played"], **time_values(each * raw.frames, each * rate)}
-                played |= {name: raw.lazy(name) for name in PLAYED}
-                write_group(made.create_group("played"), "played", played)
+                played |= _played(np.empty(0, kind))
+                write_group(made.create_group("played"), "played", played, frames=each * raw.frames)
+            done = 0
+            for block in raw.blocks():
+                write_frames(made, {"samples": block["samples"]}, done)
+                if header["played"]:
+                    write_frames(stored_group(made, "played"), _played(block), header["played_each"] * done)
+                done += len(block)
             if sys.platform == "win32":  # which replaces no open file
                 file.close()
     return raw.frames, rate
+
+
+def _played(frames: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Values of live touch in stored frames."""
+    return {name: frames[name].reshape(-1, *frames[name].shape[2:]) for name in PLAYED}
 
 
 def complete(path: Path) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from midair.errors import BrokenFileError
 from midair.model import SensorGrid, TransducerArray
-from midair.streaming import LazyFrames, blocks
 
 Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
 """Content of a file or group."""
@@ -75,7 +74,7 @@ PLAYED = ("phase_steps", "intensity", "instant", "state")
 
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
-    return {"rate_hz": rate, "time": LazyFrames(lambda first, last: np.arange(first, last) / rate, (frames,))}
+    return {"rate_hz": rate, "time": np.arange(frames) / rate}
 
 
 def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
@@ -127,16 +126,14 @@ def array_from(values: Mapping[str, Any]) -> TransducerArray:
 
 def check_time(values: Mapping[str, Any], path: Path) -> None:
     """Raise BrokenFileError if a stored time differs from frame / rate by more than a thousandth of a frame."""
-    first, rate = 0, values["rate_hz"]
-    for block in blocks(values["time"]):
-        right = np.abs(block * rate - np.arange(first, first + len(block))) < 1e-3
-        if not right.all():
-            wrong = int(np.argmin(right))
-            raise BrokenFileError(
-                f"{path}: expected frame i at i / {rate:g} Hz, got frame {first + wrong} at {block[wrong]:g} s; "
-                "the file is damaged or its rate was edited"
-            )
-        first += len(block)
+    time, rate = values["time"], values["rate_hz"]
+    right = np.abs(time * rate - np.arange(len(time))) < 1e-3
+    if not right.all():
+        wrong = int(np.argmin(right))
+        raise BrokenFileError(
+            f"{path}: expected frame i at i / {rate:g} Hz, got frame {wrong} at {time[wrong]:g} s; the file is damaged "
+            "or its rate was edited"
+        )
 
 
 def single(samples: np.ndarray) -> np.ndarray:
