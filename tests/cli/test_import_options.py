@@ -7,7 +7,7 @@ import soundfile
 from midair.cli import run
 from midair.cli.import_options import FileOptions, import_recording
 from midair.errors import InputError
-from midair.files import load, load_calibration, load_pressure, save, save_pressure
+from midair.files import load, load_calibration, load_pressure, save
 from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered
 
@@ -92,8 +92,8 @@ def test_the_layout_places_the_channels():
 def calibrated():
     samples = np.random.default_rng(0).normal(size=(300, 4, 4))
     recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
-    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
-    save_pressure(PressureFrames(pressure=50 * samples, rate=1000, sensor=recording.sensor), "take.h5")
+    pressure = PressureFrames(pressure=50 * samples, rate=1000, sensor=recording.sensor)
+    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02), pressure=pressure)
     return recording
 
 

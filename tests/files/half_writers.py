@@ -60,8 +60,7 @@ SOLUTION = Solution(drive=DRIVE, error=RNG.random(20), iterations=np.full(20, 5)
 
 
 def with_pressure(path):
-    files.save(TAKE, path, calibration=FLAT)
-    files.save_pressure(PRESSURE, path)
+    files.save(TAKE, path, calibration=FLAT, pressure=PRESSURE)
 
 
 def study_new(path):

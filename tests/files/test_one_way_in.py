@@ -3,7 +3,7 @@ import pytest
 
 from midair.cli import run
 from midair.errors import InputError
-from midair.files import FORMATS, load, open_take, save, save_pressure, save_solution
+from midair.files import FORMATS, load, open_take, save, save_solution
 from midair.model import PressureFrames, Recording, Solution
 from midair.rig import VirtualRig, sensor_named
 
@@ -61,8 +61,8 @@ def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, 
 def test_pressure_of_an_upper_case_file_is_not_lost(take, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     recording, calibration = take
-    save(recording, "TAKE.H5", calibration=calibration)
-    save_pressure(PressureFrames(pressure=np.ones((300, 4, 4)), rate=1000.0, sensor=recording.sensor), "TAKE.H5")
+    pressure = PressureFrames(pressure=np.ones((300, 4, 4)), rate=1000.0, sensor=recording.sensor)
+    save(recording, "TAKE.H5", calibration=calibration, pressure=pressure)
     assert run(["info", "TAKE.H5"]) == 0
     assert "largest pressure" in capsys.readouterr().out
     assert run(["export", "TAKE.H5", "pressure.csv", "--pressure"]) == 0

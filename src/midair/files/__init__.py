@@ -35,7 +35,6 @@ from .native.recording_file import RecordingBuffer as RecordingBuffer
 from .native.recording_file import load_played as load_played
 from .native.recording_file import load_pressure as load_pressure
 from .native.recording_file import repair as repair
-from .native.recording_file import save_pressure as save_pressure
 from .native.recording_writer import RecordingWriter as RecordingWriter
 from .opened_take import Format as Format
 from .opened_take import FormatLoss as FormatLoss

@@ -138,9 +138,14 @@ def save(
     write = writer_of(path)
     if write is HDF5.write:
         return write_recording(recording, Path(path), calibration, pressure, journal=journal)
-    lost = write(recording, Path(path), calibration)
-    left_out = FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead.")
-    return lost if pressure is None else (*lost, left_out)
+    lost = list(write(recording, Path(path)))
+    if calibration is not None:
+        text = f"{format_of(path).name} holds no calibration: it was left out; save_calibration() writes its own file."
+        lost.append(FormatLoss(what="calibration", text=text))
+    if pressure is not None:
+        text = "The calibrated pressure was left out; --pressure exports it instead."
+        lost.append(FormatLoss(what="pressure", text=text))
+    return tuple(lost)
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

@@ -331,15 +331,7 @@ class FormatLoss:
         return self.text
 
 
-def calibration_lost(calibration: Calibration | None, form: str) -> tuple[FormatLoss, ...]:
-    """Loss report of a format that cannot store a calibration."""
-    if calibration is None:
-        return ()
-    advice = "save_calibration() writes it to a file of its own"
-    return (FormatLoss(what="calibration", text=f"{form} holds no calibration: it was left out; {advice}."),)
-
-
-Writer = Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]]
+Writer = Callable[[Recording, Path], tuple[FormatLoss, ...]]
 """Writes a recording; returns what the format cannot store."""
 
 

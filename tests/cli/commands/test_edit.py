@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.files import load, load_calibration, load_pressure, save, save_pressure
+from midair.files import load, load_calibration, load_pressure, save
 from midair.model import Calibration, PressureFrames, Provenance, Recording
 
 
@@ -11,8 +11,8 @@ def take():
     samples = np.random.default_rng(0).normal(size=(500, 4, 4))
     samples[:100] *= 1e-3
     recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
-    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
-    save_pressure(PressureFrames(pressure=samples / 0.02, rate=1000, sensor=recording.sensor), "take.h5")
+    pressure = PressureFrames(pressure=samples / 0.02, rate=1000, sensor=recording.sensor)
+    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02), pressure=pressure)
     return recording
 
 

@@ -4,7 +4,7 @@ import pytest
 import xarray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files import load, load_calibration, load_solution, save, save_pressure, save_solution
+from midair.files import load, load_calibration, load_solution, save, save_solution
 from midair.model import PressureFrames, Recording, SensorGrid
 
 
@@ -30,7 +30,8 @@ def test_a_recording_opens_while_this_program_has_it_open_in_xarray(path, record
 
 
 def test_xarray_opens_calibrated_pressure(path, recording):
-    save_pressure(PressureFrames(pressure=recording.samples * 2, rate=500, sensor=recording.sensor), path)
+    pressure = PressureFrames(pressure=recording.samples * 2, rate=500, sensor=recording.sensor)
+    save(recording, path, pressure=pressure)
     with xarray.open_dataset(path, engine="h5netcdf", group="pressure") as table:
         np.testing.assert_array_equal(table.pressure, recording.samples * 2)
         assert table.pressure.attrs["units"] == "Pa"

@@ -2,20 +2,19 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files import load, load_calibration, load_pressure, repair, save, save_calibration, save_pressure
+from midair.files import load, load_calibration, load_pressure, repair, save, save_calibration
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("band", [None, (20.0, 470.0)])
-def test_adds_the_pressure_and_keeps_the_rest(band, path, recording, calibration, alike):
+def test_the_pressure_is_read_back(band, path, recording, calibration, alike):
     life = recording.provenance.then("calibrate", {"band": band})
     pressure = PressureFrames(
         pressure=recording.samples[:7], rate=250, sensor=recording.sensor, band=band, provenance=life
     )
     assert load_pressure(path) is None
-    save_pressure(pressure, path)
-    save_pressure(pressure, path)
+    save(recording, path, calibration=calibration, pressure=pressure)
     again = load_pressure(path)
     assert again is not None
     np.testing.assert_array_equal(again.pressure, pressure.pressure)
@@ -27,9 +26,9 @@ def test_adds_the_pressure_and_keeps_the_rest(band, path, recording, calibration
     np.testing.assert_array_equal(kept.response, calibration.response)
 
 
-def test_refuses_pressure_of_another_sensor(path):
+def test_refuses_pressure_of_another_sensor(recording, path):
     with pytest.raises(MismatchError, match=r"expected pressure of \(3, 5\) cells, got \(4, 4\)"):
-        save_pressure(PressureFrames(pressure=np.zeros((3, 4, 4)), rate=250, sensor=SensorGrid()), path)
+        save(recording, path, pressure=PressureFrames(pressure=np.zeros((3, 4, 4)), rate=250, sensor=SensorGrid()))
 
 
 def test_has_no_pressure_in_a_calibration(calibration, tmp_path):

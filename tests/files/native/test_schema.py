@@ -5,7 +5,7 @@ import h5py
 import numpy as np
 import pytest
 
-from midair.files import save, save_calibration, save_pressure, save_solution
+from midair.files import save, save_calibration, save_solution
 from midair.files.native.schema import HEADER, TABLE
 from midair.model import PressureFrames
 
@@ -34,9 +34,8 @@ def test_markdown_has_a_row_for_every_name(entries):
 
 @pytest.mark.long
 def test_files_hold_exactly_what_the_table_says(recording, calibration, solution, target, tmp_path):
-    save(recording, tmp_path / "a.h5", calibration=calibration)
     pressure = PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor, band=(20, 160))
-    save_pressure(pressure, tmp_path / "a.h5")
+    save(recording, tmp_path / "a.h5", calibration=calibration, pressure=pressure)
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
     with h5py.File(tmp_path / "a.h5") as file:

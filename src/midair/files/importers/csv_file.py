@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError, NonFiniteError
 from midair.files.atomic import atomic_file, write_file
-from midair.files.importers.header import header_of, parse_header, recording_from
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.importers.header import header_of, own_take
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
 from midair.files.text_files import read_text, without_formulas
-from midair.model import Calibration, PalmPath, Recording, SensorGrid
+from midair.model import PalmPath, Recording, SensorGrid
 from midair.progress import report_progress
 from midair.streaming import blocks
 from midair.validation import is_number
@@ -151,7 +151,7 @@ MARK = "# midair "
 """First characters of midair's own files."""
 
 
-def write_csv(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write the header as a comment, a row of names, and a row per frame, all numbers without loss."""
     sensor = recording.sensor
     cells = [
@@ -167,7 +167,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
             table = np.column_stack([time, block.reshape(len(block), -1)])
             file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
             first += len(block)
-    return calibration_lost(calibration, "CSV")
+    return ()
 
 
 def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
@@ -207,10 +207,7 @@ def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
     first, _, rest = text.partition("\n")
     if not text.endswith("\n"):
         raise BrokenFileError(f"{path}: expected a line end at the end, got a truncated line; copy the file again")
-    table = read_table(rest, path)
-    recording = recording_from(parse_header(first.removeprefix(MARK), path), table.values[:, 1:], path)
-    given.check(recording, path)
-    return OpenedTake(recording=recording)
+    return own_take(first.removeprefix(MARK), read_table(rest, path).values[:, 1:], given, path)
 
 
 _UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$")

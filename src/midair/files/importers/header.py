@@ -1,7 +1,6 @@
 """JSON header in one line, for formats that cannot store rate, unit, sensor and provenance."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.native.hdf5 import check_format, signature
 from midair.files.native.provenance_json import from_plain, to_plain
+from midair.files.opened_take import ImportOptions, OpenedTake
 from midair.files.text_files import json_of
 from midair.model import Recording, SensorGrid
 
@@ -31,17 +31,16 @@ def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str
     return json.dumps(plain, allow_nan=False)
 
 
-def parse_header(text: str, path: Path) -> Mapping[str, Any]:
-    """Parse a header; raises BrokenFileError if it is invalid, UnknownFormatError if it is of a newer midair."""
+def own_take(text: str, samples: NDArray[np.float64], given: ImportOptions, path: Path) -> OpenedTake:
+    """Recording of a header and samples of shape (frame, ...), in parts of full scale if the header states that.
+
+    Raises BrokenFileError if the header is invalid or the number of samples wrong, UnknownFormatError if it is of a
+    newer midair, MismatchError if an option contradicts it.
+    """
     header = json_of(text)
     if not isinstance(header, dict) or header.get("kind") != "midair recording":
         raise BrokenFileError(f"{path}: expected the header of a midair recording, got {text[:60]!r}")
     check_format(header.get("format"), path)
-    return header
-
-
-def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path: Path) -> Recording:
-    """Recording of a header and samples of shape (frame, ...); raises BrokenFileError if their number is wrong."""
     part = header["sensor"]
     if not isinstance(part["name"], str):
         raise BrokenFileError(f"{path}: expected text as the sensor's name, got {part['name']!r}")
@@ -52,10 +51,12 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
             f"{path}: expected {header['frames']} frames of {sensor.count} channels, got {samples.size} samples "
             f"instead of {expected}; the file was truncated or edited, copy it again"
         )
-    return Recording(
-        samples=samples.reshape(-1, *sensor.shape),
+    recording = Recording(
+        samples=np.ldexp(samples, header.get("scale_exponent", 0)).reshape(-1, *sensor.shape),
         rate=header["rate_hz"],
         sensor=sensor,
         unit=header["unit"],
         provenance=from_plain(header["provenance"]),
     )
+    given.check(recording, path)
+    return OpenedTake(recording=recording)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, FileError, MismatchError
 from midair.files.atomic import atomic_file, check_disk_space, reason
-from midair.files.importers.header import header_of, parse_header, recording_from
+from midair.files.importers.header import header_of, own_take
 from midair.files.native.hdf5 import open_hdf5
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
 from midair.files.size_limits import check_expansion
-from midair.model import Calibration, Recording
+from midair.model import Recording
 
 
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
@@ -54,15 +54,12 @@ def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
 
 
 def _own(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> OpenedTake:
-    header = parse_header(_text(arrays["midair"]), path)
-    samples = np.asarray(arrays["samples"], np.float64)
-    for name, stated in (("rate", header["rate_hz"]), ("unit", header["unit"])):
+    take = own_take(_text(arrays["midair"]), np.asarray(arrays["samples"], np.float64), given, path)
+    for name in ("rate", "unit"):
         have = _text(arrays[name]) if name == "unit" else np.asarray(arrays[name]).item()
-        if have != stated:
+        if have != (stated := getattr(take.recording, name)):
             raise BrokenFileError(f"{path}: {name} was edited: expected {stated} as in the header, got {have}")
-    recording = recording_from(header, samples, path)
-    given.check(recording, path)
-    return OpenedTake(recording=recording)
+    return take
 
 
 def _text(array: Any) -> str:
@@ -92,14 +89,14 @@ def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
 NPY = Format(name="NPY", read=read_npy, memory=2)
 
 
-def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+def write_npz(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
     header = header_of(recording)
     with atomic_file(path) as partial:
         check_disk_space(partial.parent, recording.samples.nbytes, path)
         with partial.open("wb") as file:
             np.savez(file, samples=recording.samples, rate=recording.rate, unit=recording.unit, midair=header)
-    return calibration_lost(calibration, "NPZ")
+    return ()
 
 
 def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
@@ -117,14 +114,14 @@ def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
 NPZ = Format(name="NPZ", read=read_npz, write=write_npz, memory=3)
 
 
-def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+def write_mat(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write a v5 file of less than 4 GiB: samples, shape (frame, row, column), rate in Hz, unit, and the header."""
     if recording.samples.nbytes >= 2**32:
         raise FileError(f"{path}: a MAT v5 array holds less than 4 GiB, got {recording.samples.nbytes}; save to .h5")
     rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
     with atomic_file(path) as partial:
         scipy.io.savemat(str(partial), {"samples": recording.samples, **rest}, appendmat=False, do_compression=True)
-    return calibration_lost(calibration, "MAT")
+    return ()
 
 
 def read_mat(path: Path, given: ImportOptions) -> OpenedTake:

@@ -18,9 +18,9 @@ import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
 from midair.files.atomic import atomic_file, check_disk_space
-from midair.files.importers.header import header_of, parse_header, recording_from
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, calibration_lost
-from midair.model import Calibration, Recording, Unit
+from midair.files.importers.header import header_of, own_take
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
+from midair.model import Recording, Unit
 from midair.streaming import blocks
 
 CHUNK = b"mdar"
@@ -109,27 +109,27 @@ _BITS = {"PCM_U8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
 _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 
-def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+def write_wav(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write float64 without rounding; at most 1024 cells and 4 GB."""
     if (cells := recording.sensor.count) > 1024:
         raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
     # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
-    return _write(recording, path, calibration, "WAV")
+    return _write(recording, path, "WAV")
 
 
-def write_flac(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+def write_flac(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write integers of 24 bits; at most 8 cells and 655,350 Hz (RFC 9639)."""
     if recording.sensor.count > 8 or recording.rate > 655_350:
         raise FileError(
             f"{path}: a FLAC holds up to 8 channels of up to 655350 Hz, got {recording.sensor.count} of "
             f"{recording.rate:g} Hz; choose some with --channels 5,6, or save to .wav"
         )
-    return _write(recording, path, calibration, "FLAC")
+    return _write(recording, path, "FLAC")
 
 
-def _write(recording: Recording, path: Path, calibration: Calibration | None, form: str) -> tuple[FormatLoss, ...]:
+def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...]:
     """Write the samples divided by the power of two above the peak, and midair's header."""
     import soundfile
 
@@ -151,7 +151,7 @@ def _write(recording: Recording, path: Path, calibration: Calibration | None, fo
                 file.write(part)
         if form == "WAV":
             append_chunk(partial, header.encode("ascii"))
-    return (*_losses(form, recording, rate, exponent), *calibration_lost(calibration, form))
+    return tuple(_losses(form, recording, rate, exponent))
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
@@ -170,16 +170,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         samples: Any = file.read(dtype="float64", always_2d=True)
     if header is None:
         return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
-    return _own(header.decode("ascii"), samples, given, path)
-
-
-def _own(header: str, samples: Any, given: ImportOptions, path: Path) -> OpenedTake:
-    """The recording of a file that midair wrote."""
-    parsed = parse_header(header, path)
-    exponent = parsed["scale_exponent"]
-    recording = recording_from(parsed, np.ldexp(samples, exponent), path)
-    given.check(recording, path)
-    return OpenedTake(recording=recording)
+    return own_take(header.decode("ascii"), samples, given, path)
 
 
 def sound_of(
@@ -243,7 +234,7 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
     if form != "MP3" and len(samples) < promised:
         raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
     if form == "FLAC" and '"midair recording"' in comment:
-        return _own(comment, samples, given, path)
+        return own_take(comment, samples, given, path)
     found = sound_of(samples, subtype, rate, given, path, form=form)
     if subtype in _LOSSY:
         lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."

@@ -68,18 +68,6 @@ def open_hdf5(path: Path) -> "Generator[h5py.File]":
         yield file
 
 
-def begins_as_hdf5(path: Path) -> bool:
-    """True if a file has the signature of HDF5 at an allowed offset: 0, 512, 1024, 2048 ..."""
-    size, place = path.stat().st_size, 0
-    with path.open("rb") as file:
-        while place < size:
-            file.seek(place)
-            if file.read(8) == b"\x89HDF\r\n\x1a\n":
-                return True
-            place = max(512, 2 * place)
-    return False
-
-
 def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
     """Attributes that every file and group has."""
     return {

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
 from midair.files.native.hdf5 import (
-    begins_as_hdf5,
     new_file,
     open_hdf5,
     stored_group,
@@ -186,10 +185,12 @@ def _is_raw(path: Path) -> bool:
 @contextmanager
 def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     """Open an HDF5 file of midair to read; an interrupted recording is converted first."""
+    import h5py
+
     complete(Path(path))
     file = existing_file(path)
     with parse_errors(file, "an HDF5 file of midair"):
-        if not begins_as_hdf5(file):
+        if not h5py.is_hdf5(file):
             raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
         with open_hdf5(file) as opened:
             yield opened

@@ -24,7 +24,6 @@ from midair.files.native.raw_recording import complete, open_file
 from midair.files.native.schema import (
     PLAYED,
     array_from,
-    array_values,
     check_time,
     sensor_from,
     sensor_values,
@@ -67,13 +66,12 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
 def write_recording(
     recording: Recording,
     path: Path,
-    calibration: Calibration | None,
+    calibration: Calibration | None = None,
     pressure: PressureFrames | None = None,
     *,
     journal: Sequence[Event] = (),
-    played: PlayedTouch | None = None,
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording with its calibration, pressure and live touch, atomically and without loss.
+    """Write a recording with its calibration and pressure, atomically and without loss.
 
     Samples are stored as float32 if that holds all of them.
     """
@@ -102,14 +100,6 @@ def write_recording(
                 "pressure": pressure.pressure,
             }
             write_group(file.create_group("pressure"), "pressure", stored)
-        if played is not None:
-            stored = {
-                **signature("played", played.provenance),
-                **time_values(played.frames, played.rate),
-                **array_values(played.array),
-                **{name: getattr(played, name) for name in PLAYED},
-            }
-            write_group(file.create_group("played"), "played", stored)
     return ()
 
 
@@ -191,15 +181,6 @@ class RecordingBuffer:
             provenance=with_stage(life, self._stamps, journal, self.rate),
         )
         return OpenedTake(recording=recording, calibration=self.calibration, journal=journal)
-
-
-def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
-    """Store calibrated pressure in the file of its recording, in place of an earlier one; the file is replaced.
-
-    Raises MismatchError if the pressure has another sensor shape and FileError if the file cannot be read or written.
-    """
-    take = read_recording(Path(path), ImportOptions())
-    write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
 
 
 def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
