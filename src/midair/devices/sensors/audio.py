@@ -202,27 +202,20 @@ def inputs() -> list[dict[str, Any]]:
 
 
 def _find(wanted: str) -> dict[str, Any]:
-    """The one device that matches a part of a name, a number, or the default."""
-    found = _matching(wanted)
-    if not found:
-        _PORTAUDIO.restart()
-        found = _matching(wanted)
-    if len(found) == 1:
-        return found[0]
-    raise UnknownDeviceError(
-        f"audio: expected one device with inputs for {wanted or 'the default'!r}, found {len(found)}; name one of: "
-        f"{_names() or 'none found'}"
-    )
-
-
-def _matching(wanted: str) -> list[dict[str, Any]]:
-    if not wanted:
-        index = sounddevice.default.device[0]
-        return [each for each in inputs() if each["index"] == index]
-    if wanted.isdecimal():
-        return [each for each in inputs() if each["index"] == int(wanted)]
-    named = [each for each in inputs() if each["name"] == wanted]
-    return named or [each for each in inputs() if wanted.lower() in each["name"].lower()]
+    """The one device with inputs of a number, or whose name and driver contain these words; empty for the default."""
+    which = int(wanted) if wanted.isdecimal() else wanted or None
+    try:
+        try:
+            return dict(sounddevice.query_devices(which, "input"))
+        except (ValueError, sounddevice.PortAudioError):
+            _PORTAUDIO.restart()
+            return dict(sounddevice.query_devices(which, "input"))
+    except (ValueError, sounddevice.PortAudioError) as wrong:
+        got = str(wrong).partition("\n")[0]
+        raise UnknownDeviceError(
+            f"audio: expected one device with inputs for {wanted or 'the default'!r}, got: {got.rstrip(':')}; "
+            f"name one of: {_names() or 'none found'}"
+        ) from wrong
 
 
 def _names() -> str:
