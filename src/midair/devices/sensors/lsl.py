@@ -133,7 +133,8 @@ class LslSource:
         return said | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
 
     def _find(self) -> pylsl.StreamInfo:
-        found = self._matching_streams()
+        source = "" if self._source_id is None else f" and source_id='{self._source_id}'"
+        found = pylsl.resolve_bypred(f"name='{self._name}'{source}", 1, self._search)
         if not found:
             others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none"]
             raise DeviceError(
@@ -146,18 +147,6 @@ class LslSource:
                 f"lsl: expected one stream called {self._name!r}, found {len(found)}; select by ?source_id=: {names}"
             )
         return found[0]
-
-    def _matching_streams(self) -> list[pylsl.StreamInfo]:
-        """Streams of this name, and of this source id if one is given; waits until one is found or the time is over."""
-        until, seen = time.monotonic() + self._search, 0
-        while (left := until - time.monotonic()) > 0:
-            # A search returns the first streams that answer; another stream of the same name may answer first.
-            found = pylsl.resolve_byprop("name", self._name, seen + 1, left)
-            wanted = [each for each in found if self._source_id in (None, each.source_id())]
-            if wanted:
-                return wanted
-            seen = len(found)
-        return []
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
         """Frames with known numbers, in runs without a gap; the first one since start is 0."""
