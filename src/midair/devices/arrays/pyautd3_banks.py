@@ -82,15 +82,15 @@ class _TableGain(Gain):
 class PyAutd3Banks(Banks):
     """Both segments of all units; `placement` lists the units in the order of the wiring, `link` as in `pyautd3_array`.
 
-    `interval` is the time between datagrams, in s; each carries one pattern. Default: the SDK's 1 ms on a real bus,
-    which is too slow for 1000 patterns per second, and 0.5 ms without a bus.
+    A datagram, which carries one pattern, takes the SDK's 1 ms on a real bus, too slow for 1000 patterns per second,
+    and 0.5 ms without a bus.
     """
 
     frames_max = 1024
     margin = patience = 30_000_000
     failsafe = 0.0
 
-    def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:
+    def __init__(self, placement: Placement, link: str) -> None:
         self._lock, self._lost, self._ordered = RLock(), "", False
         self._units, self.emulated = placement.units, link in ("audit", "nop")
         units = [AUTD3(pos=at, rot=turn) for at, turn in zip(placement.origin * 1e3, placement.quaternion, strict=True)]
@@ -99,7 +99,7 @@ class PyAutd3Banks(Banks):
             self._controller: Controller | None = Controller.open(units, self.link)
             # The wall clock is read once; from then on the units' clocks run freely.
             self._begin = time.time_ns() - YEAR_2000 - time.monotonic_ns()  # noqa: TID251
-            between = Duration.from_nanos(round(1e9 * (interval or (0.5e-3 if link in ("audit", "nop") else 1e-3))))
+            between = Duration.from_nanos(500_000 if self.emulated else 1_000_000)
             self._controller.default_sender_option = SenderOption(send_interval=between, receive_interval=between)
             # Units report whether they play only on request.
             self._send(ReadsFPGAState(lambda _: True))
@@ -168,13 +168,6 @@ class PyAutd3Banks(Banks):
             states = self._open.fpga_state()
         hot = (unit for unit, state in enumerate(states) if state is not None and state.is_thermal_assert())
         return UnitsState(hot=tuple(hot))
-
-    def held(self, unit: int, bank: int, frame: int) -> tuple[Bytes, Bytes]:
-        """Phases and intensities in a segment, shape (transducer,) each; only ``audit`` can read them."""
-        if not isinstance(self.link, Audit):
-            raise DeviceStateError("pyautd3: expected the link audit, whose memory can be read")
-        intensity, phase = self.link.drives_at(unit, SEGMENTS[bank], frame)
-        return phase.astype(np.uint8), intensity.astype(np.uint8)
 
     def describe(self) -> dict[str, str]:
         """Information from the units."""
