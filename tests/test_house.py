@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3107,
     "solvers": 5075,
     "files": 4694,
-    "devices": 7661,
+    "devices": 7636,
     "rig": 9630,
     "patterns datasets": 1775,
     "view figures": 2100,

@@ -22,19 +22,6 @@ def test_a_missing_extra_is_an_error_when_the_device_opens(extra, monkeypatch):
         make().open()
 
 
-def test_names_state_the_kind_of_device():
-    assert (autd3_array().name, autd3_array().simulated) == ("autd3", False)
-    assert (autd3_array("eth0").name, autd3_array("eth0").simulated) == ("autd3:eth0", False)
-    assert (autd3_array("emulator").name, autd3_array("emulator").simulated) == ("autd3:emulator", True)
-    assert autd3_array("[::1]:50000").simulated
-    assert (autd3_array("[fe80::1%2]:44336").name, autd3_array("[fe80::1%2]:44336").simulated) == (
-        "autd3:[fe80::1%2]:44336",
-        False,
-    )
-    assert pyautd3_array("audit").simulated
-    assert not pyautd3_array("ethercrab:eth0").simulated
-
-
 PLACES = {
     "auto": ("auto", "autd3", False),
     "eth0": ("interface", "autd3:eth0", False),
@@ -51,10 +38,14 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("where", PLACES)
-def test_a_place_by_its_name(where):
-    place = autd3_place(where)
-    assert (place.kind, place.device, place.simulated) == PLACES[where]
+def test_places_by_their_names():
+    places = {where: autd3_place(where) for where in PLACES}
+    assert {where: (place.kind, place.device, place.simulated) for where, place in places.items()} == PLACES
+    assert {where: (autd3_array(where).name, autd3_array(where).simulated) for where in PLACES} == {
+        where: named[1:] for where, named in PLACES.items()
+    }
+    assert pyautd3_array("audit").simulated
+    assert not pyautd3_array("ethercrab:eth0").simulated
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from midair.devices import PacedSensor, RemappedSensor, ReplaySensor, StreamedSensor
 from midair.devices.sensors.decimated import Decimated
 from midair.devices.sensors.sources import Chunk, Stream
-from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
+from midair.errors import DeviceError, InputError, MismatchError
 from midair.model import Provenance, Recording, SensorGrid, SensorWiring
 
 
@@ -239,14 +239,6 @@ def test_frames_come_when_their_time_has_come_and_not_sooner():
         assert not len(sensor.read(50).samples), "it has ended"
 
 
-def test_a_second_start_begins_again():
-    with PacedSensor(ReplaySensor(TAKE)) as sensor:
-        for _ in range(2):
-            sensor.start()
-            assert sensor.read(10).first == 0
-            sensor.stop()
-
-
 def test_cells_are_taken_in_the_other_order_and_the_name_is_the_wirings():
     samples = np.arange(3 * 16, dtype=float).reshape(3, 4, 4)
     wiring = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)))
@@ -268,29 +260,12 @@ RECORDING = Recording(
 )
 
 
-def test_frames_come_in_order_until_there_are_none():
+def test_a_replay_is_what_the_recording_is_until_there_are_no_frames():
     with ReplaySensor(RECORDING) as sensor:
+        assert (sensor.grid, sensor.rate, sensor.unit, sensor.simulated) == (RECORDING.sensor, 500.0, "count", True)
+        assert sensor.on_demand
         sensor.start()
         blocks = [sensor.read(4) for _ in range(4)]
     assert [(block.first, len(block.samples)) for block in blocks] == [(0, 4), (4, 4), (8, 2), (10, 0)]
     assert [block.device_time for block in blocks] == [0, 0.008, 0.016, 0.02]
     np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks]), RECORDING.samples)
-
-
-def test_it_is_what_the_recording_is():
-    sensor = ReplaySensor(RECORDING)
-    assert (sensor.grid, sensor.rate, sensor.unit, sensor.simulated) == (RECORDING.sensor, 500.0, "count", True)
-    assert sensor.on_demand
-
-
-def test_it_begins_anew_at_each_start():
-    sensor = ReplaySensor(RECORDING)
-    with pytest.raises(DeviceStateError, match="start before read"):
-        sensor.read(1)
-    sensor.start()
-    sensor.read(7)
-    sensor.start()
-    assert sensor.read(1).first == 0
-    sensor.stop()
-    with pytest.raises(DeviceStateError, match="start before read"):
-        sensor.read(1)
