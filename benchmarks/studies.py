@@ -32,7 +32,6 @@ from midair.study.statistics import (
     d_prime_limits,
     f_limits,
     fit_threshold,
-    kappa_limits,
     macro_f_limits,
     share_limits,
     two_answers_limits,
@@ -45,7 +44,6 @@ FIGURES: dict[str, Callable[[np.ndarray], Interval]] = {
     "F of one object": f_limits,
     "macro F": macro_f_limits,
     "d'": d_prime_limits,
-    "kappa": kappa_limits,
 }
 """Figures of choices with their confidence limits over people."""
 

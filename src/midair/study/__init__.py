@@ -64,7 +64,6 @@ from .session import SimulatedScreen as SimulatedScreen
 from .session import read_events as read_events
 from .session import run as run
 from .statistics import Chance as Chance
-from .statistics import ChoiceModel as ChoiceModel
 from .statistics import Confusion as Confusion
 from .statistics import Equivalence as Equivalence
 from .statistics import Interval as Interval
@@ -77,8 +76,6 @@ from .statistics import ThresholdModel as ThresholdModel
 from .statistics import bayes_factor as bayes_factor
 from .statistics import chance_macro_f as chance_macro_f
 from .statistics import chance_of_published as chance_of_published
-from .statistics import choice_model as choice_model
-from .statistics import cohen_kappa as cohen_kappa
 from .statistics import confusion_matrix as confusion_matrix
 from .statistics import d_prime_choice as d_prime_choice
 from .statistics import d_prime_same_different as d_prime_same_different
@@ -88,7 +85,6 @@ from .statistics import f_measure as f_measure
 from .statistics import fit_psychometric as fit_psychometric
 from .statistics import holm as holm
 from .statistics import limits_over_people as limits_over_people
-from .statistics import mutual_information as mutual_information
 from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t
 from .statistics import pairwise as pairwise

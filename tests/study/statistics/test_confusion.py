@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
-from midair.study import chance_macro_f, cohen_kappa, confusion_matrix, f_measure, mutual_information, scores, wilson
+from midair.study import chance_macro_f, confusion_matrix, f_measure, scores, wilson
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -80,14 +80,6 @@ def test_wilson_by_hand():
     assert [round(float(x), 4) for x in wilson(0, 20)] == [0.0, 0.1611]
 
 
-def test_mutual_information():
-    assert mutual_information(np.eye(3) * 1000)[0] == pytest.approx(np.log2(3))
-    assert mutual_information(np.ones((3, 3)) * 7) == pytest.approx((0, 0))
-    plain, corrected = mutual_information([[8, 2], [2, 8]])
-    assert plain == pytest.approx(1 + 0.8 * np.log2(0.8) + 0.2 * np.log2(0.2))
-    assert plain - corrected == pytest.approx(1 / (40 * np.log(2)))
-
-
 def test_invalid_answers_are_refused():
     with pytest.raises(ShapeError, match="equal lengths"):
         confusion_matrix(["a"], [])
@@ -99,19 +91,6 @@ def test_invalid_answers_are_refused():
         confusion_matrix(["a", "a"], ["a", "a"])
     table = scores(confusion_matrix(["a", "b"], ["a", "a"]))
     assert table["note"][1] == "never answered: precision is undefined"
-
-
-@pytest.mark.long
-def test_kappa_agrees_with_statsmodels():
-    inter_rater = pytest.importorskip("statsmodels.stats.inter_rater")
-    counts = np.array([[30, 5, 5], [8, 20, 2], [3, 3, 34]])
-    assert cohen_kappa(counts) == pytest.approx(inter_rater.cohens_kappa(counts).kappa)
-    # Landis and Koch's case by hand: share .8, chance .5.
-    assert cohen_kappa([[40, 10], [10, 40]]) == pytest.approx(0.6)
-    # An answer that is never right is a row without presentations.
-    with_foil = np.c_[counts, [4, 0, 1]]
-    square = np.vstack([with_foil, np.zeros(4, int)])
-    assert cohen_kappa(with_foil) == pytest.approx(inter_rater.cohens_kappa(square).kappa)
 
 
 def test_foils_count_as_wrong():

@@ -6,7 +6,6 @@ from scipy.special import expit, logit
 
 from midair.errors import InputError
 from midair.study import (
-    choice_model,
     d_prime_choice,
     d_prime_same_different,
     d_prime_yes_no,
@@ -16,7 +15,6 @@ from midair.study import (
 from midair.study.statistics import (
     d_prime_limits,
     f_limits,
-    kappa_limits,
     macro_f_limits,
     share_limits,
     two_answers_limits,
@@ -81,25 +79,6 @@ def test_same_different_of_a_simulated_observer():
     assert d_prime_same_different(10, 20, 12, 20).d_prime == 0
 
 
-@given(seed=st.integers(0, 500))
-def test_choice_model_returns_its_own_parameters(seed):
-    rng = np.random.default_rng(seed)
-    bias = rng.dirichlet([5, 5, 5])
-    s = np.eye(3)
-    s[np.triu_indices(3, 1)] = rng.uniform(0.05, 0.8, 3)
-    s = np.maximum(s, s.T)
-    p = bias * s / (bias * s).sum(axis=1, keepdims=True)
-    found = choice_model(p * rng.uniform(50, 200, (3, 1)))
-    np.testing.assert_allclose(found.bias, bias, rtol=1e-5)
-    np.testing.assert_allclose(found.similarity, s, rtol=1e-5)
-    assert found.misfit == pytest.approx(0, abs=1e-5)
-    assert found.p > 0.99
-
-
-def test_choice_model_misfit_is_significant():
-    assert choice_model([[60, 35, 5], [5, 60, 35], [35, 5, 60]]).p < 1e-6  # a cycle of confusions is no similarity
-
-
 def test_invalid_counts_are_refused():
     with pytest.raises(InputError, match="0 <= hits <= total"):
         d_prime_choice(5, 4, alternatives=3)
@@ -114,7 +93,7 @@ def test_few_signals_or_blanks_set_no_limits():
     assert enough.low < enough.d_prime < enough.high
 
 
-FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'": d_prime_limits, "kappa": kappa_limits}
+FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'": d_prime_limits}
 
 
 @pytest.fixture
@@ -146,14 +125,6 @@ def test_d_prime_has_the_limits_of_the_share(counts):
     )
     right = int(np.trace(counts.sum(axis=0)))
     assert float(sense.value) == pytest.approx(d_prime_choice(right, 72, alternatives=3).d_prime)
-
-
-def test_kappa_follows_the_share_where_objects_come_equally_often(counts):
-    # Right 60 of 72 and no favourite: kappa = (share - 1/3) / (2/3), and so have its limits, nearly.
-    even = np.stack([np.full((3, 3), 1) + 3 * np.eye(3, dtype=int) * k for k in (1, 2, 3, 4, 5)])
-    share, kappa = share_limits(even), kappa_limits(even)
-    for one, other in zip((share.low, share.high), (kappa.low, kappa.high), strict=True):
-        assert float(other) == pytest.approx((float(one) - 1 / 3) * 1.5, abs=0.04)
 
 
 def test_f_of_each_object_and_foils(counts):

@@ -16,17 +16,13 @@ from midair.study.statistics import (
     Scale,
     bayes_factor,
     chance_macro_f,
-    choice_model,
-    cohen_kappa,
     confusion_matrix,
     d_prime_choice,
     d_prime_limits,
     equivalence,
     f_limits,
-    kappa_limits,
     limits_over_people,
     macro_f_limits,
-    mutual_information,
     paired_t,
     scores,
     share_limits,
@@ -156,7 +152,7 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
         )
     if one.left_out:
         words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
-    words = [*words, _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
+    words = [*words, _chance_words(one.confusion, rng, draws), _sensitivity_words(one.confusion)]
     table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:
         table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
@@ -174,26 +170,11 @@ def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) ->
     )
 
 
-def _sensitivity_words(confusion: Confusion) -> list[str]:
+def _sensitivity_words(confusion: Confusion) -> str:
     counts = confusion.counts
-    objects, alternatives = counts.shape
-    sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
+    sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=counts.shape[1])
     limits = interval_words(d_prime_limits, confusion.by_person)
-    agreement = interval_words(kappa_limits, confusion.by_person)
-    plain, corrected = mutual_information(counts)
-    words = [
-        f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''}).",
-        f"Kappa, the agreement beyond chance, is {cohen_kappa(counts):.2f} ({agreement}).",
-        f"An answer carries {corrected:.2f} of {np.log2(objects):.2f} bits ({plain:.2f} without bias correction).",
-    ]
-    if objects == alternatives:
-        taste = choice_model(counts)
-        favourite = confusion.labels[int(np.argmax(taste.bias))]
-        words.append(
-            f"The most preferred answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f}"
-            " without bias)."
-        )
-    return words
+    return f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''})."
 
 
 def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""Permutation tests and jackknife intervals over participants; confusion matrices: precision, recall, F, kappa."""
+"""Permutation tests and jackknife intervals over participants; confusion matrices: precision, recall, F."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from midair.errors import InputError, ShapeError
 from midair.study.statistics.columns import levels
 from midair.validation import one_of
 
-Scale = Literal["plain", "share", "positive", "correlation"]
-"""Unbounded values; between 0 and 1; above 0; between -1 and 1."""
+Scale = Literal["plain", "share", "positive"]
+"""Unbounded values; between 0 and 1; above 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,7 +95,7 @@ def limits_over_people(
     """Confidence interval of a statistic over participants: the jackknife with Student's t (Efron and Stein, 1981).
 
     The statistic is recomputed without each participant. On an unbounded scale (logit of a share, logarithm of a
-    positive value, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
+    positive value) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
     the limits are the t quantile with n - 1 degrees of freedom times that error away. Two corrections improve the
     coverage: shares are shrunk towards one half by `added` wrong and correct answers (otherwise the coverage rises to
     0.98 near a share of 1); and if fewer answers are wrong (or correct) than there are participants, the limits are at
@@ -105,8 +105,8 @@ def limits_over_people(
     is too low, or the scale is unknown.
 
     `statistic` is a function of an array like `by_person`, shape (participant, ...), for any number of participants,
-    that returns a number or an array; `answers` such a function that returns the number of answers behind a "share" or
-    "correlation". `added` are the answers of each kind added for the centre of the interval, and for its width;
+    that returns a number or an array; `answers` such a function that returns the number of answers behind a "share".
+    `added` are the answers of each kind added for the centre of the interval, and for its width;
     `independent` answers have a binomial variance where few are wrong. The interval has the shape of the statistic; its
     limits are NaN if the statistic is at its bound or equal without any participant.
     """
@@ -120,16 +120,16 @@ def limits_over_people(
     value = np.asarray(statistic(by_person), float)
     others = [np.delete(by_person, i, axis=0) for i in range(people)]
     without = np.array([statistic(rest) for rest in others], float)
-    if answers is not None and scale in ("share", "correlation"):
+    if answers is not None and scale == "share":
         total, left = np.asarray(answers(by_person), float), np.array([answers(rest) for rest in others], float)
-        middle = _to_open_scale(_shrink(value, total, added[0], scale), scale)
-        moved = _to_open_scale(_shrink(without, left, added[1], scale), scale)
+        middle = _to_open_scale(_shrink(value, total, added[0]), scale)
+        moved = _to_open_scale(_shrink(without, left, added[1]), scale)
     else:
         middle, moved = _to_open_scale(value, scale), _to_open_scale(without, scale)
     error = np.sqrt((people - 1) / people * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     half = error * float(scipy.stats.t.ppf((1 + level) / 2, people - 1))
-    if answers is not None and independent and scale in ("share", "correlation"):
-        half = np.maximum(half, _binomial_half(value, np.asarray(answers(by_person), float), people, scale, level))
+    if answers is not None and independent and scale == "share":
+        half = np.maximum(half, _binomial_half(value, np.asarray(answers(by_person), float), people, level))
     # At a bound, or if all leave-one-out values are equal, the standard error is unknown.
     known = (error > 1e-12) & (_to_open_scale(value, scale, reach=np.inf) == _to_open_scale(value, scale))
     low, high = (np.where(known, _from_open_scale(middle + side * half, scale), np.nan) for side in (-1, 1))
@@ -138,23 +138,20 @@ def limits_over_people(
     return Interval(value=value, low=low, high=high, level=level, people=people)
 
 
-def _binomial_half(value: Array, total: Array, people: int, scale: Scale, level: float) -> Array:
-    """Half-width for independent answers on the open scale; 0 unless one kind is rarer than the participants.
+def _binomial_half(share: Array, total: Array, people: int, level: float) -> Array:
+    """Half-width for independent answers on the logit scale; 0 unless one kind is rarer than the participants.
 
-    The logit of a share p of n answers has the variance 1 / (n p (1 - p)); Fisher's z of 2 p - 1 is half that logit.
+    The logit of a share p of n answers has the variance 1 / (n p (1 - p)).
     """
-    share = value if scale == "share" else (1 + value) / 2
     few = total * np.minimum(share, 1 - share) < people
     drawn = (share * total + 1) / (total + 2)
-    error = 1 / np.sqrt((total + 2) * drawn * (1 - drawn)) / (1 if scale == "share" else 2)
+    error = 1 / np.sqrt((total + 2) * drawn * (1 - drawn))
     return np.where(few, float(scipy.stats.norm.ppf((1 + level) / 2)) * error, 0.0)
 
 
-def _shrink(value: Array, total: Array, added: float, scale: Scale) -> Array:
-    """A share, or the share (1 + r) / 2 of a correlation r, after `added` answers of both kinds are added."""
-    low = -1.0 if scale == "correlation" else 0.0
-    share = (value - low) / (1 - low)
-    return low + (1 - low) * (share * total + added) / (total + 2 * added)
+def _shrink(share: Array, total: Array, added: float) -> Array:
+    """A share after `added` answers of both kinds are added."""
+    return (share * total + added) / (total + 2 * added)
 
 
 def _to_open_scale(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
@@ -162,8 +159,6 @@ def _to_open_scale(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         if scale == "share":
             return np.clip(np.log(value) - np.log1p(-value), -reach, reach)
-        if scale == "correlation":
-            return np.clip(np.arctanh(value), -reach / 2, reach / 2)
         return np.log(value) if scale == "positive" else value
 
 
@@ -171,8 +166,6 @@ def _from_open_scale(value: Array, scale: Scale) -> Array:
     """Inverse of `_to_open_scale`."""
     if scale == "share":
         return 1 / (1 + np.exp(-value))
-    if scale == "correlation":
-        return np.tanh(value)
     return np.exp(value) if scale == "positive" else value
 
 
@@ -315,37 +308,6 @@ def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int
     distribution = f_measure(total).mean(axis=-1)
     p = percentile_p(confusion.macro_f, distribution)
     return Chance(value=confusion.macro_f, distribution=distribution, p=p)
-
-
-def cohen_kappa(counts: NDArray[Any]) -> float:
-    """Chance-corrected agreement of answers with objects (Cohen, 1960): (share - chance) / (1 - chance).
-
-    `counts` has the shape (presented, answered); answers beyond the objects are wrong. 1 if all answers are correct, 0
-    at the agreement expected from the marginal counts.
-    """
-    counts = np.asarray(counts, float)
-    if counts.ndim != 2 or counts.shape[0] > counts.shape[1] or counts.sum() <= 0:
-        raise ShapeError(f"counts: expected a table with answers, got shape {counts.shape}")
-    share = counts / counts.sum()
-    chance = float(share.sum(axis=1) @ share.sum(axis=0)[: len(counts)])
-    return 1.0 if chance == 1 else (float(np.trace(share)) - chance) / (1 - chance)
-
-
-def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
-    """Mutual information between answer and object, in bits, from the number of trials (presented, answered).
-
-    Returns the plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller,
-    1955), with r and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
-    """
-    joint = np.asarray(counts, float)
-    if joint.ndim != 2 or joint.sum() <= 0:
-        raise ShapeError(f"counts: expected a table with answers, got shape {joint.shape}, sum {joint.sum():g}")
-    n = joint.sum()
-    rows, columns = joint.sum(axis=1), joint.sum(axis=0)
-    seen = joint > 0
-    plain = float((joint[seen] / n * np.log2(joint[seen] * n / np.outer(rows, columns)[seen])).sum())
-    bias = (np.count_nonzero(rows) - 1) * (np.count_nonzero(columns) - 1) / (2 * n * np.log(2))
-    return max(plain, 0.0), max(plain - bias, 0.0)
 
 
 def _label_indices(values: NDArray[Any], order: list[Any], name: str) -> Counts:

@@ -1,7 +1,6 @@
-"""Signal detection theory: sensitivity d', criterion and Luce's choice model; confidence intervals over participants.
+"""Signal detection theory: sensitivity d' and criterion; confidence intervals over participants.
 
-Sources: Macmillan and Creelman, Detection Theory (2005), chapters 1, 2, 7, 9; Luce, Handbook of Mathematical Psychology
-I (1963), chapter 3, for the choice model.
+Source: Macmillan and Creelman, Detection Theory (2005), chapters 1, 2, 7, 9.
 
 The functions with limits over participants take counts of trials as an integer array of shape (participant, presented,
 answered), unless stated otherwise, and raise InputError for fewer than five participants.
@@ -17,8 +16,8 @@ import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.errors import InputError, ShapeError
-from midair.study.statistics.confusion import Interval, cohen_kappa, f_measure, limits_over_people, wilson
+from midair.errors import InputError
+from midair.study.statistics.confusion import Interval, f_measure, limits_over_people, wilson
 from midair.validation import within
 
 
@@ -35,20 +34,6 @@ class Sensitivity:
     """Response bias: above 0 for a conservative observer (few "yes" or "different"); 0 if the task has none."""
     corrected: bool = False
     """Whether rates were corrected to obtain a finite d'."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ChoiceModel:
-    """Luce's choice model of a confusion matrix: P(answer j | object i) is proportional to bias_j similarity_ij."""
-
-    bias: Array
-    """Bias towards each answer, shape (answer,), sum 1."""
-    similarity: Array
-    """Shape (object, object): symmetric, 1 on the diagonal, 0 for objects that are never confused."""
-    misfit: float
-    """Likelihood ratio G^2 of the model."""
-    p: float
-    """P-value of G^2 with (m - 1)(m - 2) / 2 degrees of freedom (1 for two objects); small values reject the model."""
 
 
 def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
@@ -127,44 +112,11 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
     return Sensitivity(d_prime=d, low=np.nan, high=np.nan, criterion=k, corrected=True)
 
 
-def choice_model(counts: NDArray[Any]) -> ChoiceModel:
-    """Fit Luce's choice model to counts of shape (presented, answered); 1/2 is added to every cell if one is empty.
-
-    Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit reproduces the row sums, the column
-    sums and n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
-    """
-    data = np.asarray(counts, float)
-    if data.ndim != 2 or data.shape[0] != data.shape[1] or len(data) < 2 or data.sum() <= 0:
-        raise ShapeError(f"counts: expected a square table with answers, got shape {data.shape}")
-    filled = data + 0.5 if (data == 0).any() else data
-    fit = _quasi_symmetry(filled)
-    diagonal = np.diagonal(fit)
-    similarity = np.sqrt(fit * fit.T / np.outer(diagonal, diagonal))
-    # fit_ij / fit_ji = r_i b_j / (r_j b_i) with fit_ii = r_i b_i, hence b_j / b_i up to the common factor.
-    bias = np.exp(np.log(np.sqrt(fit / fit.T) * np.sqrt(diagonal)[None, :] / np.sqrt(diagonal)[:, None]).mean(axis=0))
-    misfit = float(2 * (filled * np.log(filled / fit)).sum())
-    free = (len(data) - 1) * (len(data) - 2) / 2
-    p = float(scipy.stats.chi2.sf(max(misfit, 0), free)) if free else 1.0
-    return ChoiceModel(bias=bias / bias.sum(), similarity=similarity, misfit=misfit, p=p)
-
-
 @cache
 def _nodes() -> tuple[Array, Array]:
     """Nodes and weights of Gauss-Hermite quadrature; cached, since they take a millisecond."""
     node, weight = np.polynomial.hermite_e.hermegauss(81)
     return node, weight
-
-
-def _quasi_symmetry(data: Array, *, sweeps: int = 2000) -> Array:
-    fit = np.ones_like(data)
-    for _ in range(sweeps):
-        before = fit
-        fit = fit * (data.sum(axis=1) / fit.sum(axis=1))[:, None]
-        fit = fit * (data.sum(axis=0) / fit.sum(axis=0))[None, :]
-        fit = fit * (data + data.T) / (fit + fit.T)
-        if np.abs(fit - before).max() < 1e-12 * data.sum():
-            break
-    return fit
 
 
 Counts = NDArray[Any]
@@ -209,21 +161,6 @@ def d_prime_limits(by_person: Counts) -> Interval:
         for one in (share.value, share.low, share.high)
     )
     return Interval(value=value, low=low, high=high, level=share.level, people=share.people)
-
-
-def kappa_limits(by_person: Counts) -> Interval:
-    """Confidence interval of Cohen's kappa.
-
-    With m objects presented and answered equally often, 1 - kappa is the share of wrong answers times m / (m - 1); the
-    number of answers is scaled accordingly.
-    """
-    often = 2 * (1 - 1 / by_person.shape[1])
-    return limits_over_people(
-        lambda counts: cohen_kappa(counts.sum(axis=0)),
-        by_person,
-        scale="correlation",
-        answers=lambda counts: often * counts.sum(),
-    )
 
 
 def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_person: Counts) -> Interval:
