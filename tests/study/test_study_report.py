@@ -6,13 +6,11 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from midair.errors import InputError
-from midair.study import Chance, analyse, confusion_matrix, data_of_columns, report_page
+from midair.study import analyse, confusion_matrix, data_of_columns, report_page
 from midair.study.findings.choice_findings import Choices
 from midair.study.study_report import (
-    chance_figure,
     confusion_figure,
     f_figure,
-    power_figure,
     rating_figure,
     study_pictures,
 )
@@ -132,12 +130,3 @@ def test_long_names_stay_apart_and_inside():
 def test_four_factors_are_too_many():
     with pytest.raises(InputError, match="one to three"):
         rating_figure(pd.DataFrame({}), ["a", "b", "c", "d"], simulated=False)
-
-
-def test_chance_and_power():
-    chance = Chance(value=0.5, distribution=np.linspace(0.2, 0.4, 100), p=0.01)
-    figure = chance_figure(chance, simulated=False)
-    assert "0.205 to 0.395" in figure.axes[0].get_xlabel()
-    curve = pd.DataFrame({"participants": np.array([3, 10]), "power": np.array([0.1, 0.8])})
-    figure = power_figure([("d_z = 1", curve)])
-    assert figure.axes[0].lines[0].get_ydata().tolist() == [0.1, 0.8]

@@ -75,7 +75,6 @@ from .statistics import Sensitivity as Sensitivity
 from .statistics import ThresholdModel as ThresholdModel
 from .statistics import bayes_factor as bayes_factor
 from .statistics import chance_macro_f as chance_macro_f
-from .statistics import chance_of_published as chance_of_published
 from .statistics import confusion_matrix as confusion_matrix
 from .statistics import d_prime_choice as d_prime_choice
 from .statistics import d_prime_same_different as d_prime_same_different
@@ -91,7 +90,6 @@ from .statistics import pairwise as pairwise
 from .statistics import participants_for as participants_for
 from .statistics import power_paired as power_paired
 from .statistics import proportion_correct as proportion_correct
-from .statistics import published_statistics as published_statistics
 from .statistics import rm_anova as rm_anova
 from .statistics import scores as scores
 from .statistics import sign_flip as sign_flip
@@ -103,8 +101,6 @@ from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
 from .stimulus_rig import stop_on_signals as stop_on_signals
 from .stimulus_rig import study_code as study_code
-from .study_report import chance_figure as chance_figure
-from .study_report import power_figure as power_figure
 from .study_report import report_json as report_json
 from .study_report import report_page as report_page
 from .study_report import report_text as report_text

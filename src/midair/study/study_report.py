@@ -15,7 +15,6 @@ from midair.errors import InputError
 from midair.figures import STYLE, Picture, label_axes, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
 from midair.study.findings import Choices, Finding, Report
-from midair.study.statistics import Chance
 from midair.study.tables import legend_of
 from midair.version import __version__
 
@@ -201,30 +200,6 @@ def rating_figure(
     if names:
         columns = max(1, min(len(names), 3, int(18 * figure.get_figwidth()) // (max(map(len, names)) + 6)))
         figure.legend(handles, names, fontsize=8, frameon=False, ncols=columns, loc="outside lower center")
-    return figure
-
-
-def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F") -> Figure:
-    """Distribution of a statistic under the null hypothesis, its middle 95 %, and the observed value."""
-    figure = new_figure(5, 2.8, simulated=simulated)
-    low, high = chance.range95
-    shaded = f"{quantity} by chance; shaded: middle 95 %, {low:.3f} to {high:.3f}"
-    axes = plain_axes(figure.add_subplot(), x=shaded, y="density")
-    axes.hist(chance.distribution, bins=40, color=STYLE.before, density=True)
-    axes.axvspan(low, high, color=STYLE.band, zorder=0)
-    axes.axvline(chance.value, color=STYLE.reproduced, linewidth=1.5)
-    return figure
-
-
-def power_figure(curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False) -> Figure:
-    """Power against the number of participants; `curves` have columns participants and power."""
-    figure = new_figure(5, 3, simulated=simulated)
-    axes = plain_axes(figure.add_subplot(), x="pairs or participants", y="power")
-    for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
-        axes.plot(table["participants"], table["power"], line, label=name, color=STYLE.reproduced)
-    axes.axhline(0.8, color=STYLE.ink, linewidth=0.8, linestyle=":")
-    axes.set_ylim(0, 1.02)
-    axes.legend(fontsize=8, frameon=False)
     return figure
 
 

@@ -51,7 +51,5 @@ from .psychometric_fit import Psychometric as Psychometric
 from .psychometric_fit import PsychometricFit as PsychometricFit
 from .psychometric_fit import fit_psychometric as fit_psychometric
 from .psychometric_fit import fit_threshold as fit_threshold
-from .published import chance_of_published as chance_of_published
-from .published import published_statistics as published_statistics
 from .threshold_model import PRIORS as PRIORS
 from .threshold_model import ThresholdModel as ThresholdModel

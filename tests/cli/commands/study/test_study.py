@@ -390,12 +390,3 @@ def test_power(capsys):
     for test, many in {"paired": 15, "identification": 3, "rating": 43, "equivalence": 15, "threshold": 23}.items():
         study("power", test, "--effect", 0.8)
         assert capsys.readouterr().out.startswith(f"{many} participants"), test
-
-
-@pytest.mark.long
-def test_paper(tmp_path, capsys):
-    study("paper", tmp_path / "figures")
-    said = capsys.readouterr().out
-    assert "p of t(2) = 1.60, two-sided: 0.2507" in said
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"paper-chance.png", "paper-power.png"}
-    assert np.all([path.read_bytes()[:4] == b"\x89PNG" for path in (tmp_path / "figures").iterdir()])

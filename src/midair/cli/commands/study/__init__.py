@@ -4,7 +4,7 @@ from cyclopts import App
 
 from midair.cli.help_text import add_command, epilogue
 
-from .planning import new_command, paper_command, power_command, withdraw_command
+from .planning import new_command, power_command, withdraw_command
 from .running import markers_command, run_command
 from .study import analyse_command, export_command
 
@@ -16,4 +16,3 @@ add_command(study_app, analyse_command, "analyse")
 add_command(study_app, export_command, "export")
 add_command(study_app, withdraw_command, "withdraw")
 add_command(study_app, power_command, "power")
-add_command(study_app, paper_command, "paper")

@@ -1,19 +1,15 @@
-"""The commands `study new`, `study withdraw`, `study power` and `study paper`."""
+"""The commands `study new`, `study withdraw` and `study power`."""
 
 import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
-from pandas import DataFrame
 
 from midair.cli.console import banner, confirmed, out, print_note, progress_bars
 from midair.cli.options import Force, Study
 from midair.errors import InputError
-from midair.figures import png_bytes
-from midair.files import read_text, write_file
-from midair.progress import report_progress
+from midair.files import read_text
 from midair.settings import Mode
 from midair.study import (
     Design,
@@ -23,14 +19,9 @@ from midair.study import (
     Template,
     balanced_latin_square,
     block_order,
-    chance_figure,
-    chance_of_published,
     participants_for,
-    power_figure,
-    power_paired,
     prepare_drives,
     prepare_media,
-    published_statistics,
     read_design,
     template_text,
     threshold_cautions,
@@ -229,35 +220,3 @@ def power_command(
     }
     many = participants_for(test, power=power, effect=effect, **further.get(test, {}))
     out().print(f"{many} participants for power {power:g} of the test {test} at an effect of {effect:g}.")
-
-
-def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
-    """Recompute the paper's published statistics, with their chance levels and power.
-
-    Parameters
-    ----------
-    output
-        Folder for two figures. [default: no figures]
-    seed
-        Random seed of the chance distribution.
-
-    Examples
-    --------
-    $ midair study paper figures
-    """
-    for row in published_statistics().to_dict("records"):
-        limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"
-        out().print(f"{row['quantity']}: {row['value']:.4f}{limits}")
-    chance = chance_of_published(rng=np.random.default_rng(seed))
-    low, high = chance.range95
-    out().print(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
-    if output is None:
-        return
-    output.mkdir(parents=True, exist_ok=True)
-    pairs = range(3, 61)
-    power = {d_z: [power_paired(n, effect=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
-    curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
-    drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
-    for name, figure in report_progress(drawn.items(), len(drawn)):
-        write_file(output / name, png_bytes(figure))
-    out().print(f"{output}: paper-chance.png, paper-power.png")
