@@ -84,7 +84,6 @@ from .statistics import f_measure as f_measure
 from .statistics import fit_psychometric as fit_psychometric
 from .statistics import holm as holm
 from .statistics import limits_over_people as limits_over_people
-from .statistics import ordinal_check as ordinal_check
 from .statistics import paired_t as paired_t
 from .statistics import pairwise as pairwise
 from .statistics import participants_for as participants_for

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from midair.errors import InputError, NonFiniteError
-from midair.study import ordinal_check, rm_anova
+from midair.study import rm_anova
 from midair.study.statistics.anova import contrasts, effects, eta_squared_limits, noncentral_t_limits
 
 HERE = Path(__file__).parent / "anova"
@@ -207,30 +207,3 @@ def test_limits_continue_to_very_large_values():
     for function, step in ((noncentral_t_limits, 1000.0), (lambda f, df: eta_squared_limits(f, 2, df), 1e6)):
         assert function(step * 1.0001, 3) == pytest.approx(function(step, 3), rel=1e-3)
     assert noncentral_t_limits(1e7, 9)[0] > 1e6
-
-
-TWO = {"value": "score", "participant": "participant"}
-
-
-@pytest.fixture
-def ratings():
-    return pd.read_csv(HERE / "two_way.csv")
-
-
-def test_only_the_order_of_each_persons_answers_counts(ratings):
-    plain = ordinal_check(ratings, **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
-    level = {who: i for i, who in enumerate(np.unique(ratings["participant"]))}
-    scale = np.array([1 + level[who] for who in ratings["participant"]])
-    bent = np.exp(ratings["score"]) * scale
-    other = ordinal_check(ratings.assign(score=bent), **TWO, within=["surface", "object"], rng=np.random.default_rng(0))
-    assert other["F"].tolist() == pytest.approx(plain["F"].tolist())
-    assert other["p_sign"].tolist() == plain["p_sign"].tolist()
-    assert plain["effect"].tolist() == ["surface", "object", "surface:object"]
-    assert plain.set_index("effect").loc["object", "p_sign"] < 0.02
-
-
-def test_two_levels_without_ties_is_a_sign_test():
-    table = {"y": [1.0, 2, 3, 5, 2, 7, 1, 8, 4, 6], "who": np.repeat(range(5), 2), "x": [0, 1] * 5}
-    row = ordinal_check(table, value="y", participant="who", within=["x"], rng=np.random.default_rng(0)).iloc[0]
-    assert row["p_sign"] == pytest.approx(2 / 2**5)
-    assert np.isnan(row["F"])  # everyone has the same ranks

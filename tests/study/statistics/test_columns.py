@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.study import ordinal_check, rm_anova
+from midair.study import rm_anova
 from midair.study.statistics.columns import cell_means, column, frame_of, levels, numbers
 
 RATINGS = {"y": [1.0, 2, 3, 4, 6, 5], "who": list("aabbcc"), "x": list("ststst")}
@@ -27,7 +27,7 @@ def test_a_frame_and_a_dict_are_the_same(table):
 
 def test_the_input_table_is_unchanged():
     table = pd.DataFrame(RATINGS)
-    ordinal_check(table, **NAMES, rng=np.random.default_rng(0))
+    rm_anova(table, **NAMES)
     pd.testing.assert_frame_equal(table, pd.DataFrame(RATINGS))
 
 

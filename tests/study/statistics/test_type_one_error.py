@@ -7,7 +7,6 @@ from midair.study import (
     chance_macro_f,
     confusion_matrix,
     equivalence,
-    ordinal_check,
     paired_t,
     rm_anova,
     sign_flip,
@@ -50,13 +49,6 @@ def anova(rng, column, effect, covariance=None):
     return table.set_index("effect").loc[effect, column]
 
 
-def ranks(rng, effect):
-    data = design(rng)
-    rated = data | {"y": np.clip(np.round(data["y"] * 1.5 + 4), 1, 7)}
-    table = ordinal_check(rated, value="y", participant="who", within=["surface", "object"], rng=rng)
-    return table.set_index("effect").loc[effect, "p_sign"]
-
-
 def macro_f(rng):
     truth = np.tile(np.repeat(OBJECTS, 4), PEOPLE)
     taste = rng.dirichlet([3, 3, 3], PEOPLE)  # bias without sensitivity
@@ -74,9 +66,6 @@ EXACT = {
     "anova, two levels": lambda rng: anova(rng, "p", "surface"),
     "anova, three levels": lambda rng: anova(rng, "p", "object"),
     "anova, interaction": lambda rng: anova(rng, "p", "surface:object"),
-    "ranks, two levels": lambda rng: ranks(rng, "surface"),
-    "ranks, three levels": lambda rng: ranks(rng, "object"),
-    "ranks, interaction": lambda rng: ranks(rng, "surface:object"),
     "macro F": macro_f,
     "anova, uneven, GG": lambda rng: anova(rng, "p_GG", "object", UNEVEN),
     "anova, uneven, HF": lambda rng: anova(rng, "p_HF", "object", UNEVEN),

@@ -20,7 +20,7 @@ from midair.study.findings.choice_findings import (
     interval_words,
     limits_words,
 )
-from midair.study.findings.rating_findings import adaptive, anova, pairs, psychometric, ranks, rating_means
+from midair.study.findings.rating_findings import adaptive, anova, pairs, psychometric, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
 
@@ -170,7 +170,6 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
-        jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
     jobs.append(lambda: question_findings(data))
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
     jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))

@@ -18,7 +18,6 @@ from midair.study.statistics import (
     holm,
     levels,
     order_rank,
-    ordinal_check,
     pairwise,
     rm_anova,
 )
@@ -61,8 +60,8 @@ def anova(data: StudyData) -> list[Finding]:
         found += f" Not testable, see the notes: {', '.join(void)}."
     words = (
         f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
-        f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the check on ranks"
-        f" does not. A missing effect in this test does not show that there is none.{left_out}"
+        f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the"
+        f" cumulative-link model of the exported R script does not. A missing effect is no proof of none.{left_out}"
     )
     main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", *SIZES, "note"])
     several = DataFrame(table.loc[table["df1"] > 1], columns=["effect", "eps_GG", "eps_HF", "p", "p_HF", "W", "p_W"])
@@ -95,28 +94,6 @@ def pairs(data: StudyData) -> list[Finding]:
     if interactions:
         words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."
     return [Finding(title="Ratings: pairwise comparisons", words=words, table=table)]
-
-
-def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
-    """Analysis of variance on ranks with sign-flip p-values."""
-    ratings, _ = complete_ratings(data)
-    table = ordinal_check(ratings, value="rating", participant="participant", within=data.within, rng=rng)
-    table["p_Holm"] = holm(table["p_sign"].to_numpy())
-    small = table["effect"][table["p_Holm"] < 0.05].tolist()
-    words = (
-        f"On ranks within each person, with a sign-flip test and Holm's correction for {len(table)} effects, p is"
-        f" below .05 for: {', '.join(small) or 'no effect'}."
-    )
-    # All signs flipped give the same statistic: no p is smaller than 2 of 2**people.
-    people = len(set(ratings["participant"]))
-    least = 2 * len(table) / 2.0**people
-    if least >= 0.05:
-        words += f" With {people} people none can be: the smallest corrected p is {min(least, 1.0):.2g}."
-    else:
-        words += " If this differs from the analysis of variance, neither result is reliable."
-    if data.between:
-        words += " Factors between people are not tested, since ranks are within each person."
-    return [Finding(title="Ratings: check on ranks", words=words, table=table)]
 
 
 def rating_means(data: StudyData) -> DataFrame | None:

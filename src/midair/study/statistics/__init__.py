@@ -1,6 +1,5 @@
 """Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
-from .anova import ordinal_check as ordinal_check
 from .anova import rm_anova as rm_anova
 from .columns import BLANK as BLANK
 from .columns import any_column as any_column

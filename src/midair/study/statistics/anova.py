@@ -1,4 +1,4 @@
-"""Repeated-measures analysis of variance, with corrections for sphericity, limits of effect sizes, a check on ranks."""
+"""Repeated-measures analysis of variance, with corrections for sphericity, limits of effect sizes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,8 +12,7 @@ from pandas import DataFrame
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels, numbers
-from midair.study.statistics.confusion import sign_flip
+from midair.study.statistics.columns import CellMeans, cell_means, column, factors, frame_of, levels
 
 
 def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
@@ -250,31 +249,3 @@ def _row(z: Array, rest: Array, groups: Groups, outer: Array, noise: float, scal
     row: dict[str, object] = {"df1": df1, "df2": df2, "F": ratio, "p": p["p"]}
     row |= {"eps_GG": round_["eps_GG"], "p_GG": p["p_GG"], "eps_HF": round_["eps_HF"], "p_HF": p["p_HF"]}
     return row | {"W": round_["W"], "p_W": round_["p_W"], **shares, "note": note}
-
-
-def ordinal_check(
-    table: DataFrame | Mapping[str, Any],
-    *,
-    value: str,
-    participant: str,
-    within: Sequence[str],
-    rng: np.random.Generator,
-) -> DataFrame:
-    """Repeat an analysis of variance on ranks, with sign-flip p-values, as columns effect, F, p_GG, p_sign.
-
-    Answers are ranked within each participant, which removes individual levels and use of the scale. The ranks are
-    analysed by `rm_anova`, which has the same arguments and errors; `sign_flip` of the contrasts adds a p-value without
-    a distributional assumption, by random flips from `rng` for more than 13 participants. If the two analyses disagree,
-    the result depends on treating ratings as interval data.
-    """
-    data = frame_of(table)
-    people, person = levels(column(data, participant))
-    ranks = numbers(data, value)
-    for index in range(len(people)):
-        ranks[person == index] = scipy.stats.rankdata(ranks[person == index])
-    ranked = data.assign(**{value: ranks})
-    result = rm_anova(ranked, value=value, participant=participant, within=within)
-    cells = cell_means(ranked, value=value, participant=participant, within=within)
-    answers = cells.mean.reshape(len(people), -1)
-    p = [sign_flip(answers @ contrasts(cells.mean.shape[1:], effect).T, rng=rng) for effect in effects(list(within))]
-    return result[["effect", "F", "p_GG"]].assign(p_sign=p)
