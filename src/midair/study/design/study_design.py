@@ -31,7 +31,7 @@ class Analysis:
     within: tuple[str, ...] = ()
     """Within-subject factors of the analysis of variance."""
     between: tuple[str, ...] = ()
-    """Between-subject factors: questions of the form, or columns with one level per participant."""
+    """Between-subject factors of the R script: questions of the form, or columns with one level per participant."""
     incomplete: Incomplete = "leave out"
     foils: UnpresentedAnswers = "wrong"
     strength: str = ""

@@ -22,8 +22,6 @@ from midair.study.statistics import (
     rm_anova,
 )
 
-SIZES = ("np2", "np2_low", "np2_high", "ges", "ges_low", "ges_high")
-
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
     """Ratings of participants with an answer in every cell, and a sentence on the others; all if the plan refuses."""
@@ -48,7 +46,7 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
 def anova(data: StudyData) -> list[Finding]:
     """Analysis of variance of the ratings, with its sphericity statistics."""
     ratings, left_out = complete_ratings(data)
-    table = rm_anova(ratings, value="rating", participant="participant", within=data.within, between=data.between)
+    table = rm_anova(ratings, value="rating", participant="participant", within=data.within)
     known = table["p_GG"].dropna()
     table["p_Holm"] = Series(holm(known.to_numpy()), known.index)
     below = table[table["p_Holm"] < 0.05]
@@ -62,8 +60,15 @@ def anova(data: StudyData) -> list[Finding]:
         f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
         f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the"
         f" cumulative-link model of the exported R script does not. A missing effect is no proof of none.{left_out}"
+        + (
+            f" Factors between people ({', '.join(data.between)}) are tested by the R script only."
+            if data.between
+            else ""
+        )
     )
-    main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", *SIZES, "note"])
+    if data.between:
+        words += f" Factors between people ({', '.join(data.between)}) are tested by the R script only."
+    main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", "np2", "ges", "note"])
     several = DataFrame(table.loc[table["df1"] > 1], columns=["effect", "eps_GG", "eps_HF", "p", "p_HF", "W", "p_W"])
     findings = [Finding(title="Ratings: analysis of variance", words=words, table=main)]
     if len(several):
@@ -78,18 +83,17 @@ def anova(data: StudyData) -> list[Finding]:
 def pairs(data: StudyData) -> list[Finding]:
     """Pairwise comparisons of the levels of each factor, and of the cells of two-way interactions that were found."""
     ratings, _ = complete_ratings(data)
-    within, between = data.within, data.between
-    effects = rm_anova(ratings, value="rating", participant="participant", within=within, between=between)
+    effects = rm_anova(ratings, value="rating", participant="participant", within=data.within)
     known = effects.loc[effects["p_GG"].notna()]
     found = known["effect"][holm(known["p_GG"].to_numpy()) < 0.05].tolist()
     interactions = [effect for effect in found if effect.count(":") == 1]
-    names = [*between, *within, *interactions]
-    table = pairwise(ratings, value="rating", participant="participant", within=within, between=between, effects=names)
+    names = [*data.within, *interactions]
+    table = pairwise(ratings, value="rating", participant="participant", within=data.within, effects=names)
     tested = np.count_nonzero(table["p_pairs"].notna())
     words = (
         f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {tested} pairs differ. Each pair is compared by t; p_pairs"
-        " is corrected for the pairs of the same effect, by Holm's method, or Tukey's for a factor between people. It"
-        " is not corrected for the number of effects: the analysis of variance is. Limits are not corrected."
+        " is corrected for the pairs of the same effect, by Holm's method, not for the number of effects: the analysis"
+        " of variance is. Limits are not corrected."
     )
     if interactions:
         words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."

@@ -41,9 +41,10 @@ class StudyData:
     other_choices: DataFrame | None = None
     """As `choices` for trials outside the comparison, such as those with real objects, with one condition name."""
     ratings: DataFrame | None = None
-    """Columns participant, rating and one per factor of `within` and `between`."""
+    """Columns participant, rating and one per factor of `within`."""
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
+    """Factors between people, which the R script tests."""
     incomplete: Incomplete = "leave out"
     foils: UnpresentedAnswers = "wrong"
     excluded: DataFrame | None = None
@@ -112,7 +113,7 @@ def data_of_answers(
     return StudyData(
         choices=_choices(scored.loc[asked & counts], analysis.condition),
         other_choices=_other_choices(scored.loc[asked & ~counts], analysis),
-        ratings=_ratings(rated, value="answer", factors=(*analysis.within, *analysis.between)) if len(rated) else None,
+        ratings=_ratings(rated, value="answer", factors=analysis.within) if len(rated) else None,
         within=analysis.within,
         between=analysis.between,
         incomplete=analysis.incomplete,
@@ -140,7 +141,6 @@ def data_of_columns(
     condition: str = "",
     rating: str = "",
     within: Sequence[str] = (),
-    between: Sequence[str] = (),
     incomplete: Incomplete = "leave out",
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
@@ -172,8 +172,8 @@ def data_of_columns(
     if rating:
         if not within:
             raise InputError("ratings: expected the factors of the analysis of variance (`within`), got none")
-        rows = _filled_rows(data, (participant, rating, *within, *between), notes)
-        ratings = _ratings(rows, participant=participant, value=rating, factors=(*within, *between))
+        rows = _filled_rows(data, (participant, rating, *within), notes)
+        ratings = _ratings(rows, participant=participant, value=rating, factors=within)
         _note_doubles(rows, participant, notes)
     if choices is None and ratings is None:
         raise InputError("columns: expected `presented` and `answered`, or `rating` and `within`, got neither")
@@ -181,7 +181,6 @@ def data_of_columns(
         choices=choices,
         ratings=ratings,
         within=tuple(within),
-        between=tuple(between),
         incomplete=incomplete,
         foils=foils,
         margin=margin,
@@ -295,7 +294,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
         people = answers.drop_duplicates("participant")
         filled = people[name].tolist() if name in design.form and name in people else []
         where = [part for part, number in many.items() if number]
-        where += ["factor between participants"] if name in design.analysis.between else []
+        where += ["factor between participants of the R script"] if name in design.analysis.between else []
         rows.append(
             {
                 "question": name,

@@ -55,7 +55,7 @@ def test_ten_simulated_participants_from_plan_to_report(done, capsys):
 
 
 @pytest.mark.long
-def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, capsys):
+def test_ratings_of_a_plan_and_of_its_table_have_the_same_analysis(tmp_path, capsys):
     text = (
         template_text("paper")
         .replace("repetitions = 4", "repetitions = 1")
@@ -68,16 +68,18 @@ def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_tabl
     study("analyse", "s", "--draws", 20, "--json")
     findings = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
     mine = findings["Ratings: analysis of variance"]["table"]
-    assert [row["effect"] for row in mine][:4] == ["hand", "surface", "object", "rated"]
-    assert "hand:surface:object:rated" in [row["effect"] for row in mine]
-    assert len(mine) == 15
-    assert (mine[0]["df1"], mine[0]["df2"]) == (2, 3)
+    assert [row["effect"] for row in mine][:3] == ["surface", "object", "rated"]
+    assert len(mine) == 7
+    assert (mine[0]["df1"], mine[0]["df2"]) == (1, 5)
+    assert (
+        "Factors between people (hand) are tested by the R script" in findings["Ratings: analysis of variance"]["words"]
+    )
     # The same from a table by the names of its columns.
     study("export", "s", "a.csv", "--format", "csv")
     table = read_csv(tmp_path / "a.csv")
     write_csv(table[table["question"].str.startswith("like") & table["scored"]], tmp_path / "r.csv")
     capsys.readouterr()
-    columns = ["--rating", "answer", "--within", "surface", "object", "rated", "--between", "hand"]
+    columns = ["--rating", "answer", "--within", "surface", "object", "rated"]
     study("analyse", "r.csv", *columns, "--draws", 20, "--json")
     findings = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
     assert findings["Ratings: analysis of variance"]["table"] == mine

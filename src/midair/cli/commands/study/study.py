@@ -46,7 +46,6 @@ def analyse_command(
     condition: str = "",
     rating: str = "",
     within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
-    between: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     incomplete: Incomplete = "leave out",
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
@@ -77,8 +76,6 @@ def analyse_command(
         Column of the ratings.
     within
         Columns of the within-subject factors of the ratings.
-    between
-        Columns of between-subject factors, such as the dominant hand.
     incomplete
         How to treat participants without a rating in every cell.
         leave out: ignore them. refuse: skip the analysis of variance.
@@ -115,7 +112,6 @@ def analyse_command(
             condition=condition,
             rating=rating,
             within=within,
-            between=between,
             incomplete=incomplete,
             foils=foils,
             margin=margin,
