@@ -33,7 +33,7 @@ LINES = {
     "patterns datasets": 1775,
     "view figures": 2100,
     "cli": 6905,
-    "study": 7625,
+    "study": 7174,
     "studio": 6130,
     "sweep": 500,
     "paper": 480,
