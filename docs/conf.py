@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
-from midair.cli.commands.solve_play import PlayOptions
+from midair.cli.commands.play import PlayOptions
 from midair.datasets import TOUCHES
 from midair.files.native.schema import HEADER, TABLE
 from midair.rig import LiveSettings, PlaySettings, RecordSettings

@@ -44,7 +44,7 @@ def names_of(module):
 def exports(module):
     """Names in ``from .x import Y as Y`` statements of a package, and those in its ``__all__``."""
     tree = ast.parse(inspect.getsource(module))
-    imported = [alias for each in tree.body if isinstance(each, ast.ImportFrom) for alias in each.names]
+    imported = [alias for each in ast.walk(tree) if isinstance(each, ast.ImportFrom) for alias in each.names]
     return [each.name for each in imported if each.name == each.asname] + list(getattr(module, "__all__", []))
 
 

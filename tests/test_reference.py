@@ -14,7 +14,7 @@ import pytest
 import midair
 from midair.cli import run
 from midair.cli.commands import COMMANDS, FOLDERS
-from midair.cli.commands.solve_play import PlayOptions
+from midair.cli.commands.play import PlayOptions
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
 
 ROOT = Path(__file__).parents[1]

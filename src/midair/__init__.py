@@ -12,11 +12,9 @@ The stages are functions of this package; the data classes that they exchange ar
 is a subpackage. Names are imported on first use, so ``import midair`` loads nothing else.
 """
 
-from functools import cache
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from midair.version import __version__ as __version__
+from midair.lazy import lazy_names
 
 if TYPE_CHECKING:
     from midair import calibration as calibration
@@ -69,31 +67,6 @@ if TYPE_CHECKING:
     from midair.settings import Settings as Settings
     from midair.solvers import solve as solve
     from midair.targets import prepare as prepare
-
-
-@cache
-def _names() -> dict[str, str]:
-    """Public names and the module that each is imported from, read from the imports above, the only list of them."""
-    import ast
-    from pathlib import Path
-
-    nodes = ast.walk(ast.parse(Path(__file__).read_text(encoding="utf-8")))
-    imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
-    return {name.asname: node.module or "" for node in imports for name in node.names if name.asname}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a name on first use and cache it."""
-    if name == "__all__":
-        return __dir__()
-    if name not in _names():
-        raise AttributeError(f"module 'midair' has no attribute {name!r}")
-    if _names()[name] == "midair":
-        return import_module(f"midair.{name}")
-    globals()[name] = getattr(import_module(_names()[name]), name)
-    return globals()[name]
-
-
-def __dir__() -> list[str]:
-    """Public names only."""
-    return sorted(_names())
+    from midair.version import __version__ as __version__
+else:
+    __getattr__, __dir__ = lazy_names(__name__)

@@ -2,7 +2,6 @@ import json
 import shutil
 from pathlib import Path
 
-import cyclopts
 import pydantic
 import pytest
 
@@ -10,21 +9,9 @@ from midair.cli import run
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _described_once():
-    """Describing the options of a command takes most of a parse: each is described once, and not for each line."""
-    describe, adapter, described, adapters = cyclopts.App.assemble_argument_collection, pydantic.TypeAdapter, {}, {}
-
-    def fresh(app, **how):
-        # Beside each stays what it is of: its `id` is of no other.
-        key = (id(app), *how.items())
-        if key not in described:
-            described[key] = describe(app, **how), app
-        first = described[key][0]
-        made = first.copy(reset_tokens=True)
-        new = {id(old): each for old, each in zip(first, made, strict=True)}
-        for each in made:
-            each.children = type(made)(new[id(child)] for child in each.children)
-        return made
+def _adapters_once():
+    """Make the adapters of types once, which takes most of a parse."""
+    adapter, adapters = pydantic.TypeAdapter, {}
 
     class Once(adapter):
         __class_getitem__ = adapter.__class_getitem__
@@ -37,7 +24,6 @@ def _described_once():
             return adapters[id(hint)][0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cyclopts.App, "assemble_argument_collection", fresh)
         patch.setattr(pydantic, "TypeAdapter", Once)
         yield
 

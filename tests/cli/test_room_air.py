@@ -45,7 +45,7 @@ def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(capsys, monk
         rooms.append(settings.exposure.room)
         raise InputError("enough")
 
-    monkeypatch.setattr("midair.cli.commands.solve_play.play", seen)
+    monkeypatch.setattr("midair.rig.play", seen)
     for words, expected in (([], UNKNOWN), (["--temperature", "40C"], TYPED)):
         assert run(["exposure", "one.drive.h5", "--json", *words]) == 0
         assert f"{json.loads(capsys.readouterr().out)['loudest_air']['temperature_c']:.0f}" in expected

@@ -1,14 +1,16 @@
 """Inputs and output of commands that compare."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.table import Table
 
+from midair import rig
 from midair.cli.console import out, print_note
 from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, ratio_text
 from midair.model import PressureFrames, Provenance, TransducerArray
-from midair.rig import KeptCalibration, Outcome, array_calibration_for, comparison_rows
 from midair.settings import Settings
 
 
@@ -18,9 +20,9 @@ def unreproduced_rows(provenance: Provenance) -> list[tuple[str, str]]:
     return [("not reproduced", str(text))] if text else []
 
 
-def stated_array_calibration(path: Path | None, device: str, settings: Settings) -> KeptCalibration | None:
+def stated_array_calibration(path: Path | None, device: str, settings: Settings) -> rig.KeptCalibration | None:
     """The calibration of a file, or by default that stored for a device; prints its age and what differs from it."""
-    kept = array_calibration_for(device, path)
+    kept = rig.array_calibration_for(device, path)
     if kept is not None:
         print_note(f"array calibration: {kept.described(settings)}")
     return kept
@@ -86,14 +88,14 @@ def print_laboratory(found: LaboratoryLoss) -> None:
     out().print(f"{OVERALL} on the cells of the moved palm, random draws; {RATIOS[OVERALL]}", style="dim")
 
 
-def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
+def print_side_by_side(outcomes: Sequence[rig.Outcome]) -> None:
     """Print the figures of several modes side by side."""
     table = Table(title="side by side" if len(outcomes) > 1 else None, title_justify="left", box=None, pad_edge=False)
     table.add_column("", overflow="fold")
     for each in outcomes:
         table.add_column(each.name, overflow="fold")
     table.add_column("unit")
-    for name, unit, *values in comparison_rows(outcomes):
+    for name, unit, *values in rig.comparison_rows(outcomes):
         table.add_row(name, *values, unit)
     out().print(table)
 

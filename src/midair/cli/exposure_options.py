@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from midair import devices, files
 from midair.cli.console import err, print_note
 from midair.cli.options import Time, quantity
-from midair.devices import Cooling, ExposureChoices
 from midair.errors import InputError
-from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Medium
 
 
@@ -44,7 +43,7 @@ def print_air(medium: Medium, *, stated: bool) -> None:
 class ExposureOptions:
     """Exposure limits for a real array or its emulator."""
 
-    profile: str = DEFAULT_PROFILE
+    profile: str = files.DEFAULT_PROFILE
     """Name of the exposure profile."""
     profiles: Path | None = None
     """TOML file of exposure profiles. [default: the profiles of midair]"""
@@ -55,10 +54,10 @@ class ExposureOptions:
     override_exposure: str | None = None
     """Play above the profile; give the name of the responsible person, which is logged."""
 
-    def choices(self, room: Medium | None = None) -> ExposureChoices:
+    def choices(self, room: Medium | None = None) -> "devices.ExposureChoices":
         """The options as one value, with the stated air of the room."""
-        return ExposureChoices(
-            profile=profile_named(self.profile, self.profiles).behind(self.ear_protection),
+        return devices.ExposureChoices(
+            profile=files.profile_named(self.profile, self.profiles).behind(self.ear_protection),
             attenuate=self.attenuate,
             override=self.override_exposure,
             room=room,
@@ -75,8 +74,8 @@ class HeatOptions:
     cooling_limit: Time = 600.0
     """Longest pause of --when-hot wait; playback then ends with status 1."""
 
-    def cooling(self) -> Cooling | None:
+    def cooling(self) -> "devices.Cooling | None":
         """Permission to wait; None to stop. Pauses are printed on stderr."""
         if self.when_hot == "stop":
             return None
-        return Cooling(limit=self.cooling_limit, report=lambda text: err().print(f"midair: {text}"))
+        return devices.Cooling(limit=self.cooling_limit, report=lambda text: err().print(f"midair: {text}"))

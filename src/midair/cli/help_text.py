@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from inspect import cleandoc
 from textwrap import wrap
 from types import MappingProxyType
 from typing import Any
 
-from cyclopts import App, Group
+from cyclopts import App, ArgumentCollection, Group
 
 _NAMES = ("Get started", "Record", "Edit", "Calibrate", "Reproduce", "Evaluate", "Research", "Help")
 GROUPS: Mapping[str, Group] = MappingProxyType({name: Group(name, sort_key=at) for at, name in enumerate(_NAMES)})
@@ -22,11 +23,11 @@ def add_command(app: App, command: Callable[..., Any], name: str, *, group: str 
     placed: Any = {} if group is None else {"group": GROUPS[group]}
     # In the order of the calls, not alphabetical.
     order = len(tuple(app))
-    app.command(command, name=name, sort_key=order, help_epilogue=epilogue(examples_of(command)), **placed)
+    app.command(app_of_command(command, name, sort_key=order, **placed))
 
 
 class _Imported(App):
-    """A command whose help comes from its own docstring, not from the app that it is added to."""
+    """A command whose help comes from its own docstring, and whose options are described once."""
 
     @property
     def help(self) -> str:
@@ -36,10 +37,25 @@ class _Imported(App):
     def help(self, value: str) -> None:
         del value
 
+    @cached_property
+    def _described(self) -> dict[bool, ArgumentCollection]:
+        return {}
 
-def app_of_command(command: Callable[..., Any], name: str) -> App:
+    def assemble_argument_collection(self, *, parse_docstring: bool = False, **how: Any) -> ArgumentCollection:
+        """Describe the options once, since that is slow and cyclopts asks up to three times for a line."""
+        if parse_docstring not in self._described:
+            made = super().assemble_argument_collection(parse_docstring=parse_docstring, **how)
+            self._described[parse_docstring] = made
+        first = self._described[parse_docstring]
+        copies = {id(old): new for old, new in zip(first, first.copy(reset_tokens=True), strict=True)}
+        for new in copies.values():
+            new.children = ArgumentCollection(copies[id(child)] for child in new.children)
+        return ArgumentCollection(copies.values())
+
+
+def app_of_command(command: Callable[..., Any], name: str, **placed: Any) -> App:
     """The app of a command that is added to another app by its import path."""
-    made = _Imported(name=name, help_epilogue=epilogue(examples_of(command)))
+    made = _Imported(name=name, help_epilogue=epilogue(examples_of(command)), **placed)
     made.default(command)
     return made
 

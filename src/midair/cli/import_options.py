@@ -10,10 +10,10 @@ from typing import Annotated, Any, get_args
 import numpy as np
 from cyclopts import Parameter, Token
 
+from midair import files
 from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
 from midair.cli.options import format_quantity, options_from, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
-from midair.files import ImportOptions, OpenedTake, open_take
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample
 
@@ -80,7 +80,7 @@ def channel_numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, 
     return tuple(int(name) for name in names)
 
 
-@options_from(ImportOptions, "rate", "unit", "scale", "stream", "packed")
+@options_from(files.ImportOptions, "rate", "unit", "scale", "stream", "packed")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
     """Properties that the file does not state."""
@@ -113,13 +113,13 @@ _TYPED: Mapping[str, str] = MappingProxyType(
 """Options for parameters of `open_take` that errors advise to give."""
 
 
-def import_recording(file: File, options: FileOptions, *, mending: Mending | None = None) -> OpenedTake:
+def import_recording(file: File, options: FileOptions, *, mending: Mending | None = None) -> files.OpenedTake:
     """The recording in a file and the assumptions made."""
     try:
-        shared = [field.name for field in fields(ImportOptions) if hasattr(options, field.name)]
+        shared = [field.name for field in fields(files.ImportOptions) if hasattr(options, field.name)]
         facts = {name: getattr(options, name) for name in shared}
         layout = None if options.footprint else options.layout
-        taken = open_take(file, **facts, sensor=layout, mending=mending)
+        taken = files.open_take(file, **facts, sensor=layout, mending=mending)
         recording, report = taken.recording, taken.report
         if options.resample is not None:
             recording = resampled(recording, options.resample)
@@ -127,7 +127,7 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
             recording, more = _field(recording, options, options.footprint)
             report = (*report, *more)
         if options.footprint is not None or options.resample is not None:
-            return OpenedTake(recording=recording, report=report)
+            return files.OpenedTake(recording=recording, report=report)
         return replace(taken, recording=recording, report=report)
     except InputError as wrong:
         raise type(wrong)(wrong.message(_TYPED)) from wrong

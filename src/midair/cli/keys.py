@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self, TextIO
 
-from midair.rig import END_SIGNALS, handle_signals
+from midair import rig
 
 
 class Keys:
@@ -76,5 +76,5 @@ class Signals:
 def signals_noted() -> Generator[Signals]:
     """Note Ctrl-C, termination requests and a lost terminal instead of ending the program."""
     signals = Signals()
-    with handle_signals((signal.SIGINT, *END_SIGNALS), signals.catch):
+    with rig.handle_signals((signal.SIGINT, *rig.END_SIGNALS), signals.catch):
         yield signals

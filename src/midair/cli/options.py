@@ -28,11 +28,10 @@ from typing import (
 
 from cyclopts import Parameter, Token
 
+from midair import files
 from midair.errors import InputError
-from midair.files import load_palm, load_solution
 from midair.model import HEIGHTS, Palm
-from midair.rig import TransducerSpread
-from midair.settings import CHOICES, MODES, Choice, Mode, Settings, format_value
+from midair.settings import CHOICES, MODES, Choice, Mode, Settings, TransducerSpread, format_value
 from midair.solvers import QuietPalm
 from midair.validation import Declared
 
@@ -240,7 +239,7 @@ class _SettingsOptions:
         if (palm := getattr(self, "palm", None)) is not None:
             for term in made.solver.quiet:
                 if isinstance(term, QuietPalm):
-                    made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=term.weight))
+                    made = made.but(quiet_palm=QuietPalm.under(files.load_palm(palm), weight=term.weight))
         made.solver.check()
         if made.solver.jobs is None:
             made = made.but(jobs=_cores())
@@ -254,7 +253,7 @@ class _SettingsOptions:
     def outline(self) -> Palm:
         """The palm for the evaluation; default: a disc of 85 mm."""
         palm = getattr(self, "palm", None)
-        return Palm.disc() if palm is None else load_palm(palm)
+        return Palm.disc() if palm is None else files.load_palm(palm)
 
     def typed(self) -> list[str]:
         """Command-line arguments that select the same settings."""
@@ -292,7 +291,7 @@ def _cores() -> int:
 def _settings_of_file(path: Path) -> Settings:
     if not path.name.lower().endswith(".h5"):
         return Settings.load(path)
-    found = Settings.of(load_solution(path, streamed=True).drive.provenance)
+    found = Settings.of(files.load_solution(path, streamed=True).drive.provenance)
     if found is None:
         raise InputError(f"{path}: expected a drive with stored settings, got one without (written by an older midair)")
     return found

@@ -1,6 +1,8 @@
 """Output of the commands: writing recordings, rows and JSON values of recordings, calibrations and drives."""
 
-from collections.abc import Generator, Iterable
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import singledispatch
 from hashlib import sha256
@@ -9,13 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from midair import files
 from midair.cli.console import banner, out, print_json, print_note, print_rows
 from midair.cli.options import format_quantity
 from midair.errors import InputError
 from midair.evaluate import SolveError, error_by_energy
-from midair.files import FormatLoss, check_not_recording, load_solution, load_target, lock_or_raise, writable_path
 from midair.headroom import PressureLevel, band_of, level_of
-from midair.model import AmplitudeFrames, ArrayCalibration, Calibration, PressureFrames, Recording, SensorGrid, Solution
+from midair.model import (
+    AmplitudeFrames,
+    ArrayCalibration,
+    Calibration,
+    PressureFrames,
+    Provenance,
+    Recording,
+    SensorGrid,
+    Setting,
+    Solution,
+)
 from midair.recordings import dead_channels
 from midair.streaming import blocks
 from midair.table import Line, Row, plain, printed
@@ -35,7 +47,7 @@ def print_table(
     json: bool,
     simulated: bool | None = None,
     notes: Iterable[str] | None = None,
-    lost: Iterable[FormatLoss] = (),
+    lost: Iterable[files.FormatLoss] = (),
 ) -> None:
     """Print a table, or its values as JSON; `notes` and `lost`, if given, and `simulated` unless it is None."""
     if json:
@@ -56,10 +68,10 @@ def may_write(path: Path, force: bool, *endings: str) -> None:
     """Refuse an output before the work: wrong ending, missing folder, existing file, recording in progress."""
     if endings and not path.name.lower().endswith(endings):
         raise InputError(f"{path}: expected a name that ends in {' or '.join(endings)}")
-    writable_path(path)
+    files.writable_path(path)
     if path.exists() and not force:
         raise InputError(f"{path}: already exists; give another name, or --force to overwrite it")
-    check_not_recording(path)
+    files.check_not_recording(path)
 
 
 def parameter_values(given: Iterable[str]) -> dict[str, float]:
@@ -85,9 +97,25 @@ def reserved(path: Path) -> Generator[None]:
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             handle = held.enter_context(lock.open("w"))
-            lock_or_raise(handle.fileno(), f"{path}: another program computes this file; wait for it, or name another")
+            files.lock_or_raise(
+                handle.fileno(), f"{path}: another program computes this file; wait for it, or name another"
+            )
             held.callback(lock.unlink, missing_ok=True)
         yield
+
+
+def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
+    """First frame, frames, duration and speed (m/s, None if unknown) of each stroke of a recording."""
+    steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
+    frames: Any = steps.get("events", {}).get("strokes", ())
+    speeds: Any = steps.get("stage", {}).get("speed_m_s", ())
+    lines: list[Line] = []
+    strokes: list[dict[str, Any]] = []
+    for (first, count), speed in zip(frames, speeds, strict=False):
+        strokes.append({"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed})
+        text = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
+        lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {text}"))
+    return [*lines, {"strokes": strokes}]
 
 
 @singledispatch
@@ -133,10 +161,10 @@ def calibration_row(calibration: Calibration | None, *, hidden: bool = False) ->
 
 def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
     """Pressure level of the drive in a file, as `level_of`; None if the file has no target."""
-    target = load_target(source, streamed=True)
+    target = files.load_target(source, streamed=True)
     if target is None:
         return None
-    return level_of(load_solution(source, streamed=True), target, band=band_of(target), limits=limits)
+    return level_of(files.load_solution(source, streamed=True), target, band=band_of(target), limits=limits)
 
 
 def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:

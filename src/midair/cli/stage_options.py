@@ -1,21 +1,18 @@
 """A motion stage that moves the object: options of `record`, its plan in words, its strokes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from midair import devices, files, rig
 from midair.cli.console import err
 from midair.cli.options import quantity
-from midair.devices import GrblStage
 from midair.errors import InputError
-from midair.files import load_stage
-from midair.model import Provenance, Setting, StageSetup
-from midair.rig import StageStroke, move_to_start, stage_named
-from midair.table import Line
+from midair.model import Setting, StageSetup
 
 Stopped = Callable[[], bool]
 
@@ -42,22 +39,22 @@ class StageOptions:
             return None
         if self.stroke is None or speed is None or speed <= 0:
             raise InputError("--stage: expected --stroke and --speed, such as --stroke 120mm --speed 50mm/s")
-        setup = load_stage(self.stage_file)
+        setup = files.load_stage(self.stage_file)
         setup.check(self.stroke)
-        return Drawing(stage=stage_named(self.stage), setup=setup, stroke=self.stroke, speed=speed, home=self.home)
+        return Drawing(stage=rig.stage_named(self.stage), setup=setup, stroke=self.stroke, speed=speed, home=self.home)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawing(AbstractContextManager[GrblStage]):
+class Drawing(AbstractContextManager[devices.GrblStage]):
     """Strokes of a motion stage, which is open inside the block; lengths in m, speed in m/s."""
 
-    stage: GrblStage
+    stage: devices.GrblStage
     setup: StageSetup
     stroke: float
     speed: float
     home: bool
 
-    def __enter__(self) -> GrblStage:
+    def __enter__(self) -> "devices.GrblStage":
         return self.stage.__enter__()
 
     def __exit__(self, *error: object) -> None:
@@ -110,24 +107,10 @@ class Drawing(AbstractContextManager[GrblStage]):
     def to_start(self, stopped: Stopped) -> None:
         """Move to the start of a stroke; KeyboardInterrupt if stopped on the way."""
         here = self.stage.ready(homing=self.setup.homing == "switches").position
-        if not move_to_start(self.stage, self.setup, here, stopped):
+        if not rig.move_to_start(self.stage, self.setup, here, stopped):
             err().print(self.stands)
             raise KeyboardInterrupt
 
-    def companion(self, stopped: Stopped) -> StageStroke:
+    def companion(self, stopped: Stopped) -> "rig.StageStroke":
         """The stroke that runs during a take."""
-        return StageStroke(self.stage, self.setup, stroke=self.stroke, speed=self.speed, stopped=stopped)
-
-
-def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
-    """First frame, frames, duration and speed (m/s, None if unknown) of each stroke of a recording."""
-    steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
-    frames: Any = steps.get("events", {}).get("strokes", ())
-    speeds: Any = steps.get("stage", {}).get("speed_m_s", ())
-    lines: list[Line] = []
-    strokes: list[dict[str, Any]] = []
-    for (first, count), speed in zip(frames, speeds, strict=False):
-        strokes.append({"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed})
-        text = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
-        lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {text}"))
-    return [*lines, {"strokes": strokes}]
+        return rig.StageStroke(self.stage, self.setup, stroke=self.stroke, speed=self.speed, stopped=stopped)

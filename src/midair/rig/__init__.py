@@ -1,131 +1,137 @@
 """Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
-from .bench import PLACES as PLACES
-from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
-from .bench import ArraySession as ArraySession
-from .bench import Identity as Identity
-from .bench import ReferenceChoice as ReferenceChoice
-from .bench import TapTest as TapTest
-from .bench import assignment_problems as assignment_problems
-from .bench import calibrate_array as calibrate_array
-from .bench import calibrate_by_beam as calibrate_by_beam
-from .bench import calibrate_tracker as calibrate_tracker
-from .bench import calibration_rows as calibration_rows
-from .bench import check_array_calibration as check_array_calibration
-from .bench import check_page_name as check_page_name
-from .bench import describe_uncertainty as describe_uncertainty
-from .bench import identify_by_taps as identify_by_taps
-from .bench import identify_by_tones as identify_by_tones
-from .bench import read_silence as read_silence
-from .bench import read_takes as read_takes
-from .bench import write_calibration_page as write_calibration_page
-from .bench import write_practice_recordings as write_practice_recordings
-from .correction import FIELD_TITLE as FIELD_TITLE
-from .correction import PALM_TITLE as PALM_TITLE
-from .correction import BudgetPlan as BudgetPlan
-from .correction import DriveRerecording as DriveRerecording
-from .correction import LevelTrade as LevelTrade
-from .correction import Loop as Loop
-from .correction import Outcome as Outcome
-from .correction import PlayedPair as PlayedPair
-from .correction import Stage as Stage
-from .correction import aligned_pair as aligned_pair
-from .correction import band_power_share as band_power_share
-from .correction import check_passes as check_passes
-from .correction import comparison_rows as comparison_rows
-from .correction import error_budget as error_budget
-from .correction import laboratory_of_loop as laboratory_of_loop
-from .correction import level_trade as level_trade
-from .correction import loop as loop
-from .correction import metrics_of_loop as metrics_of_loop
-from .correction import next_step as next_step
-from .correction import no_progress as no_progress
-from .correction import original_of_drive as original_of_drive
-from .correction import palm_frames_of_drive as palm_frames_of_drive
-from .correction import palm_of_drive as palm_of_drive
-from .correction import palm_of_loop as palm_of_loop
-from .correction import rerecord_drive as rerecord_drive
-from .correction import summarise_outcomes as summarise_outcomes
-from .correction import view_of_loop as view_of_loop
-from .correction import write_report as write_report
-from .doctor import checkup_line as checkup_line
-from .doctor import readiness as readiness
-from .doctor import run_checks as run_checks
-from .doctor import run_wizard as run_wizard
-from .doctor import store_checkup as store_checkup
-from .live_touch import FRAME_EMITTED as FRAME_EMITTED
-from .live_touch import FRAME_LATE as FRAME_LATE
-from .live_touch import FRAME_REPEATED as FRAME_REPEATED
-from .live_touch import LiveMapping as LiveMapping
-from .live_touch import LiveSession as LiveSession
-from .live_touch import LiveSettings as LiveSettings
-from .live_touch import LiveStatistics as LiveStatistics
-from .live_touch import LiveTake as LiveTake
-from .live_touch import LoopStarted as LoopStarted
-from .live_touch import SensorRate as SensorRate
-from .live_touch import live as live
-from .live_touch import live_clearance as live_clearance
-from .live_touch import request_realtime as request_realtime
-from .live_touch import streamed as streamed
-from .names import KeptCalibration as KeptCalibration
-from .names import TransducerSpread as TransducerSpread
-from .names import VirtualRig as VirtualRig
-from .names import array_calibration_for as array_calibration_for
-from .names import array_named as array_named
-from .names import keep_array_calibration as keep_array_calibration
-from .names import keep_array_check as keep_array_check
-from .names import kept_array_calibration as kept_array_calibration
-from .names import open_tracker as open_tracker
-from .names import sensor_named as sensor_named
-from .names import stage_named as stage_named
-from .names import transducers_of as transducers_of
-from .opening import OpenRig as OpenRig
-from .opening import open_rig as open_rig
-from .play_lease import LeaseToken as LeaseToken
-from .play_lease import PlayLease as PlayLease
-from .play_lease import under_lease as under_lease
-from .playing import FollowRules as FollowRules
-from .playing import PlaySettings as PlaySettings
-from .playing import SolvedAhead as SolvedAhead
-from .playing import check_air as check_air
-from .playing import clear_followed as clear_followed
-from .playing import correct_air_of_file as correct_air_of_file
-from .playing import default_exposure as default_exposure
-from .playing import follow_as_set as follow_as_set
-from .playing import follow_simulated as follow_simulated
-from .playing import grid_of as grid_of
-from .playing import immediate_array as immediate_array
-from .playing import play_cleared as play_cleared
-from .playing import play_followed as play_followed
-from .playing import rerecord as rerecord
-from .playing import tracker_name as tracker_name
-from .prepare import pressure_of as pressure_of
-from .prepare import pressure_to_solve as pressure_to_solve
-from .prepare import solve_to_file as solve_to_file
-from .recorder import record as record
-from .remote import FramePlayer as FramePlayer
-from .remote import serve as serve
-from .remote import serve_adaptics as serve_adaptics
-from .session import Played as Played
-from .session import PlayObserver as PlayObserver
-from .session import play as play
-from .session import play_pressure as play_pressure
-from .signals import END_SIGNALS as END_SIGNALS
-from .signals import handle_signals as handle_signals
-from .signals import signals_end_the_program as signals_end_the_program
-from .takes import Companion as Companion
-from .takes import Drift as Drift
-from .takes import Levels as Levels
-from .takes import RecordSettings as RecordSettings
-from .takes import StageStroke as StageStroke
-from .takes import Subject as Subject
-from .takes import Take as Take
-from .takes import TakeOrder as TakeOrder
-from .takes import View as View
-from .takes import event_message as event_message
-from .takes import last_subject as last_subject
-from .takes import move_to_start as move_to_start
-from .takes import record_take as record_take
-from .takes import store_subject as store_subject
-from .takes import take_path as take_path
-from .takes import take_problems as take_problems
+from typing import TYPE_CHECKING
+
+from midair.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from .bench import PLACES as PLACES
+    from .bench import PRACTICE_RECORDINGS as PRACTICE_RECORDINGS
+    from .bench import ArraySession as ArraySession
+    from .bench import Identity as Identity
+    from .bench import ReferenceChoice as ReferenceChoice
+    from .bench import TapTest as TapTest
+    from .bench import assignment_problems as assignment_problems
+    from .bench import calibrate_array as calibrate_array
+    from .bench import calibrate_by_beam as calibrate_by_beam
+    from .bench import calibrate_tracker as calibrate_tracker
+    from .bench import calibration_rows as calibration_rows
+    from .bench import check_array_calibration as check_array_calibration
+    from .bench import check_page_name as check_page_name
+    from .bench import describe_uncertainty as describe_uncertainty
+    from .bench import identify_by_taps as identify_by_taps
+    from .bench import identify_by_tones as identify_by_tones
+    from .bench import read_silence as read_silence
+    from .bench import read_takes as read_takes
+    from .bench import write_calibration_page as write_calibration_page
+    from .bench import write_practice_recordings as write_practice_recordings
+    from .correction import FIELD_TITLE as FIELD_TITLE
+    from .correction import PALM_TITLE as PALM_TITLE
+    from .correction import BudgetPlan as BudgetPlan
+    from .correction import DriveRerecording as DriveRerecording
+    from .correction import LevelTrade as LevelTrade
+    from .correction import Loop as Loop
+    from .correction import Outcome as Outcome
+    from .correction import PlayedPair as PlayedPair
+    from .correction import Stage as Stage
+    from .correction import aligned_pair as aligned_pair
+    from .correction import band_power_share as band_power_share
+    from .correction import check_passes as check_passes
+    from .correction import comparison_rows as comparison_rows
+    from .correction import error_budget as error_budget
+    from .correction import laboratory_of_loop as laboratory_of_loop
+    from .correction import level_trade as level_trade
+    from .correction import loop as loop
+    from .correction import metrics_of_loop as metrics_of_loop
+    from .correction import next_step as next_step
+    from .correction import no_progress as no_progress
+    from .correction import original_of_drive as original_of_drive
+    from .correction import palm_frames_of_drive as palm_frames_of_drive
+    from .correction import palm_of_drive as palm_of_drive
+    from .correction import palm_of_loop as palm_of_loop
+    from .correction import rerecord_drive as rerecord_drive
+    from .correction import summarise_outcomes as summarise_outcomes
+    from .correction import view_of_loop as view_of_loop
+    from .correction import write_report as write_report
+    from .doctor import checkup_line as checkup_line
+    from .doctor import readiness as readiness
+    from .doctor import run_checks as run_checks
+    from .doctor import run_wizard as run_wizard
+    from .doctor import store_checkup as store_checkup
+    from .live_touch import FRAME_EMITTED as FRAME_EMITTED
+    from .live_touch import FRAME_LATE as FRAME_LATE
+    from .live_touch import FRAME_REPEATED as FRAME_REPEATED
+    from .live_touch import LiveMapping as LiveMapping
+    from .live_touch import LiveSession as LiveSession
+    from .live_touch import LiveSettings as LiveSettings
+    from .live_touch import LiveStatistics as LiveStatistics
+    from .live_touch import LiveTake as LiveTake
+    from .live_touch import LoopStarted as LoopStarted
+    from .live_touch import SensorRate as SensorRate
+    from .live_touch import live as live
+    from .live_touch import live_clearance as live_clearance
+    from .live_touch import request_realtime as request_realtime
+    from .live_touch import streamed as streamed
+    from .names import KeptCalibration as KeptCalibration
+    from .names import VirtualRig as VirtualRig
+    from .names import array_calibration_for as array_calibration_for
+    from .names import array_named as array_named
+    from .names import keep_array_calibration as keep_array_calibration
+    from .names import keep_array_check as keep_array_check
+    from .names import kept_array_calibration as kept_array_calibration
+    from .names import open_tracker as open_tracker
+    from .names import sensor_named as sensor_named
+    from .names import stage_named as stage_named
+    from .names import transducers_of as transducers_of
+    from .opening import OpenRig as OpenRig
+    from .opening import open_rig as open_rig
+    from .play_lease import LeaseToken as LeaseToken
+    from .play_lease import PlayLease as PlayLease
+    from .play_lease import under_lease as under_lease
+    from .playing import FollowRules as FollowRules
+    from .playing import PlaySettings as PlaySettings
+    from .playing import SolvedAhead as SolvedAhead
+    from .playing import check_air as check_air
+    from .playing import clear_followed as clear_followed
+    from .playing import correct_air_of_file as correct_air_of_file
+    from .playing import default_exposure as default_exposure
+    from .playing import follow_as_set as follow_as_set
+    from .playing import follow_simulated as follow_simulated
+    from .playing import grid_of as grid_of
+    from .playing import immediate_array as immediate_array
+    from .playing import play_cleared as play_cleared
+    from .playing import play_followed as play_followed
+    from .playing import rerecord as rerecord
+    from .playing import tracker_name as tracker_name
+    from .prepare import pressure_of as pressure_of
+    from .prepare import pressure_to_solve as pressure_to_solve
+    from .prepare import solve_to_file as solve_to_file
+    from .recorder import record as record
+    from .remote import FramePlayer as FramePlayer
+    from .remote import serve as serve
+    from .remote import serve_adaptics as serve_adaptics
+    from .session import Played as Played
+    from .session import PlayObserver as PlayObserver
+    from .session import play as play
+    from .session import play_pressure as play_pressure
+    from .signals import END_SIGNALS as END_SIGNALS
+    from .signals import handle_signals as handle_signals
+    from .signals import signals_end_the_program as signals_end_the_program
+    from .takes import Companion as Companion
+    from .takes import Drift as Drift
+    from .takes import Levels as Levels
+    from .takes import RecordSettings as RecordSettings
+    from .takes import StageStroke as StageStroke
+    from .takes import Subject as Subject
+    from .takes import Take as Take
+    from .takes import TakeOrder as TakeOrder
+    from .takes import View as View
+    from .takes import event_message as event_message
+    from .takes import last_subject as last_subject
+    from .takes import move_to_start as move_to_start
+    from .takes import record_take as record_take
+    from .takes import store_subject as store_subject
+    from .takes import take_path as take_path
+    from .takes import take_problems as take_problems
+else:
+    __getattr__, __dir__ = lazy_names(__name__)

@@ -16,6 +16,7 @@ from .settings import CompensationSettings as CompensationSettings
 from .settings import Mode as Mode
 from .settings import Settings as Settings
 from .settings import TargetSettings as TargetSettings
+from .settings import TransducerSpread as TransducerSpread
 from .settings import best_mode as best_mode
 from .settings import finest_mode as finest_mode
 from .settings import paper_mode as paper_mode

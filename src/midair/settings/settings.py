@@ -237,6 +237,9 @@ def _nested(flat: Mapping[str, Setting]) -> dict[str, Any]:
     return nested
 
 
+TransducerSpread = Literal["default", "boards", "data-sheets"]
+"""Names of the differences between virtual transducers: of midair, of published boards, limits of data sheets."""
+
 Mode = Literal["paper", "best", "quick", "finest", "quiet"]
 """Names: the paper's settings; the default; best with fewer iterations; best with a quiet palm; under a stated level at
 the ears.

@@ -21,7 +21,6 @@ GROUPED: Mapping[str, Sequence[str]] = {
 _SHARED = {
     "edit": ("cut", "trim", "join", "gain", "fade", "mask", "resample"),
     "import_export": ("import", "mend", "export", "repair"),
-    "solve_play": ("solve", "play"),
 }
 """Modules of several commands; others have the name of their command."""
 

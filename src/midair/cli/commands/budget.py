@@ -6,6 +6,7 @@ from typing import Any, cast
 
 from rich.table import Table
 
+from midair import devices, files, rig
 from midair.cli.comparisons import print_laboratory, print_palm, print_ratios, with_array_calibration
 from midair.cli.console import banner, out, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
@@ -22,13 +23,10 @@ from midair.cli.options import (
     parse_quantity,
 )
 from midair.cli.output import may_write
-from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.evaluate import FELT_BANDS, Budget
 from midair.figures import budget_figure, png_bytes
-from midair.files import load_array_calibration, load_laboratory, open_take, write_file
 from midair.pipeline import required_lead
-from midair.rig import BudgetPlan, LevelTrade, VirtualRig, band_power_share, error_budget, level_trade, pressure_of
 
 
 def budget_command(
@@ -39,7 +37,7 @@ def budget_command(
     options: SolveOptions | None = None,
     start_at: StartAt = 0.0,
     duration: PartLength = None,
-    silencer: SilencerChoice = "off",
+    silencer: devices.SilencerChoice = "off",
     lead: Lead = None,
     lab: Path | None = None,
     array_calibration: ArrayCalibration = None,
@@ -81,21 +79,21 @@ def budget_command(
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)
-    original = pressure_of(source, settings, start_at, duration)
+    original = rig.pressure_of(source, settings, start_at, duration)
     band = settings.calibration.band
     height = settings.target.grid.height
-    virtual = VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)
+    virtual = rig.VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)
     measured, settings, original = with_array_calibration(array_calibration, virtual.array, settings, original)
     stated = array_calibration is not None and str(array_calibration) != "none"
-    known = load_array_calibration(array_calibration) if stated and array_calibration else None
-    plan = BudgetPlan(
+    known = files.load_array_calibration(array_calibration) if stated and array_calibration else None
+    plan = rig.BudgetPlan(
         settings=settings,
         rig=virtual,
         measured=None if measured is virtual.array else measured,
         silencer=silencer,
         palm=options.outline(),
         lead=required_lead(settings) if lead is None else lead,
-        laboratory=None if lab is None else load_laboratory(lab),
+        laboratory=None if lab is None else files.load_laboratory(lab),
         calibration=known,
         seed=seed,
     )
@@ -103,12 +101,14 @@ def budget_command(
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     if levels:
         with progress_bars() as stage:
-            rows = list(level_trade(original, plan, levels, stage=stage))
+            rows = list(rig.level_trade(original, plan, levels, stage=stage))
         return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
     with progress_bars() as stage:
-        made = error_budget(original, plan, kept=band_power_share(open_take(source).recording, band), stage=stage)
+        made = rig.error_budget(
+            original, plan, kept=rig.band_power_share(files.open_take(source).recording, band), stage=stage
+        )
     if figure is not None:
-        write_file(figure, png_bytes(budget_figure([(source.name, made)])))
+        files.write_file(figure, png_bytes(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
     print_budget(f"distortion of each stage, {source.name}", made)
@@ -123,7 +123,7 @@ def _levels(trade: str | None) -> list[float]:
         raise InputError(f"--trade: {wrong}") from None
 
 
-def print_trade(name: str, rows: list[LevelTrade]) -> None:
+def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
     """Print a row for each level at the ears."""
     table = Table(title=f"under a level at the ears, {name}", title_justify="left", box=None, pad_edge=False)
     for head in ("ears at most", "palm", "over threshold", "in", "touched cells", "ears", "bystander", "unlike"):

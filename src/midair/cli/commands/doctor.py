@@ -7,13 +7,12 @@ from pathlib import Path
 
 from rich.table import Table
 
+from midair import files, rig
 from midair.cli.console import banner, err, out, print_json, print_note, print_rows
 from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.options import Json, Length, Placement
 from midair.errors import InputError
-from midair.files import Laboratory, load_placement, save_laboratory
 from midair.model import HEIGHT
-from midair.rig import VirtualRig, array_named, readiness, run_checks, run_wizard, sensor_named, store_checkup
 
 
 def doctor_command(
@@ -66,7 +65,7 @@ def doctor_command(
     if lab is not None:
         if lab.exists():
             raise InputError(f"--lab: expected a new file, got {lab}, which exists; delete it first or name another")
-        save_laboratory(Laboratory(), lab)
+        files.save_laboratory(files.Laboratory(), lab)
         print_rows([("laboratory", f"{lab}; replace what you know better, then midair budget take.h5 --lab {lab}")])
         return 0
     if not wizard and (sensor or yes or placement or air or exposure or height != HEIGHT):
@@ -74,16 +73,19 @@ def doctor_command(
             "--sensor, --height, --yes and options of placement, air and exposure: expected --wizard, got none"
         )
     if not wizard:
-        findings = run_checks(device)
+        findings = rig.run_checks(device)
     elif device is None:
         raise InputError("--wizard: expected --device with an array, got none")
     else:
         choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
-        array = array_named(device, None if placement is None else load_placement(placement), silencer="off")
-        with array, nullcontext() if sensor is None else sensor_named(sensor, VirtualRig(height=height)) as above:
+        array = rig.array_named(device, None if placement is None else files.load_placement(placement), silencer="off")
+        with (
+            array,
+            nullcontext() if sensor is None else rig.sensor_named(sensor, rig.VirtualRig(height=height)) as above,
+        ):
             banner(array.simulated)
-            findings = run_wizard(array, (lambda _: None) if yes else _ask, choices, sensor=above, height=height)
-        print_note(f"report stored: {store_checkup(array.name, findings)}")
+            findings = rig.run_wizard(array, (lambda _: None) if yes else _ask, choices, sensor=above, height=height)
+        print_note(f"report stored: {rig.store_checkup(array.name, findings)}")
     if json:
         print_json([asdict(finding) for finding in findings])
     else:
@@ -94,7 +96,7 @@ def doctor_command(
             table.add_row(finding.subject, finding.state, finding.found, finding.advice)
         out().print(table)
         if not wizard:
-            out().print(readiness(findings))
+            out().print(rig.readiness(findings))
     return int(any(finding.state == "broken" for finding in findings))
 
 

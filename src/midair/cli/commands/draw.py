@@ -5,14 +5,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from midair import files, rig
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
 from midair.cli.output import as_recording, may_write, parameter_values, print_table, reserved
-from midair.files import load_placement, load_solution, load_target, save
 from midair.model import Calibration, Medium
 from midair.patterns import draw_file, load_pattern, wanted_pressure
-from midair.rig import array_calibration_for, transducers_of
 from midair.table import Line, Row
 
 
@@ -68,17 +67,17 @@ def draw_command(
     values = parameter_values(parameter)
     pattern = load_pattern(source, values, pressure=pressure)
     foci = pattern.foci(duration)
-    transducers = transducers_of(device, None if placement is None else load_placement(placement))
-    known = array_calibration_for(device, array_calibration)
+    transducers = rig.transducers_of(device, None if placement is None else files.load_placement(placement))
+    known = rig.array_calibration_for(device, array_calibration)
     transducers = transducers if known is None else known.known.applied(transducers)
     room = (air or AirOptions()).medium()
     print_air(medium := room or Medium.at(), stated=room is not None)
     with reserved(target), progress_bars() as stage:
         used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))
-    solution, stored = load_solution(target, streamed=True), load_target(target, streamed=True)
+    solution, stored = files.load_solution(target, streamed=True), files.load_target(target, streamed=True)
     if wanted is not None and stored is not None:
         cells = wanted_pressure(stored, medium)
-        save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
+        files.save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
     seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
     count, error = foci.pressure.shape[1], float(solution.error.max())
     each = f"{count}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there"

@@ -8,12 +8,11 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair import recordings
+from midair import files, recordings
 from midair.cli.import_options import ChannelNumbers, channel_numbers, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
 from midair.cli.output import describe, may_write, print_table
 from midair.errors import InputError
-from midair.files import contents, open_take, save
 from midair.model import Recording
 from midair.settings import MOST_GAIN
 from midair.table import Row
@@ -218,7 +217,7 @@ def _edit(
 ) -> None:
     """Write what `change` makes of the recordings, with the calibration that all sources share."""
     may_write(output, force)
-    takes = [open_take(source) for source in sources]
+    takes = [files.open_take(source) for source in sources]
     recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
     first = calibrations[0]
@@ -233,9 +232,11 @@ def _edit(
     notes: list[str] = []
     if calibration is None and any(calibrations):
         notes.append("The calibration was left out: the recordings have different calibrations.")
-    if any(take.stored and "pressure" in contents(source).parts for take, source in zip(takes, sources, strict=True)):
+    if any(
+        take.stored and "pressure" in files.contents(source).parts for take, source in zip(takes, sources, strict=True)
+    ):
         notes.append("The calibrated pressure was left out; run midair calibrate again.")
     # Before writing, which may replace the source.
     table = [Row("recording", str(output)), *describe(recording)]
-    lost = save(recording, output, calibration=calibration)
+    lost = files.save(recording, output, calibration=calibration)
     print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)

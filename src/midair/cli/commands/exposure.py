@@ -4,16 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+from midair import devices, files, rig
 from midair.cli.console import print_figures
 from midair.cli.exposure_options import AirOptions
 from midair.cli.options import Force, Json, Placement, quantity
 from midair.cli.output import may_write, print_table
-from midair.devices import felt_pressure_text, measure_exposure
 from midair.figures import exposure_figure, png_bytes
-from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, write_file
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
-from midair.rig import array_named
 from midair.table import Line, Row
 from midair.validation import within
 
@@ -24,7 +22,7 @@ def exposure_command(
     *,
     device: str | None = None,
     placement: Placement = None,
-    profile: str = DEFAULT_PROFILE,
+    profile: str = files.DEFAULT_PROFILE,
     profiles: Path | None = None,
     ear_protection: Annotated[float, quantity("dB")] = 0.0,
     repeats: int = 1,
@@ -66,17 +64,17 @@ def exposure_command(
     """
     within(repeats, "--repeats", 1)
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
-    chosen, room = profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
+    chosen, room = files.profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)
-    drive = load_solution(source, streamed=True).drive
+    drive = files.load_solution(source, streamed=True).drive
     array = _array_to_play(drive, device, placement)
-    found = measure_exposure(drive, array, chosen, repeats=repeats, room=room)
+    found = devices.measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
-        write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
+        files.write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
     unlike = "" if json else _unlike_text(replace(drive, array=array), chosen)
-    felt = felt_pressure_text(found)
+    felt = devices.felt_pressure_text(found)
     table: list[Line] = [
         {"profile": found.profile.name, "kept": found.excess <= 0, "excess_db": found.excess},
         ("verdict", found.verdict()),
@@ -122,7 +120,7 @@ def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:
 def _array_to_play(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
     """The array that would play: that of the device, or the drive's with the known strength of its transducers."""
     if device is not None:
-        return array_named(device, None if placement is None else load_placement(placement)).array
+        return rig.array_named(device, None if placement is None else files.load_placement(placement)).array
     return replace(drive.array, pressure=TransducerArray.autd3().pressure)
 
 

@@ -8,22 +8,12 @@ from typing import Annotated
 import numpy as np
 from rich.text import Text
 
+from midair import devices, files, rig
 from midair.cli.console import banner, err, out, print_json
 from midair.cli.keys import Keys
 from midair.cli.options import Json, OptionalTime, Time, quantity
-from midair.devices import SensorDevice
 from midair.errors import InputError
-from midair.files import load_sensor, save_sensor
 from midair.model import SensorWiring
-from midair.rig import (
-    Identity,
-    TapTest,
-    VirtualRig,
-    assignment_problems,
-    identify_by_taps,
-    identify_by_tones,
-    sensor_named,
-)
 
 
 def identify_command(
@@ -64,22 +54,24 @@ def identify_command(
     --------
     $ midair identify virtual:taps --every 1s
     """
-    wiring = load_sensor(sensor_file) if sensor_file is not None and sensor_file.exists() else None
-    device = sensor_named(sensor, VirtualRig(seed=seed), wiring=wiring)
+    wiring = files.load_sensor(sensor_file) if sensor_file is not None and sensor_file.exists() else None
+    device = rig.sensor_named(sensor, rig.VirtualRig(seed=seed), wiring=wiring)
     banner(device.simulated)
     with device, Keys() as keys:
         if tones is None:
             prompt = _prompt(device, keys=keys.active)
-            found = identify_by_taps(device, TapTest(every=every, wait=wait), prompt, lambda: "s" in keys.pressed())
+            found = rig.identify_by_taps(
+                device, rig.TapTest(every=every, wait=wait), prompt, lambda: "s" in keys.pressed()
+            )
         else:
-            found = identify_by_tones(device, np.linspace(*tones, device.grid.count), duration)
+            found = rig.identify_by_tones(device, np.linspace(*tones, device.grid.count), duration)
         own = device.wiring or SensorWiring(grid=device.grid, unit=device.unit, full_scale=device.full_scale)
         written = _write(found, wiring or own, sensor_file)
     _print(found, sensor_file if written else None, json=json)
     return int(not found.sound)
 
 
-def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
+def _prompt(device: devices.SensorDevice, *, keys: bool) -> Callable[[int], None]:
     console = err()
 
     def prompt(cell: int) -> None:
@@ -91,20 +83,20 @@ def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
     return prompt
 
 
-def _write(found: Identity, wiring: SensorWiring, path: Path | None) -> bool:
+def _write(found: rig.Identity, wiring: SensorWiring, path: Path | None) -> bool:
     """Write the right order into the sensor file; False if no file was given."""
     if path is None:
         return False
     if found.doubtful or len(found.silent) > 1:
         raise InputError(
-            f"{path}: not changed, because the order is uncertain: {'; '.join(assignment_problems(found))}"
+            f"{path}: not changed, because the order is uncertain: {'; '.join(rig.assignment_problems(found))}"
         )
-    save_sensor(replace(wiring, order=tuple(wiring.order[channel] for channel in found.order)), path)
+    files.save_sensor(replace(wiring, order=tuple(wiring.order[channel] for channel in found.order)), path)
     return True
 
 
-def _print(found: Identity, written: Path | None, *, json: bool) -> None:
-    said = assignment_problems(found)
+def _print(found: rig.Identity, written: Path | None, *, json: bool) -> None:
+    said = rig.assignment_problems(found)
     if json:
         parts = asdict(found) | {"grid": list(found.grid.shape), "margin": found.margin.tolist()}
         state = {"sound": found.sound, "in_order": found.in_order, "order": list(found.order), "findings": said}
@@ -118,7 +110,7 @@ def _print(found: Identity, written: Path | None, *, json: bool) -> None:
     return None
 
 
-def channel_map(found: Identity) -> Text:
+def channel_map(found: rig.Identity) -> Text:
     """The sensor from above: green for the cell's own channel, yellow for another's, -- for none."""
     text = Text()
     for cell, channel in enumerate(found.channel):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from midair import files
 from midair.cli.console import out, print_rows
 from midair.cli.import_options import (
     ChannelNumbers,
@@ -20,20 +21,6 @@ from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
 from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
-from midair.files import (
-    DRIVE_SUFFIX,
-    OpenedTake,
-    atomic_file,
-    check_memory_for,
-    format_of,
-    load_pressure,
-    load_solution,
-    open_take,
-    repair,
-    save,
-    write_file,
-    writer_of,
-)
 from midair.recordings import GapFill, Mending, select
 from midair.table import Row
 
@@ -154,7 +141,7 @@ def _convert(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = OpenedTake(recording=sample(name)) if ready else import_recording(file, options, mending=mending)
+    imported = files.OpenedTake(recording=sample(name)) if ready else import_recording(file, options, mending=mending)
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
         about = SAMPLES[name]
@@ -163,8 +150,8 @@ def _convert(
     recording = imported.recording
     stated = calibration_from_options(recording, sensitivity, peak)
     known = stated or imported.calibration
-    pressure = load_pressure(file) if imported.stored and stated is None else None
-    lost = save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
+    pressure = files.load_pressure(file) if imported.stored and stated is None else None
+    lost = files.save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
     stated_by = calibration_row(known, hidden=recording.unit == "Pa" and not known)
     table = [Row("recording", str(target)), *describe(recording), stated_by]
     notes = (*notes, *imported.report)
@@ -207,13 +194,13 @@ def export_command(
     $ midair export take.rerecorded.h5 felt.flac --channels 5,6
     $ midair export take.drive.h5 take.npz
     """
-    if source.name.lower().endswith(DRIVE_SUFFIX):
+    if source.name.lower().endswith(files.DRIVE_SUFFIX):
         return _export_drive(source, output, force=force, json=json)
-    writer_of(output)
+    files.writer_of(output)
     may_write(output, force)
-    take = open_take(source)
+    take = files.open_take(source)
     recording, calibration = take.recording, take.calibration
-    made = load_pressure(source) if take.stored else None
+    made = files.load_pressure(source) if take.stored else None
     if pressure:
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")
@@ -222,17 +209,19 @@ def export_command(
     if channels:
         recording = select(recording, channel_numbers(channels, recording))
         calibration, made, notes = None, None, ("Calibration and places of the chosen channels were left out.",)
-    lost = save(recording, output, calibration=calibration, pressure=made)
-    table = [Row("written", str(output)), Row("format", format_of(output).name)]
+    lost = files.save(recording, output, calibration=calibration, pressure=made)
+    table = [Row("written", str(output)), Row("format", files.format_of(output).name)]
     return print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> None:
     """Write phases and levels of a drive for other programs, in SI units."""
     may_write(output, force, ".npz", ".json")
-    drive = load_solution(source, streamed=True).drive
+    drive = files.load_solution(source, streamed=True).drive
     text = output.suffix.lower() == ".json"
-    check_memory_for((80 if text else 32) * drive.frames * drive.array.count, f"{source}, as {output.suffix}", "cut it")
+    files.check_memory_for(
+        (80 if text else 32) * drive.frames * drive.array.count, f"{source}, as {output.suffix}", "cut it"
+    )
     plain: dict[str, Any] = {
         "simulated": drive.provenance.simulated,
         "source": drive.provenance.source,
@@ -244,9 +233,9 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
         "level": np.round(np.asarray(drive.level), 4),
     }
     if text:
-        write_file(output, dumps(plain, default=np.ndarray.tolist))
+        files.write_file(output, dumps(plain, default=np.ndarray.tolist))
     else:
-        with atomic_file(output) as partial, partial.open("wb") as file:
+        with files.atomic_file(output) as partial, partial.open("wb") as file:
             np.savez_compressed(file, **plain)
     table = [
         Row("written", str(output)),
@@ -269,7 +258,7 @@ def repair_command(source: Path, /) -> None:
     --------
     $ midair repair take.h5
     """
-    found = repair(source)
+    found = files.repair(source)
     print_rows([("recording", str(source)), ("state", "no repair needed" if not found else "repaired")])
     for sentence in found:
         out().print(f"note: {sentence}")

@@ -1,24 +1,16 @@
 """The command `info`: contents, origin and history of a file."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from midair import files, rig
 from midair.cli.options import Json
-from midair.cli.output import calibration_row, describe, level_of_file, print_table, solve_error
-from midair.cli.stage_options import describe_strokes
-from midair.files import (
-    contents,
-    load_array_calibration,
-    load_calibration,
-    load_pressure,
-    load_solution,
-    load_target,
-    open_take,
-)
+from midair.cli.output import calibration_row, describe, describe_strokes, level_of_file, print_table, solve_error
 from midair.model import Provenance, Setting
-from midair.rig import calibration_rows, describe_uncertainty
 from midair.settings import format_setting
 from midair.table import Line, Row
 from midair.targets import frames_without_lead
@@ -38,7 +30,7 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     $ midair info take.drive.h5 --json
     """
     readers = {"drive": _drive, "calibration": _calibration, "array": _array}
-    held = contents(source) if source.name.lower().endswith((".h5", ".hdf5")) else None
+    held = files.contents(source) if source.name.lower().endswith((".h5", ".hdf5")) else None
     table, life = readers.get("" if held is None else held.kind, _take)(source)
     if held is not None:
         table.append(Row("written", held.created, text=f"{held.created} by {held.created_by}"))
@@ -53,27 +45,27 @@ _Facts = tuple[list[Line], Provenance]
 
 
 def _calibration(source: Path) -> _Facts:
-    calibration = load_calibration(source)
+    calibration = files.load_calibration(source)
     if calibration is None:
         return [{"kind": "calibration"}, Row("calibration", None, text="none")], Provenance()
-    rows = [Row(name, text) for name, text in calibration_rows(calibration)]
+    rows = [Row(name, text) for name, text in rig.calibration_rows(calibration)]
     known = calibration_row(calibration, hidden=True)
     return [{"kind": "calibration"}, known, *rows], calibration.provenance
 
 
 def _array(source: Path) -> _Facts:
-    known = load_array_calibration(source)
+    known = files.load_array_calibration(source)
     return [{"kind": "array"}, *describe(known)], known.provenance
 
 
 def _take(source: Path) -> _Facts:
-    take = open_take(source)
+    take = files.open_take(source)
     recording, calibration = take.recording, take.calibration
     life = recording.provenance
-    pressure = load_pressure(source) if take.stored else None
+    pressure = files.load_pressure(source) if take.stored else None
     largest = None if pressure is None else float(np.abs(pressure.pressure).max())
     known = calibration is not None
-    sure = describe_uncertainty(calibration) if known else None
+    sure = rig.describe_uncertainty(calibration) if known else None
     return [
         {"kind": "recording"},
         Row("recording", str(source)),
@@ -96,14 +88,14 @@ def _notes(life: Provenance) -> list[Line]:
 
 
 def _drive(source: Path) -> _Facts:
-    solution = load_solution(source, streamed=True)
+    solution = files.load_solution(source, streamed=True)
     drive, plays = solution.drive, solution.plays
     inside = frames_without_lead(drive.provenance, drive.frames, drive.rate)
     seconds, silent = drive.frames / drive.rate, int((~plays).sum())
     error = solution.error[inside][plays[inside]]
     mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
     level = level_of_file(source) if plays.any() else None
-    target = load_target(source, streamed=True) if plays.any() else None
+    target = files.load_target(source, streamed=True) if plays.any() else None
     energy_error = None if target is None else solve_error(solution, target)
     error_text = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
     name, count = drive.array.name, drive.array.count

@@ -14,32 +14,14 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from midair import devices, files, rig
 from midair.cli.console import banner, err, print_json, print_rows, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.options import Json, Quiet, options_from, parse_quantity, settings_from
-from midair.cli.output import sensor_text
-from midair.cli.stage_options import Drawing, StageOptions, describe_strokes
-from midair.devices import PacedSensor, SensorDevice
+from midair.cli.output import describe_strokes, sensor_text
+from midair.cli.stage_options import Drawing, StageOptions
 from midair.errors import DeviceError, InputError
-from midair.files import open_take, printable
 from midair.model import Event, Provenance
-from midair.rig import (
-    Drift,
-    Levels,
-    RecordSettings,
-    Subject,
-    Take,
-    TakeOrder,
-    View,
-    VirtualRig,
-    event_message,
-    last_subject,
-    record_take,
-    sensor_named,
-    store_subject,
-    take_path,
-    take_problems,
-)
 from midair.table import Line, Row, plain, printed
 
 WIDTH = 8
@@ -53,7 +35,7 @@ class MeterScreen:
 
     def __init__(
         self,
-        sensor: SensorDevice,
+        sensor: devices.SensorDevice,
         console: Console,
         keys: Keys,
         signals: Signals,
@@ -84,7 +66,7 @@ class MeterScreen:
             finally:
                 self._live = None
 
-    def order(self) -> TakeOrder | None:
+    def order(self) -> rig.TakeOrder | None:
         """Order given by a key or a signal."""
         if self._signals.came:
             return "kill"
@@ -106,7 +88,7 @@ class MeterScreen:
             return order == "toggle"
         return not self.ends()
 
-    def show(self, view: View) -> None:
+    def show(self, view: rig.View) -> None:
         """Draw the meters at most ten times a second, or print a line every `every` seconds."""
         now = time.monotonic()
         if self._live is not None and now - self._shown >= 0.1:
@@ -117,24 +99,24 @@ class MeterScreen:
                 self._say(f"{state_line(view, self._sensor.rate)}, lost {view.lost} frames")
             self._shown = now
 
-    def tell(self, event: Event, drift: Drift | None = None) -> None:
+    def tell(self, event: Event, drift: rig.Drift | None = None) -> None:
         """Print an event; clipping of a channel is printed once per take."""
         if event.kind == "clipped":
             if event.channel in self._clipped:
                 return
             self._clipped.add(event.channel)
         if not (self._quiet and event.kind == "trigger"):
-            self._say(event_message(event, self._sensor.rate, self._sensor.grid, drift))
+            self._say(rig.event_message(event, self._sensor.rate, self._sensor.grid, drift))
 
     def _say(self, line: str) -> None:
-        self._console.print(printable(line), markup=False, highlight=False)
+        self._console.print(files.printable(line), markup=False, highlight=False)
 
 
-def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) -> RenderableType:
+def meters(view: rig.View, sensor: devices.SensorDevice, title: str, *, keys: bool = False) -> RenderableType:
     """State, a meter for each cell in its position, and the lost frames."""
     head = Text.assemble(
         ("● REC " if view.state == "recording" else "○ waiting ", "bold red" if view.state == "recording" else "bold"),
-        (printable(title), ""),
+        (files.printable(title), ""),
         ("  SIMULATED" if sensor.simulated else "", "bold red"),
     )
     foot = Text(", ".join((state_line(view, sensor.rate), f"lost {view.lost} frames", *clock_lines(view))))
@@ -142,7 +124,7 @@ def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) 
     return Group(head, _grid(view.levels, sensor), foot, *((Text(hint, style="dim"),) if keys else ()))
 
 
-def state_line(view: View, rate: float) -> str:
+def state_line(view: rig.View, rate: float) -> str:
     """Recorded time, and the total if known."""
     if view.state == "waiting":
         return "not yet recording"
@@ -150,7 +132,7 @@ def state_line(view: View, rate: float) -> str:
     return f"{view.frames / rate:.1f}{whole} s"
 
 
-def clock_lines(view: View) -> list[str]:
+def clock_lines(view: rig.View) -> list[str]:
     """Measured clock drifts."""
     named = (("frames", view.rate), ("clock", view.clock))
     return [f"{name} {drift.ppm:+.0f} ± {drift.uncertainty:.0f} ppm" for name, drift in named if drift is not None]
@@ -161,7 +143,7 @@ def decibels(level: float, reference: float) -> float:
     return max(-99.0, 20 * float(np.log10(max(level, 1e-30) / reference)))
 
 
-def _grid(levels: Levels, sensor: SensorDevice) -> RenderableType:
+def _grid(levels: rig.Levels, sensor: devices.SensorDevice) -> RenderableType:
     """A meter for each cell; wide grids are broken into lines of four."""
     columns = min(sensor.grid.columns, 4)
     reference = sensor.full_scale or max(float(levels.highest.max()), 1e-30)
@@ -173,7 +155,7 @@ def _grid(levels: Levels, sensor: SensorDevice) -> RenderableType:
     return Group(table, Text(f"rms in dB under {under} ({reference:.3g} {sensor.unit}); | is the peak", style="dim"))
 
 
-def _cell(channel: int, levels: Levels, reference: float) -> Text:
+def _cell(channel: int, levels: rig.Levels, reference: float) -> Text:
     number = f"{channel:2d} "
     for name, flags in (("dead", levels.dead), ("still", levels.stuck)):
         if flags[channel]:
@@ -188,12 +170,12 @@ def _cell(channel: int, levels: Levels, reference: float) -> Text:
     return Text.assemble((number, "dim"), (bar, style), (f"{figure:>5} ", style if clips else ""))
 
 
-@options_from(Subject)
+@options_from(rig.Subject)
 class SubjectOptions:
     """Object and stroke, stored with the recording."""
 
 
-@options_from(RecordSettings)
+@options_from(rig.RecordSettings)
 class RecordOptions:
     """Begin, end and number of takes, and the sensor."""
 
@@ -233,26 +215,28 @@ def record_command(
     """
     options, quiet = options or RecordOptions(), quiet or verbosity().quiet
     trigger: str | None = getattr(options, "level", None)
-    settings = settings_from(RecordSettings, options, sensor=sensor, level=None)
-    stated: dict[str, Any] = {one.name: getattr(subject or SubjectOptions(), one.name) or "" for one in fields(Subject)}
+    settings = settings_from(rig.RecordSettings, options, sensor=sensor, level=None)
+    stated: dict[str, Any] = {
+        one.name: getattr(subject or SubjectOptions(), one.name) or "" for one in fields(rig.Subject)
+    }
     speed: float | None = stated["speed"] or None
     drawing = (staging or StageOptions()).drawing(speed)
     stated["speed"] = "" if speed is None else f"{speed * 1e3:.6g}mm/s"
     if drawing is not None and (settings.duration is not None or trigger is not None):
         raise InputError("--stage: expected neither --duration nor --trigger; a take begins and ends with the stroke")
     touches = settings.duration if drawing is None else drawing.seconds
-    device = sensor_named(sensor, VirtualRig(seed=settings.seed), duration=touches, wiring=settings.wiring)
+    device = rig.sensor_named(sensor, rig.VirtualRig(seed=settings.seed), duration=touches, wiring=settings.wiring)
     real_time = settings.real_time or drawing is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
-    about = _subject(sensor, Subject(**stated), ask=ask)
-    take_path(output, about, repeats=settings.repeats)
+    about = _subject(sensor, rig.Subject(**stated), ask=ask)
+    rig.take_path(output, about, repeats=settings.repeats)
     if drawing is None and sensor.startswith("virtual:") and settings.duration is None:
         settings = settings.but(duration=0.5 if "am-" in sensor else 1.28)
     ends = settings.duration is not None or device.on_demand
-    device = PacedSensor(device) if real_time and device.on_demand else device
+    device = devices.PacedSensor(device) if real_time and device.on_demand else device
     banner(device.simulated)
     with ExitStack() as held, signals_noted() as signals, Keys() as keys:
-        takes: list[Take] = []
+        takes: list[rig.Take] = []
         screen = MeterScreen(held.enter_context(device), err(), keys, signals, quiet=quiet)
         if trigger is not None:
             settings = settings.but(level=_level(trigger, device))
@@ -278,16 +262,16 @@ def record_command(
 
 
 def _takes(
-    device: SensorDevice,
+    device: devices.SensorDevice,
     screen: MeterScreen,
     signals: Signals,
-    settings: RecordSettings,
+    settings: rig.RecordSettings,
     output: Path | None,
-    about: Subject,
+    about: rig.Subject,
     drawing: Drawing | None,
     *,
     key: bool,
-) -> Generator[Take]:
+) -> Generator[rig.Take]:
     """Record the takes and yield each when it ends; a motion stage returns to the start after each."""
     many, kind = settings.repeats, "take" if drawing is None else "stroke"
     waits = key or settings.level is not None
@@ -297,14 +281,16 @@ def _takes(
             raise DeviceError("ended before the first stroke: nothing moved and nothing was recorded")
         drawing.to_start(screen.ends)
     for number in range(1, many + 1):
-        path = take_path(output, about, repeats=many)
+        path = rig.take_path(output, about, repeats=many)
         noted = ({} if drawing is None else drawing.settings) | (
             {"take": number, "takes": many} if many > 1 or drawing is not None else {}
         )
         # The recorder reads keys between frames; signals act at once.
         companion = None if drawing is None else drawing.companion(lambda: bool(signals.came))
         with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or drawing else path.name):
-            take = record_take(device, settings, screen, companion, path=path, notes=about.notes, about=noted, key=key)
+            take = rig.record_take(
+                device, settings, screen, companion, path=path, notes=about.notes, about=noted, key=key
+            )
         yield take
         if take.end in ("quit", "kill", "failure") if drawing is None else take.end != "companion":
             if drawing is not None and take.end != "failure":
@@ -316,7 +302,9 @@ def _takes(
             return
 
 
-def _wait_pause(settings: RecordSettings, device: SensorDevice, screen: MeterScreen, *, staged: bool) -> bool:
+def _wait_pause(
+    settings: rig.RecordSettings, device: devices.SensorDevice, screen: MeterScreen, *, staged: bool
+) -> bool:
     """Wait for the pause; False if a key or a signal ends the session."""
     pause = settings.pause if settings.pause is not None else 0.0 if device.on_demand or staged else 2.0
     end = time.monotonic() + pause
@@ -327,14 +315,14 @@ def _wait_pause(settings: RecordSettings, device: SensorDevice, screen: MeterScr
     return True
 
 
-def _level(text: str, device: SensorDevice) -> float:
+def _level(text: str, device: devices.SensorDevice) -> float:
     try:
         return parse_quantity(text, device.unit)
     except ValueError as wrong:
         raise InputError(f"--trigger: {wrong}; {device.name} gives {device.unit}") from None
 
 
-def _subject(sensor: str, stated: Subject, *, ask: bool) -> Subject:
+def _subject(sensor: str, stated: rig.Subject, *, ask: bool) -> rig.Subject:
     """Notes on the object: as given, from the name of a virtual sensor, or from questions on the terminal."""
     kind, _, rest = sensor.partition(":")
     if kind == "virtual" and not stated.object:
@@ -343,18 +331,18 @@ def _subject(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     console = err()
     if not (ask and console.is_terminal and sys.stdin.isatty()):
         return stated
-    before = last_subject().notes
+    before = rig.last_subject().notes
     said = asdict(stated)
     for name in [name for name, value in said.items() if not value]:
         # Enter keeps the last answer.
         default = before.get(name, "")
         said[name] = console.input(f"{name} [{default}]: " if default else f"{name}: ").strip() or default
-    about = Subject(**said)
-    store_subject(about)
+    about = rig.Subject(**said)
+    rig.store_subject(about)
     return about
 
 
-def _status(takes: list[Take], device: SensorDevice) -> int:
+def _status(takes: list[rig.Take], device: devices.SensorDevice) -> int:
     """Exit status 0 if everything was recorded; otherwise report the reason."""
     last = takes[-1]
     if last.end == "kill":
@@ -369,7 +357,7 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     return 0
 
 
-def describe_take(take: Take, device: SensorDevice, *, staged: bool = False) -> list[Line]:
+def describe_take(take: rig.Take, device: devices.SensorDevice, *, staged: bool = False) -> list[Line]:
     """A take with its problems, and with its strokes if a motion stage moved the object."""
     levels, rate, low, high = take.levels, device.rate, take.lowest, take.highest
     return [
@@ -386,10 +374,10 @@ def describe_take(take: Take, device: SensorDevice, *, staged: bool = False) -> 
             "clock_ppm": None if take.clock is None else take.clock.ppm,
         },
         *(describe_strokes(_provenance(take), rate) if staged else []),
-        *take_problems(take, rate),
+        *rig.take_problems(take, rate),
     ]
 
 
-def _provenance(take: Take) -> Provenance:
+def _provenance(take: rig.Take) -> Provenance:
     """Provenance with the events of the recording, from the file."""
-    return Provenance() if take.path is None else open_take(take.path).recording.provenance
+    return Provenance() if take.path is None else files.open_take(take.path).recording.provenance

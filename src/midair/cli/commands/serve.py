@@ -11,23 +11,23 @@ from typing import Annotated
 
 from cyclopts import App
 
+from midair import devices, files, rig
 from midair.cli.console import banner, print_note
 from midair.cli.exposure_options import AirOptions, ExposureOptions
 from midair.cli.help_text import add_command, epilogue, examples_of
 from midair.cli.options import StopInput, options_from, quantity, settings_from
-from midair.devices import stop_on_input
 from midair.errors import InputError
-from midair.files import read_text
-from midair.rig import PlaySettings, request_realtime, serve, serve_adaptics
 
 
-@options_from(PlaySettings, "device", "placement", "silencer", "participant", device="virtual, autd3, autd3:INTERFACE.")
+@options_from(
+    rig.PlaySettings, "device", "placement", "silencer", "participant", device="virtual, autd3, autd3:INTERFACE."
+)
 class ServeOptions:
     """Array and playback."""
 
 
 @options_from(
-    PlaySettings,
+    rig.PlaySettings,
     *("device", "placement", "silencer", "participant", "follow", "tracker_latency"),
     device="virtual, autd3, autd3:INTERFACE.",
     follow="Tracker of the palm that the pattern moves with when the Designer asks for tracking.",
@@ -76,15 +76,15 @@ def serve_command(
         sys.stdout.flush()
 
     settings = _ready_settings(options or ServeOptions(), exposure, air)
-    with stop_on_input(stop_input):
-        serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
+    with devices.stop_on_input(stop_input):
+        rig.serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
 
 
 def _kept_key(path: Path) -> str:
     """Return the key of a file; a file that does not exist is made, readable by this user only."""
     with suppress(FileExistsError), os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
         file.write(secrets.token_urlsafe(16) + "\n")
-    text = read_text(path, "a file with a key").strip()
+    text = files.read_text(path, "a file with a key").strip()
     if not re.fullmatch(r"[\w-]{16,128}", text):
         raise InputError(f"{path}: expected a key of 16 to 128 letters and digits; name a new file")
     return text
@@ -121,17 +121,17 @@ def adaptics_command(
         sys.stdout.flush()
 
     settings = _ready_settings(options or DesignerOptions(), exposure, air)
-    with stop_on_input(stop_input):
-        serve_adaptics(settings=settings, pressure=pressure, port=port, report=print_note, ready=ready)
+    with devices.stop_on_input(stop_input):
+        rig.serve_adaptics(settings=settings, pressure=pressure, port=port, report=print_note, ready=ready)
 
 
-def _ready_settings(options: object, exposure: ExposureOptions | None, air: AirOptions | None) -> PlaySettings:
+def _ready_settings(options: object, exposure: ExposureOptions | None, air: AirOptions | None) -> rig.PlaySettings:
     """The settings of a server, after real-time priority was asked for."""
     choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
-    settings = settings_from(PlaySettings, options, exposure=choices)
+    settings = settings_from(rig.PlaySettings, options, exposure=choices)
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
-    print_note(request_realtime().words())
+    print_note(rig.request_realtime().words())
     gc.enable()
     return settings
 

@@ -10,14 +10,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from midair import files, rig
 from midair.cli.comparisons import settings_of_rerecording
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
 from midair.errors import InputError
-from midair.files import atomic_file, contents, load_solution, load_target, open_take, write_file
 from midair.pipeline import target_amplitude
-from midair.rig import aligned_pair, pressure_of
 from midair.view import (
     Film,
     Part,
@@ -110,30 +109,32 @@ def show_command(
 
 def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> ViewData:
     if again is not None:
-        take = open_take(again)
+        take = files.open_take(again)
         settings = settings_of_rerecording(take.recording.provenance, options.settings())
-        pair = aligned_pair(pressure_of(source, settings), take, settings)
+        pair = rig.aligned_pair(rig.pressure_of(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
-    if source.name.lower().endswith((".h5", ".hdf5")) and contents(source).kind == "drive":
-        return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
+    if source.name.lower().endswith((".h5", ".hdf5")) and files.contents(source).kind == "drive":
+        return show_drive(
+            files.load_solution(source, streamed=True), target=files.load_target(source, streamed=True), part=part
+        )
     settings = options.settings()
     if target:
-        return show_target(target_amplitude(pressure_of(source, settings), settings), part=part)
-    take = open_take(source)
-    felt = None if take.calibration is None else pressure_of(source, settings)
+        return show_target(target_amplitude(rig.pressure_of(source, settings), settings), part=part)
+    take = files.open_take(source)
+    felt = None if take.calibration is None else rig.pressure_of(source, settings)
     return show_recording(take.recording, pressure=felt, part=part)
 
 
 def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     check_size(shown)
-    write_file(path, show_page(shown))
+    files.write_file(path, show_page(shown))
     return []
 
 
 def _film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     film, kind = Film(shown), path.suffix.lower()
     out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
-    with progress_bars() as stage, atomic_file(path) as partial:
+    with progress_bars() as stage, files.atomic_file(path) as partial:
         (write_mp4 if kind == ".mp4" else write_gif)(film, partial, progress=stage("film"))
     return []
 
@@ -142,7 +143,7 @@ def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
         raise InputError(f"{path}: expected a recording for a sound file, got a drive; save a page or a film")
     heard = channel_sound(shown.samples, shown.channel, shown.rate)
-    write_file(path, heard.data)
+    files.write_file(path, heard.data)
     return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
 
 

@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import NoReturn
 
+from midair import devices
 from midair.cli.console import err, print_json, print_rows
 from midair.cli.options import Json
-from midair.devices import Stopped, close_orders, open_stop_input, state_folder, stop_playing
 from midair.errors import DeviceError, FileError, MidairError
 
 
@@ -39,14 +39,14 @@ def stop_command(
     if watch is not None:
         _watch(watch, device, placement, json=json)
     try:
-        stopped = stop_playing()
+        stopped = devices.stop_playing()
         with suppress(FileError):  # silence does not depend on the log
-            close_orders()
+            devices.close_orders()
         if json:
             print_json([asdict(one) for one in stopped])
         elif stopped or device is None:
             rows = [(one.device, _outcome_text(one)) for one in stopped]
-            print_rows(rows or [("stop", f"no running playback is registered in {state_folder()}")])
+            print_rows(rows or [("stop", f"no running playback is registered in {devices.state_folder()}")])
     finally:
         # Even if stopping the others failed.
         if device is not None:
@@ -58,7 +58,7 @@ def stop_command(
 
 def _watch(name: str, device: str | None, placement: Path | None, *, json: bool) -> NoReturn:
     """Stop after each byte of an input; DeviceError after its loss."""
-    with open_stop_input(name) as opened:
+    with devices.open_stop_input(name) as opened:
         err().print(f"watching {name}")
         cause = "byte"
         while cause == "byte":
@@ -70,7 +70,7 @@ def _watch(name: str, device: str | None, placement: Path | None, *, json: bool)
     raise DeviceError(f"{name}: expected an input that stays connected, it was lost, and all arrays were stopped")
 
 
-def _outcome_text(one: Stopped) -> str:
+def _outcome_text(one: devices.Stopped) -> str:
     who = f"process {one.process}" + (f", {one.command}" if one.command else "")
     if one.outcome == "no answer":
         return f"NOT KNOWN TO BE SILENT ({who}): {one.reason}; switch the units off, or end the process (kill -9)"

@@ -3,8 +3,8 @@
 import sys
 from pathlib import Path
 
+from midair import devices
 from midair.cli.options import ArrayCalibration, Seed, StopInput
-from midair.devices import stop_on_input
 
 
 def studio_command(
@@ -47,5 +47,5 @@ def studio_command(
     plan = StudioPlan(
         folder=folder or Path(), device=device, sensor=sensor, array_calibration=array_calibration, seed=seed
     )
-    with stop_on_input(stop_input):
+    with devices.stop_on_input(stop_input):
         open_studio(plan, port=port, browser=not no_browser and sys.stdout is not None)

@@ -10,7 +10,6 @@ from .array_names import keep_array_check as keep_array_check
 from .array_names import kept_array_calibration as kept_array_calibration
 from .array_names import transducers_of as transducers_of
 from .sensor_names import SENSORS as SENSORS
-from .sensor_names import TransducerSpread as TransducerSpread
 from .sensor_names import VirtualRig as VirtualRig
 from .sensor_names import open_tracker as open_tracker
 from .sensor_names import sensor_named as sensor_named

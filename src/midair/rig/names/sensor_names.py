@@ -48,10 +48,8 @@ from midair.model import (
 )
 from midair.physics import SensorModel, TransducerDynamics, Transducers
 from midair.registry import Registry, load_object
+from midair.settings import TransducerSpread
 from midair.validation import check_settings, length, setting
-
-TransducerSpread = Literal["default", "boards", "data-sheets"]
-"""Differences between the transducers of a virtual array, see docs/fidelity.md."""
 
 
 class _Spread(TypedDict, total=False):

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from midair import files
 from midair.cli.console import banner, confirmed, out, print_note, progress_bars
 from midair.cli.options import Force, Study
 from midair.errors import InputError
-from midair.files import read_text
 from midair.settings import Mode
 from midair.study import (
     Design,
@@ -85,8 +85,12 @@ def new_command(
         within(participants, "--participants", 1)
     if trials is not None and source is None:
         raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
-    table = "" if trials is None else read_text(trials, "the table of trials")
-    text = template_text(template, take=take and take.name) if source is None else read_text(source, "a study in TOML")
+    table = "" if trials is None else files.read_text(trials, "the table of trials")
+    text = (
+        template_text(template, take=take and take.name)
+        if source is None
+        else files.read_text(source, "a study in TOML")
+    )
     beside = take or source
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())

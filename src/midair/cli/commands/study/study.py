@@ -5,10 +5,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from midair import files
 from midair.cli.console import out, print_note, warn_simulated
 from midair.cli.options import Json, Study
 from midair.errors import FileError, InputError
-from midair.files import write_file
 from midair.study import (
     Incomplete,
     StudyFolder,
@@ -122,7 +122,7 @@ def analyse_command(
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
         log_derived_file(StudyFolder(source), target, "report")
-    write_file(target, report_page(report, title=title, within=data.within), private=True)
+    files.write_file(target, report_page(report, title=title, within=data.within), private=True)
     if json:
         print(report_json(report))  # noqa: T201
         return
@@ -164,7 +164,7 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "cs
         told = f"{len(written)} files, "
     else:
         write_csv(answers, output)
-        write_file(script, script_of_plan(plan.design, table=output.name, script=script.name))
+        files.write_file(script, script_of_plan(plan.design, table=output.name, script=script.name))
         told = f"its analysis in R is {script.name}, "
     out().print(f"{output}: {told}{len(answers)} answers.")
     for who, state in unfinished.items():

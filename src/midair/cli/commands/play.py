@@ -1,4 +1,4 @@
-"""The commands `solve` and `play`."""
+"""The command `play`: play a drive, a recording or a pattern."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -7,7 +7,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from midair.cli.comparisons import unreproduced_rows, with_array_calibration
+from midair import devices, files, rig
+from midair.cli.comparisons import unreproduced_rows
 from midair.cli.console import banner, print_note, print_rows, progress_bars
 from midair.cli.exposure_options import (
     AirOptions,
@@ -16,143 +17,23 @@ from midair.cli.exposure_options import (
     print_air,
 )
 from midair.cli.options import (
-    ArrayCalibration,
     Force,
-    Json,
     Lead,
     PartLength,
     PlaySolveOptions,
-    SolveOptions,
     StartAt,
     StopInput,
     options_from,
     settings_from,
 )
-from midair.cli.output import level_of_file, level_rows, may_write, print_table, reserved, solve_error, warn_level
-from midair.devices import ArrayDevice, ExposureClearance, ImmediateArray, PlayReport, stop_on_input
+from midair.cli.output import level_of_file, level_rows, may_write, reserved
 from midair.errors import InputError
-from midair.evaluate import error_at_temperature
-from midair.files import (
-    DRIVE_SUFFIX,
-    load_placement,
-    save,
-)
-from midair.headroom import level_of
 from midair.model import Acoustics, Drive, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
-from midair.pipeline import Reproduction
-from midair.rig import (
-    PlayObserver,
-    PlaySettings,
-    array_calibration_for,
-    checkup_line,
-    open_rig,
-    play,
-    play_pressure,
-    pressure_to_solve,
-    solve_to_file,
-    transducers_of,
-)
-from midair.settings import Settings
-from midair.table import Line, Row
-from midair.targets import frames_without_lead
-
-
-def solve_command(
-    source: Path,
-    output: Path | None = None,
-    /,
-    *,
-    options: SolveOptions | None = None,
-    start_at: StartAt = 0.0,
-    duration: PartLength = None,
-    lead: Lead = None,
-    placement: Path | None = None,
-    device: str = "virtual",
-    array_calibration: ArrayCalibration = None,
-    force: Force = False,
-    json: Json = False,
-) -> None:
-    """Compute transducer phases that reproduce a recording.
-
-    Parameters
-    ----------
-    source
-        Recording with a calibration, NAME.h5.
-    output
-        Drive to write, NAME.drive.h5. [default: name of the source]
-    placement
-        TOML file with the places of AUTD3 units.
-    device
-        Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
-
-    Examples
-    --------
-    $ midair solve take.h5
-    $ midair solve take.h5 part.drive.h5 --duration 0.1s --mode quick
-    """
-    options = options or SolveOptions()
-    settings = options.settings()
-    options.refuse_idle_palm()
-    transducers = transducers_of(device, None if placement is None else load_placement(placement))
-    target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
-    may_write(target, force, ".drive.h5")
-    pressure = pressure_to_solve(source, settings, start_at, duration, lead=lead)
-    transducers, settings, pressure = with_array_calibration(
-        array_calibration, transducers, settings, pressure, device=device
-    )
-    banner(pressure.provenance.simulated)
-    print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    with reserved(target), progress_bars() as stage:
-        wanted, solution = solve_to_file(pressure, transducers, settings, target, progress=stage("solve"))
-    made = Reproduction(pressure=pressure, target=wanted, solution=solution)
-    level = level_of(solution, made.target, band=settings.calibration.band)
-    inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
-    plays = solution.plays
-    error = solve_error(solution, made.target)
-    warn_level(level)
-    frames, rate, silent = made.target.frames, made.target.rate, int((~plays).sum())
-    table: list[Line] = [
-        Row("drive", str(target), text=f"{target} for {transducers.name}, {transducers.count} transducers"),
-        Row("frames", frames, text=f"{frames} at {rate:g} Hz, {silent} silent, {inside.start} of lead at either end"),
-        {"lead_frames": inside.start, "rate_hz": rate, **error.plain(), "level": level.plain()},
-        *level.rows(),
-        {"not_reproduced": dict(pressure.provenance.last("not reproduced"))},
-        *unreproduced_rows(pressure.provenance),
-        Row("ears", settings.target.ears, key="ears_db", text=_ears_text(settings)),
-        ("E", str(error)),
-        *([] if json else _robustness_rows(made, settings)),
-        ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
-    ]
-    # The mark of a simulated recording is printed above.
-    print_table(table, simulated=pressure.provenance.simulated if json else None, json=json)
-
-
-def _ears_text(settings: Settings) -> str:
-    """The level at the ears that a drive was solved for, and was checked to keep."""
-    if settings.target.ears is None:
-        return ""
-    checked = "by the exposure check, at 14 to 30 °C, also if transducers differ by 0.2 rad"
-    return f"at most {settings.target.ears:g} dB at ears and bystander {checked}"
-
-
-def _robustness_rows(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
-    """E in the coldest and the warmest air of --robust, estimated from 256 frames; no rows without a range."""
-    by, target = settings.solver.robust, made.target
-    if not by:
-        return []
-    # Without the lead, whose target is almost zero.
-    inside = frames_without_lead(target.provenance, target.frames, target.rate)
-    drive = made.solution.cut(inside.start, inside.stop).drive
-    target = replace(target, amplitude=target.amplitude[inside])
-    ends = [drive.acoustics.medium.warmer(degrees) for degrees in (-by, by)]
-    errors = [error_at_temperature(drive, target, medium, frames=256) for medium in ends]
-    told = [f"{100 * error.mean():.1f} % at {end.degrees:.3g} °C" for error, end in zip(errors, ends, strict=True)]
-    return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
 
 @options_from(
-    PlaySettings,
+    rig.PlaySettings,
     *("device", "array_calibration", "placement", "silencer", "repeats", "delay", "participant", "spread", "seed"),
     *("follow", "tracker_latency", "confidence", "steer_only", "palm_path"),
     array_calibration="Measured transducers of the virtual device, NAME.array.h5 of midair calibrate array.",
@@ -211,7 +92,7 @@ def play_command(
     air = air or AirOptions()
     room = air.medium()
     settings = settings_from(
-        PlaySettings,
+        rig.PlaySettings,
         options or PlayOptions(),
         exposure=(exposure or ExposureOptions()).choices(room),
         acoustics=None if room is None else Acoustics(medium=room),
@@ -219,7 +100,7 @@ def play_command(
     )
     device, target = settings.device, None
     solve, pattern = solve or PlaySolveOptions(), source.suffix.lower() in PATTERN_ENDINGS
-    solved = pattern or source.name.lower().endswith(DRIVE_SUFFIX)
+    solved = pattern or source.name.lower().endswith(files.DRIVE_SUFFIX)
     if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
         raise InputError(f"options of midair solve, --drive: expected a recording with them, got {source}")
     if pattern:
@@ -249,21 +130,23 @@ def play_command(
         )
     if correct_air and room is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
-    with stop_on_input(stop_input), progress_bars() as stage:
+    with devices.stop_on_input(stop_input), progress_bars() as stage:
         shown = _Shown(source, device, stage)
         if solved:
-            played = play(source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings)
+            played = rig.play(
+                source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings
+            )
         else:
             if correct_air:
                 raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
             if drive is not None:
-                may_write(drive, force, DRIVE_SUFFIX)
+                may_write(drive, force, files.DRIVE_SUFFIX)
             solve.refuse_idle_palm()
             solving = solve.settings()
             if room is not None:
                 medium = replace(room, alpha=solving.acoustics.medium.alpha)
                 solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
-            pressure = pressure_to_solve(source, solving, start_at, duration, lead=lead)
+            pressure = rig.pressure_to_solve(source, solving, start_at, duration, lead=lead)
             if device == "virtual":
                 like = {"height": solving.target.grid.height, "band": solving.calibration.band}
                 settings = settings.but(**like, cells=pressure.sensor)
@@ -271,11 +154,11 @@ def play_command(
             shown.simulated = pressure.provenance.simulated
             how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
             with nullcontext() if drive is None else reserved(drive):
-                played = play_pressure(pressure, solving, open_rig(settings=settings), **how)
+                played = rig.play_pressure(pressure, solving, rig.open_rig(settings=settings), **how)
     rows = [] if played.report is None else _played_rows(played.report, played.drive, device)
     if target is not None and played.take is not None:
         heard = played.take.recording
-        save(heard, target, calibration=played.take.calibration)
+        files.save(heard, target, calibration=played.take.calibration)
         rows = [
             ("played", f"{played.drive.frames} frames at {played.drive.rate:g} Hz on {device}"),
             ("re-recorded", f"{target}, {heard.frames} frames at {heard.rate:g} Hz"),
@@ -297,7 +180,7 @@ def play_command(
     return int(played.report is not None and bool(played.report.broken))
 
 
-class _Shown(PlayObserver):
+class _Shown(rig.PlayObserver):
     """Prints what happens in a session: notes on stderr, and the verdict on a drive before it sounds."""
 
     def __init__(self, source: Path, device: str, stage: Callable[[str], Progress]) -> None:
@@ -312,21 +195,23 @@ class _Shown(PlayObserver):
         """Print the line."""
         print_note(text, warn=warns)
 
-    def opened(self, array: ArrayDevice | ImmediateArray) -> None:
+    def opened(self, array: devices.ArrayDevice | devices.ImmediateArray) -> None:
         """Print that what follows is simulated, if it is."""
         banner(array.simulated or self.simulated)
 
-    def cleared(self, array: ArrayDevice | ImmediateArray, drive: Drive, clearance: ExposureClearance) -> None:
+    def cleared(
+        self, array: devices.ArrayDevice | devices.ImmediateArray, drive: Drive, clearance: devices.ExposureClearance
+    ) -> None:
         """Print the level, and the verdict for an array that emits sound."""
         if self._device == "virtual":
             return
         self.verdict, found = True, clearance.exposure
         rows = [("exposure", clearance.verdict()), ("measured in", found.measured_in), ("heat", found.heat)]
-        print_rows([*self.about(drive), *rows, ("checkup", checkup_line(array.name, self._device))])
+        print_rows([*self.about(drive), *rows, ("checkup", rig.checkup_line(array.name, self._device))])
 
     def about(self, drive: Drive) -> list[tuple[str, str]]:
         """Level of the drive of a file, and what a drive does not reproduce."""
-        solved = self._source.name.lower().endswith(DRIVE_SUFFIX)
+        solved = self._source.name.lower().endswith(files.DRIVE_SUFFIX)
         level = level_rows(level_of_file(self._source, limits=False)) if solved else []
         return [*level, *unreproduced_rows(drive.provenance)]
 
@@ -336,11 +221,11 @@ class _Shown(PlayObserver):
         self._bar(done, total)
 
 
-def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
+def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:
     """The drive of a pattern for the array that will play it, in a folder."""
-    array = transducers_of(settings.device, settings.placement)
+    array = rig.transducers_of(settings.device, settings.placement)
     if settings.device != "virtual":
-        known = array_calibration_for(settings.device)
+        known = rig.array_calibration_for(settings.device)
         array = array if known is None else known.known.applied(array)
     foci, target = load_pattern(source).foci(), folder / f"{source.stem}.drive.h5"
     with progress_bars() as stage:
@@ -348,7 +233,7 @@ def _drawn_into(folder: Path, source: Path, settings: PlaySettings) -> Path:
     return target
 
 
-def _played_rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
+def _played_rows(report: devices.PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
     start = "unknown" if report.start is None else f"{report.start} ns of device time"
     return [
         *([("BROKEN", report.broken)] if report.broken else []),
