@@ -204,10 +204,10 @@ class ArrayDevice(ABC):
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Create the stop guard before a driver's `__init__` runs."""
-        made = super().__new__(cls)
-        made._order, made._entered, made._plays = StopGuard(), contextlib.ExitStack(), False
-        made._allowed, made._log, made._orders, made._left = None, log_nothing, [], np.inf
-        return made
+        device = super().__new__(cls)
+        device._order, device._entered, device._plays = StopGuard(), contextlib.ExitStack(), False
+        device._allowed, device._log, device._orders, device._left = None, log_nothing, [], np.inf
+        return device
 
     @abstractmethod
     def open(self) -> None:
@@ -265,19 +265,19 @@ class ArrayDevice(ABC):
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
         drive = clearance.check_for(self)
 
-        said: dict[str, Any] = {}
-        logs = self._logged(clearance, source, room, said) if self.gated or watched else contextlib.nullcontext()
+        entry: dict[str, Any] = {}
+        logs = self._logged(clearance, source, room, entry) if self.gated or watched else contextlib.nullcontext()
         with logs:
             with self._playing():
                 report = self.emit(drive, progress, repeats=clearance.repeats, delay=delay)
-            said |= asdict(report)
+            entry |= asdict(report)
         return report
 
     @contextmanager
     def _logged(
-        self, clearance: ExposureClearance, source: str | Path, room: Medium | None, said: dict[str, Any]
+        self, clearance: ExposureClearance, source: str | Path, room: Medium | None, entry: dict[str, Any]
     ) -> Generator[None]:
-        """Log the order on entry and its end on exit, with the contents of `said`; `midair stop` reaches it inside."""
+        """Log the order on entry and its end on exit, with the contents of `entry`; `midair stop` reaches it inside."""
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(
@@ -290,7 +290,7 @@ class ArrayDevice(ABC):
             del clearance
             if not self._orders:
                 self._left = np.inf if free else sound_left(profile, self.participant)
-            self._orders.append((profile, time.monotonic(), said))
+            self._orders.append((profile, time.monotonic(), entry))
             try:
                 yield
                 # A stop during the last block is not noticed inside `emit`.
@@ -301,13 +301,13 @@ class ArrayDevice(ABC):
             finally:
                 self._log = log_nothing
                 self._orders.pop()
-                said |= {"checked": exposed(later())} if later else {}
-                log_end(number, source, self.name, *outcome, report=said)
+                entry |= {"checked": exposed(later())} if later else {}
+                log_end(number, source, self.name, *outcome, report=entry)
 
     def _check_hours(self) -> None:
         """Raise ExposureError if the sound of the open orders lasts for longer than their profile permits today."""
         now = time.monotonic()
-        sounded = sum(float(said.get("duration", now - began)) for _, began, said in self._orders)
+        sounded = sum(float(entry.get("duration", now - began)) for _, began, entry in self._orders)
         if sounded > self._left:
             profile = self._orders[-1][0]
             raise hours_error(profile, self.participant, 3600 * profile.hours - self._left + sounded, 0.0)

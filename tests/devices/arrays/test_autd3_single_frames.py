@@ -124,11 +124,11 @@ def test_the_wire_carries_every_frame_with_its_instant_and_then_silence(tap, att
     with device:
         # One run of some leaves out less than half: a computer that others keep busy does so more often.
         for _ in attempts:
-            before, already = device.units.told(), len(frames_on(tap))
+            before, already = device.units.counts(), len(frames_on(tap))
             with device.frames_to_come(answered(device)) as put:
                 begin = put_some(put, device.units, 40)
                 assert device.emitting
-            told = {name: count - before[name] for name, count in device.units.told().items()}
+            told = {name: count - before[name] for name, count in device.units.counts().items()}
             assert not device.emitting
             if told["late"] + told["crowded"] < 20 and told["answered"] == told["sent"]:
                 break
@@ -149,7 +149,7 @@ def test_a_frame_whose_instant_has_gone_by_is_not_sent(tap):
     with device, device.frames_to_come(answered(device)) as put:
         put(np.zeros((1, 249), np.uint8), 200, device.units.now() - MS)
         time.sleep(0.02)
-        assert device.units.told()["late"] == 1
+        assert device.units.counts()["late"] == 1
         assert frames_on(tap) == []
 
 
@@ -248,7 +248,7 @@ def test_units_that_their_failsafe_silenced_sound_again_after_a_release(tap):
         device.resume()
         put_some(put, device.units, 20)
         assert all(not state & FAILSAFE for state in tap.states())
-        assert device.units.told()["failsafe"] == 1
+        assert device.units.counts()["failsafe"] == 1
         assert device.emitting
 
 
@@ -293,10 +293,10 @@ def test_frames_are_dropped_while_a_unit_is_too_hot_and_sound_again_a_second_aft
         while device.paused and time.monotonic() - silent < 10:
             put_some(put, device.units, 5)
         assert time.monotonic() - silent > 1.0
-        dropped = device.units.told()["hot"]
+        dropped = device.units.counts()["hot"]
         assert dropped > 100
         put_some(put, device.units, 20)
-        assert device.units.told()["hot"] == dropped
+        assert device.units.counts()["hot"] == dropped
     assert len(frames_on(tap)) > sent
     assert len(told) == 2
     assert re.search(r"got unit 0 too hot after \d+ frames .*; silent until all units have been cool for 1 s", told[0])
@@ -310,11 +310,11 @@ def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap, attempts)
             with device.frames_to_come(answered(device)) as put:
                 put_some(put, device.units, 5)
                 tap.lose(PATTERN)
-                before = device.units.told()["sent"]
+                before = device.units.counts()["sent"]
                 put_some(put, device.units, 20, first=5)
                 assert tap.lost == lost + 1
                 # The wire is still there; a busy computer leaves some out.
-                assert device.units.told()["sent"] > before + 3
+                assert device.units.counts()["sent"] > before + 3
                 tap.passes = False
                 cut = time.monotonic()
                 while time.monotonic() - cut < 2:

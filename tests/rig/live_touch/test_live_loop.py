@@ -182,7 +182,7 @@ def test_a_failsafe_that_acts_again_and_again_ends_the_run():
     units = Failsafe(range(20, 200, 10))
     _, _, _, problem = ran(Script(steady(300)), duration=0.3, units=units, rise=0.05, trips=3)
     assert isinstance(problem, SilentFramesError)
-    assert units.told()["failsafe"] == 4
+    assert units.counts()["failsafe"] == 4
 
 
 def test_the_level_is_turned_down_at_once():

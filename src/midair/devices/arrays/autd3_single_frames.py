@@ -131,7 +131,7 @@ class Autd3Immediate(Autd3Udp):
         self._manual_loop.turn()
         return int(self._sent_at[number % _KEPT])
 
-    def told(self) -> dict[str, int]:
+    def counts(self) -> dict[str, int]:
         """Number of frames by outcome."""
         self._manual_loop.turn()
         return dict(self._counts)

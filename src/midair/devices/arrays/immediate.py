@@ -44,7 +44,7 @@ class ImmediateUnits(Units, Protocol):
         """Time at which one of the last 64 frames was sent, in ns of `time.monotonic_ns`; 0 if it was not sent."""
         ...
 
-    def told(self) -> dict[str, int]:
+    def counts(self) -> dict[str, int]:
         """Counts by outcome, see `OUTCOMES`."""
         ...
 
@@ -92,13 +92,13 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         dropped until all units have cooled, and the error comes after its limit.
         """
         clearance.check_array(self)
-        said: dict[str, object] = {}
-        with self._logged(clearance, source, room, said):
-            before = self.units.told()
+        entry: dict[str, object] = {}
+        with self._logged(clearance, source, room, entry):
+            before = self.units.counts()
             self.resume()
             with self._playing():
                 yield partial(self._put, clearance.strongest)
-            said |= _since(before, self.units.told())
+            entry |= _since(before, self.units.counts())
 
     @contextmanager
     def drives_to_come(self) -> Generator[tuple[Put, Callable[..., tuple[Put, Callable[[str, str], None]]]]]:
@@ -162,7 +162,7 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
         if intensity.ndim > 1:
             raise InputError(f"{self.name}: expected one level for all transducers, got one for each")
         self._make_ready(units)
-        total, ahead, before = drive.frames * repeats, round(self.hold * 1e9), units.told()
+        total, ahead, before = drive.frames * repeats, round(self.hold * 1e9), units.counts()
         first = -(-(units.now() + round(delay * 1e9) + 2 * ahead) // period) * period
         for number in range(total):
             instant = first + number * period
@@ -178,8 +178,8 @@ class ImmediateArray(UnitsArray[ImmediateUnits]):
             time.sleep(left * 1e-9)
         if progress:
             progress(total, total)
-        told = _since(before, units.told())
-        late = told["late"] + told["crowded"]
+        counts = _since(before, units.counts())
+        late = counts["late"] + counts["crowded"]
         return PlayReport(
             frames=total, duration=total * period / 1e9, late=late, start=first, silencer=str(self.silencer)
         )

@@ -151,7 +151,7 @@ class AudioSource:
 
     def describe(self) -> dict[str, str]:
         """Device, driver, and the number of reported losses."""
-        return {**self._described, "losses told by the driver": str(self._overflows)}
+        return {**self._described, "losses reported by the driver": str(self._overflows)}
 
     @property
     def _on_jack(self) -> bool:

@@ -118,10 +118,10 @@ class Decimated:
 
     def describe(self) -> dict[str, str]:
         """Description of the source and the filter."""
-        said = self._source.describe()
+        info = self._source.describe()
         if self._stream is not None and self._decimator is not None:
-            said |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._decimator.delay:g} ms"}
-        return said
+            info |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._decimator.delay:g} ms"}
+        return info
 
     def _filtered(self, chunk: Chunk) -> Iterator[Chunk]:
         if self._stream is None:

@@ -128,9 +128,9 @@ class LslSource:
         """Sender, library version, and the method that detects gaps."""
         by = "its stamps" if self._counter is None else "its counter"
         by = "its counter, and since that is full its stamps" if self._full else by
-        said = {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
+        info = {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
         jumps = self._steady.jumps
-        return said | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
+        return info | ({"jumps of its stamps": f"{jumps}, the last by {self._steady.last:+.3g} s"} if jumps else {})
 
     def _find(self) -> pylsl.StreamInfo:
         source = "" if self._source_id is None else f" and source_id='{self._source_id}'"

@@ -123,8 +123,8 @@ class NiSource:
             return
 
     def _failed(self, wrong: Exception) -> DeviceError:
-        said = str(wrong).strip().splitlines() or [type(wrong).__name__]
-        return DeviceError(f"ni: {self._name}: {said[0]}; check the name in NI MAX, the cable, and the rate")
+        lines = str(wrong).strip().splitlines() or [type(wrong).__name__]
+        return DeviceError(f"ni: {self._name}: {lines[0]}; check the name in NI MAX, the cable, and the rate")
 
 
 def devices() -> list[str]:

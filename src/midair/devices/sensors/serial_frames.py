@@ -121,10 +121,10 @@ class Decoder:
         while self._to_sync() and len(self._held) >= _HEADER.size:
             _, version, width, channels, flags, period, counter, time_us = _HEADER.unpack_from(self._held)
             layout = Layout(channels=channels, width=width, period=period)
-            known = version == VERSION and flags == 0 and layout.valid and self.layout in (None, layout)
-            if known and len(self._held) < layout.size:
+            fits = version == VERSION and flags == 0 and layout.valid and self.layout in (None, layout)
+            if fits and len(self._held) < layout.size:
                 return None
-            if known and self._crc_fits(layout):
+            if fits and self._crc_fits(layout):
                 samples = bytes(self._held[_HEADER.size : layout.size - _CRC.size])
                 del self._held[: layout.size]
                 self.layout = layout

@@ -193,10 +193,10 @@ class StreamedSensor(SensorDevice):
 
     def describe(self) -> dict[str, str]:
         """Information about the source, and the number of lost frames since start."""
-        said = self.source.describe()
+        info = self.source.describe()
         if self._stream is not None:
-            said |= {"channels": str(self._stream.channels), "rate": f"{self._stream.rate:g} Hz"}
-        return {**said, "lost frames": str(self._lost)}
+            info |= {"channels": str(self._stream.channels), "rate": f"{self._stream.rate:g} Hz"}
+        return {**info, "lost frames": str(self._lost)}
 
     def _parts(self, reader: Reader, frames: int) -> list[Chunk]:
         """Consecutive chunks, at least one."""

@@ -28,15 +28,15 @@ class OscPoses:
 
     def open(self) -> None:
         """Listen to the port."""
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            made.bind((self._host, self._port))
+            link.bind((self._host, self._port))
         except OSError as wrong:
-            made.close()
+            link.close()
             raise DeviceError(
                 f"osc: expected a free port {self._port} at {self._host}, got: {wrong.strerror}; choose another"
             ) from wrong
-        self._socket = made
+        self._socket = link
         self._offset = time.monotonic() - datetime.now(UTC).timestamp()
 
     def pull(self, wait: float) -> list[RawPose | str]:
@@ -60,9 +60,9 @@ class OscPoses:
 
     def close(self) -> None:
         """Free the port."""
-        made, self._socket = self._socket, None
-        if made is not None:
-            made.close()
+        link, self._socket = self._socket, None
+        if link is not None:
+            link.close()
 
     def _poses(self, packet: bytes, arrived: float) -> list[RawPose | str]:
         found: list[RawPose | str] = []

@@ -236,9 +236,9 @@ class Tracker:
         """One line for each kind of fault and for each gap since the last call."""
         self._update()
         with self._changed:
-            said = list(self._reports)
+            reports = list(self._reports)
             self._reports.clear()
-        return said
+        return reports
 
     def status(self) -> TrackerStatus:
         """State of the tracker now."""

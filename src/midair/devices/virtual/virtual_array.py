@@ -345,7 +345,7 @@ class VirtualUnits(ImmediateUnits):
         """Time at which a frame was accepted, in ns of `time.monotonic_ns`."""
         return int(self._sent_at[number % 64])
 
-    def told(self) -> dict[str, int]:
+    def counts(self) -> dict[str, int]:
         """Number of frames by outcome."""
         return dict(self._counts)
 

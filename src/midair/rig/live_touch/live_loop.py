@@ -291,7 +291,7 @@ class LiveLoop:
             slot["left"] = left
             if left:
                 self._ring.time("left", left * 1e-9 - float(slot["taken"]))
-        told = self._array.units.told()
+        told = self._array.units.counts()
         self._ring.put("unanswered", told["lost"] + told["late"] + told["crowded"])
         self._ring.put("failsafe", told["failsafe"])
 

@@ -270,7 +270,7 @@ def _play(
                     sensor.start()
                     loop.run(put, order.duration)
             finally:
-                counted |= array.units.told()
+                counted |= array.units.counts()
 
 
 def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:

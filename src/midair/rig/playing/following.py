@@ -355,7 +355,7 @@ def play_followed(
     rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
     follower = Follower(tracker, drive, grid, rules=rules, report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
-    ahead, before, reactions = round(array.hold * 1e9), units.told(), list[float]()
+    ahead, before, reactions = round(array.hold * 1e9), units.counts(), list[float]()
     follower.steer_alone_if_slow(admission)
     with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
         # The first block needs longer than the others.
@@ -412,7 +412,7 @@ def play_followed(
             if progress is not None:
                 progress(begin, total)
         wait_until(units, first + total * period)
-    told = {name: count - before[name] for name, count in units.told().items()}
+    told = {name: count - before[name] for name, count in units.counts().items()}
     played = PlayReport(
         frames=total,
         duration=total * period / 1e9,
