@@ -8,10 +8,8 @@ import pytest
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.settings import best_mode
-from midair.solvers import backend as backend_module
 from midair.solvers import solve_parts
 from midair.solvers.backend import backend
-from midair.solvers.lbfgs import LBFGS, CompiledLBFGS
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Lattice, Product, modes_by_kind
 from midair.solvers.solve_plan import SolvePlan
 
@@ -43,15 +41,10 @@ def wave(frames, grid=GRID, array=ARRAY):
     return AmplitudeFrames(amplitude=0.15 * focus_amplitude(grid, array) * spot, rate=4000.0, grid=grid)
 
 
-@pytest.fixture(params=["double", "single", "single, no Numba"])
-def own_backend(request, monkeypatch):
-    if "no" in request.param:
-        monkeypatch.setattr(backend_module, "_kernel", lambda: None)
-    return backend("numpy", precision=request.param.partition(",")[0])
-
-
+@pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("array", [ARRAY, MEASURED], ids=["alike", "measured"])
-def test_products_by_kind_are_those_of_the_whole_matrix(array, own_backend):
+def test_products_by_kind_are_those_of_the_whole_matrix(array, precision):
+    own_backend = backend("numpy", precision=precision)
     lattice, put = Lattice.of(array), own_backend.put
     _, V = modes_by_kind(transfer_matrix(GRID, lattice.array), 5e-3)
     dense = lattice.weight * np.einsum("ki,kmn->kmin", KINDS, V).reshape(V.shape[0] * V.shape[1], -1)
@@ -111,22 +104,6 @@ def test_parts_jobs_and_blocks_do_not_change_a_bit():
     parts = np.concatenate([part.drive.phase for part in solve_parts(target, ARRAY, settings[0])])
     np.testing.assert_array_equal(two.drive.phase, one.drive.phase)
     np.testing.assert_array_equal(parts, one.drive.phase)
-
-
-@pytest.mark.long
-def test_compiled_loops_make_the_steps_of_numpy():
-    """A convex cost, from a step that is accepted and from one that is rejected at first."""
-    kernel = pytest.importorskip("midair.solvers.folded_kernel")
-    curvature = np.linspace(0.2, 2, 50, dtype=np.float32)
-    x, step = RNG.normal(size=(2, 50)).astype(np.float32), np.array([0.5, 8], np.float32)
-
-    def function(x):
-        return 0.5 * (curvature * x**2).sum(axis=1), curvature * x
-
-    compiled, plain = (method.run(function, x, step, 9) for method in (CompiledLBFGS(kernel=kernel), LBFGS()))
-    for name in ("x", "gradient", "cost", "scale", "length"):
-        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-3, atol=1e-5)
-    assert (plain.cost < 1e-2).all()
 
 
 @pytest.mark.parametrize(

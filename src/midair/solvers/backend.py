@@ -54,11 +54,6 @@ class Backend:
         return "cuda" in str(self.device) or "cupy" in self.xp.__name__
 
     @property
-    def kernel(self) -> Any:
-        """The loops of `folded_kernel`, for NumPy in single precision if Numba is installed; otherwise None."""
-        return _kernel() if self.xp is np and self.single else None
-
-    @property
     def rows(self) -> int:
         """Suitable batch size: limited by the cache of a CPU; on a GPU large enough that launch times do not matter."""
         return 32768 if self.on_gpu else 128
@@ -187,14 +182,6 @@ def backend(name: str, *, precision: Literal["single", "double"] = "single") -> 
     if device:
         _try(xp, name, device)
     return Backend(xp=xp, device=device or None, single=precision == "single")
-
-
-@cache
-def _kernel() -> Any:
-    try:
-        return import_module("midair.solvers.folded_kernel")
-    except ImportError:
-        return None
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows, squares
-from midair.solvers.lbfgs import LBFGS, CompiledLBFGS, Function, RingLBFGS, RowsState
+from midair.solvers.lbfgs import LBFGS, Function, RingLBFGS, RowsState
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Product, modes_by_kind
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
@@ -139,9 +139,7 @@ class FieldOperators:
 
     @property
     def descent(self) -> LBFGS:
-        """The implementation: `CompiledLBFGS` on a folded array, `LBFGS` for NumPy, `RingLBFGS` for others."""
-        if self.drive.kernel is not None:
-            return CompiledLBFGS(memory=self.memory, kernel=self.drive.kernel)
+        """The implementation: `LBFGS` for NumPy, `RingLBFGS` for others."""
         method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 

@@ -29,7 +29,7 @@ class RowsState:
     length: Numbers  # Fraction of the full step to try next, shape (row,)
     pairs: list[tuple[Rows, Rows, Numbers]]  # The last steps s, changes of gradient y, and 1 / s.y
     iterations: int = 0  # Evaluations after the first
-    ring: Any = None  # The `Ring` of `RingLBFGS`, or arrays of `CompiledLBFGS`, which replace the pairs
+    ring: Any = None  # The `Ring` of `RingLBFGS`, which replaces the pairs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,29 +106,6 @@ class LBFGS:
         for (s, y, inverse), weight in zip(state.pairs, reversed(weights), strict=True):
             d += (weight - inverse * self._dot(y, d))[:, None] * s
         return d
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompiledLBFGS(LBFGS):
-    """`LBFGS` with one pass over each row: the same steps except for rounding, for NumPy in single precision."""
-
-    kernel: Any  # Module `folded_kernel`
-
-    def step(self, function: Function, state: RowsState) -> None:
-        """Evaluate all rows once and update the state."""
-        if state.ring is None:
-            shape = (len(state.x), self.memory, state.x.shape[1])
-            state.ring = tuple(np.empty(size, np.float32) for size in (shape, shape, shape[:2]))
-            # They are changed in place from here on.
-            for name in ("x", "gradient", "cost", "scale", "length"):
-                setattr(state, name, np.array(getattr(state, name), np.float32))
-        trial, slope = np.empty_like(state.x), np.empty_like(state.cost)
-        self.kernel.aim(state.x, state.gradient, *state.ring, state.iterations, state.scale, state.length, trial, slope)
-        cost, gradient = function(trial)
-        settings = tuple(np.float32(x) for x in (self.armijo, self.shrink, self.grow, 4 * np.finfo(np.float32).eps))
-        at, kept = state.iterations % self.memory, (state.x, state.cost, state.gradient)
-        self.kernel.accept(trial, cost, gradient, slope, *kept, *state.ring, at, state.scale, state.length, settings)
-        state.iterations += 1
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

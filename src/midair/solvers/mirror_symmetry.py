@@ -158,7 +158,6 @@ class Product:
     backend: Backend
     matrix: Rows  # M, shape (mode, column)
     back: Rows  # Its adjoint
-    kernel: Any = None  # `folded_kernel` where it may be used
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -211,7 +210,7 @@ class FoldedProduct(Product):
         # Half of the factor of `KINDS`, so that `_mirrored` has none.
         matrix = backend.put(V / 2)
         own = backend.put(weight)
-        return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=own, kernel=backend.kernel)
+        return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=own)
 
     def sampled(self, some: NDArray[np.int64], root: Numbers) -> "FoldedProduct":
         """The product with these columns of each image and each mode divided by a number, shape (kind * mode,)."""
@@ -226,29 +225,6 @@ class FoldedProduct(Product):
     def to_modes(self, y: Rows) -> Rows:
         """The product y M^H, from rows (row, image * column) to rows (row, kind * mode)."""
         return self._each(_mirrored(self.weight * y), self.back)
-
-    def phasors(self, theta: Rows) -> tuple[Any, Rows]:
-        """As of `Product`; compiled where Numba is installed."""
-        # Without super(), which a class with slots lacks.
-        if self.kernel is None:
-            return Product.phasors(self, theta)
-        q = self._images(np.cos(theta)), self._images(np.sin(theta))
-        kinds = np.empty(q[0].shape, np.complex64)
-        self.kernel.spread(*q, self.weight.reshape(4, -1), kinds)
-        return q, self._each(kinds, self.back)
-
-    def slope(self, q: Any, b: Rows) -> Rows:
-        """As of `Product`; compiled where Numba is installed."""
-        if self.kernel is None:
-            return Product.slope(self, q, b)
-        slope = np.empty((len(b), self.shape[1]), np.float32)
-        back = self._images(self._each(b, self.matrix))
-        self.kernel.turn(back, *q, self.weight.reshape(4, -1), self._images(slope))
-        return slope
-
-    def _images(self, x: Any) -> Any:
-        """Rows (row, image * column) as (row, image, column)."""
-        return x.reshape(len(x), 4, -1)
 
     def _each(self, x: Rows, matrices: Rows) -> Rows:
         kinds, inner, outer = matrices.shape

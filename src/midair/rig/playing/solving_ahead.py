@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from importlib import import_module
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event
@@ -63,10 +62,7 @@ class SolvedAhead:
     def __enter__(self) -> Self:
         # One limit around all threads: each of them would restore another one.
         self._open.enter_context(one_blas_thread())
-        pool = self._open.enter_context(ThreadPoolExecutor(3))
-        if self._settings.solver.name == "glide":
-            # Numba, if it is installed, is loaded while the target is prepared.
-            pool.submit(import_module, "midair.solvers.folded_kernel")
+        pool = self._open.enter_context(ThreadPoolExecutor(2))
         self._ready, self._solved = pool.submit(self._prepare_check), pool.submit(self._solve)
         self._solved.add_done_callback(lambda _: self._news.put(None))
         return self
