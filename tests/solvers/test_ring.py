@@ -10,9 +10,8 @@ import pytest
 
 from midair.model import ControlGrid, SensorGrid
 from midair.solvers import Fast, Glide, Problem, spreading_phase
-from midair.solvers.backend import Backend, backend
+from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
-from midair.solvers.glide_blocks import FrameBlock, SolvedFrames
 from midair.solvers.lbfgs import LBFGS, RingLBFGS
 
 ROWS = 512
@@ -169,38 +168,6 @@ class InThisThread(Executor):
         done = Future()
         done.set_result(work(*given))
         return done
-
-
-def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
-    """The host reads which frames are smooth, which fields are reachable, and the results chunk by chunk."""
-    pytest.importorskip("torch")
-    monkeypatch.setattr("midair.solvers.glide.ThreadPoolExecutor", InThisThread)
-    called = Counter()
-
-    def spied(kind, name):
-        own = getattr(kind, name)
-
-        def spy(*given, **named):
-            called[name] += 1
-            return own(*given, **named)
-
-        monkeypatch.setattr(kind, name, spy)
-
-    for kind, name in ((Backend, "host"), (SolvedFrames, "keep"), (FrameBlock, "_batch")):
-        spied(kind, name)
-    blend = np.linspace(0, 1, 33)[:, None]
-    strength = (1 - blend) * patterns.amplitude[6] + blend * patterns.amplitude[200]
-    strength[20] = patterns.amplitude[300]
-    efforts = {"cold": (8, 2, 8), "bent": (3, 2, 2), "bent_wide": (3, 2, 2), "rough": (4, 2, 2)}
-    few = Glide(backend="torch", smooth=3, smooth_wide=4, hard_polish=2, **efforts)
-    counted = launches()
-    with counted:
-        few.solve(replace(patterns, amplitude=strength))
-    asked = called["host"] - 4 * called["keep"]
-    assert 0 < asked <= called["_batch"]
-    # PyTorch waits for nothing else: all copies to the host use `host`.
-    assert counted.waits == 0
-    assert counted.made["mm"] > 100
 
 
 def test_launches_of_a_recording(patterns, channels_to_points, monkeypatch):

@@ -6,10 +6,10 @@ directly, the others through array-api-compat, so that the solver is written onc
 
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,20 @@ def squares(xp: Any, a: Rows) -> Numbers:
     """The sum of the squares of each row of a real array, shape (row,)."""
     # Libraries other than NumPy compute vecdot as a batched product of single rows, slow on a GPU; a norm is one pass.
     return xp.vecdot(a, a) if xp is np else xp.linalg.vector_norm(a, axis=1) ** 2
+
+
+T = TypeVar("T")
+
+
+def taken(xp: Any, rows: T, index: Numbers) -> T:
+    """The rows with these indices of an array, or of each array of a dataclass."""
+    whole: Any = rows
+    if not is_dataclass(rows):
+        return xp.take(whole, index, axis=0)
+    parts = {one.name: getattr(rows, one.name) for one in fields(rows)}
+    return replace(
+        whole, **{name: xp.take(each, index, axis=0) for name, each in parts.items() if hasattr(each, "dtype")}
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +115,10 @@ class Backend:
         if hasattr(self.xp, "polar"):
             return self.xp.polar(self.xp.ones((), dtype=theta.dtype, device=theta.device), theta)
         return self.complex(self.xp.cos(theta), self.xp.sin(theta))
+
+    def angle(self, q: Rows) -> Rows:
+        """The angles of q in rad."""
+        return self.xp.atan2(self.xp.imag(q), self.xp.real(q))
 
     def unit(self, q: Rows) -> Rows:
         """The numbers q / |q|; 1 where q is 0."""

@@ -4,12 +4,11 @@ All arrays are those of the backend; a row is a frame.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.backend import Backend, Numbers, Rows, squares
+from midair.solvers.backend import Backend, Numbers, Rows, squares, taken
 from midair.solvers.lbfgs import LBFGS, Function, RingLBFGS, RowsState
 from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Product, modes_by_kind
 from midair.solvers.modes import modes
@@ -29,12 +28,6 @@ class Batch:
     peak: Rows  # Largest of p, shape (row, 1)
     cells: Rows = None  # Target pressures of the cells, shape (row, cell), or None
     cell_scale: Numbers = None  # One over the squared norm of `cells`, shape (row,), or None
-
-    def some(self, xp: Any, rows: Numbers) -> "Batch":
-        """The rows with these indices."""
-        parts = (self.p, self.gain, self.peak, self.cells, self.cell_scale)
-        p, gain, peak, cells, scale = (None if one is None else xp.take(one, rows, axis=0) for one in parts)
-        return Batch(p=p, gain=gain, peak=peak, cells=cells, cell_scale=scale)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,8 +144,7 @@ class FieldOperators:
         xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
             q = self.backend.unit(q + relaxation * self.drive.of_modes(a - self.drive.to_modes(q)))
-        q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
-        return xp.atan2(xp.imag(q), xp.real(q))
+        return self.backend.angle(xp.broadcast_to(q, (a.shape[0], q.shape[1])))
 
     def reachable(self, a: Rows, max_power_share: float) -> NDArray[np.bool_]:
         """Which rows of a field a, V^H q (row, mode), drives of equal amplitude can come close to, shape (row,).
@@ -197,7 +189,7 @@ class FieldOperators:
         good = theta.shape[0] - (theta.shape[0] + 3) // 4
         worst = order[good:]
         x, scale = xp.take(state.x, worst, axis=0), xp.take(state.scale, worst)
-        better = method.run(self.phase_function(batch.some(xp, worst)), x, scale, more).x
+        better = method.run(self.phase_function(taken(xp, batch, worst)), x, scale, more).x
         sorted_x = xp.concat([xp.take(state.x, order[:good], axis=0), better], axis=0)
         return xp.take(sorted_x, xp.argsort(order), axis=0)
 
@@ -310,3 +302,18 @@ class FieldMove:
             return cost, backend.as_real(gradient)
 
         return function
+
+
+def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: int) -> NDArray[np.int64]:
+    """Indices of one in `every` transducers, evenly over the array: each next is the farthest from those before it.
+
+    If the positions are unknown, every `every`-th.
+    """
+    if position is None:
+        return np.arange(0, count, every)
+    chosen = [int(position[:, :2].sum(axis=1).argmin())]
+    distance = np.full(count, np.inf)
+    while len(chosen) < max(count // every, 1):
+        distance = np.minimum(distance, ((position - position[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(distance.argmax()))
+    return np.sort(np.array(chosen))

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Progress
-from midair.solvers.backend import Backend, Rows, backend
-from midair.solvers.field_operators import Batch, FieldMove, FieldOperators
-from midair.solvers.glide import evenly_spread
+from midair.solvers.backend import Backend, Rows, backend, taken
+from midair.solvers.field_operators import Batch, FieldMove, FieldOperators, evenly_spread
 from midair.solvers.lbfgs import RowsState
 from midair.solvers.modes import Keyed
 from midair.solvers.phases import hold
@@ -207,9 +206,8 @@ class _Block:
             self._from_scratch(rows[~close])
         if close.any():
             index = backend.put(np.flatnonzero(close))
-            some, xp = batch.some(backend.xp, index), backend.xp
-            state = free.run(some, xp.take(start, index, axis=0), xp.take(scale, index), self._settings.between)
-            self._keep(rows[close], some, state)
+            some, begin, size = (taken(backend.xp, each, index) for each in (batch, start, scale))
+            self._keep(rows[close], some, free.run(some, begin, size, self._settings.between))
 
     def _keep(self, rows: Indices, batch: Batch, state: RowsState, penalised: FieldMove | None = None) -> None:
         """Store the solution; frames with amplitudes above full drive are first continued with a penalty on them."""
@@ -221,7 +219,8 @@ class _Block:
         self._made[rows] += state.iterations
         loud = np.flatnonzero(np.abs(q).max(axis=1) > 1)
         if len(loud) and penalised is not moves.bounded:
-            index, xp = backend.put(loud), backend.xp
-            some, z = batch.some(xp, index), xp.take(backend.as_complex(state.x), index, axis=0)
-            better = moves.bounded.run(some, z, xp.take(state.scale, index), self._settings.bounded)
-            self._keep(rows[loud], some, better, moves.bounded)
+            index = backend.put(loud)
+            some, z, scale = (
+                taken(backend.xp, each, index) for each in (batch, backend.as_complex(state.x), state.scale)
+            )
+            self._keep(rows[loud], some, moves.bounded.run(some, z, scale, self._settings.bounded), moves.bounded)

@@ -14,8 +14,7 @@ from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
 from midair.solvers.fast import Fast
 from midair.solvers.free import Free
-from midair.solvers.glide import Glide
-from midair.solvers.glide_blocks import frames_in_block
+from midair.solvers.glide import Glide, frames_in_block
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.methods import Method, SolverSettings
 from midair.solvers.mirror_symmetry import Lattice, kinds_differ

@@ -4,22 +4,23 @@ import numpy as np
 import pytest
 
 from midair.solvers import Glide
-from midair.solvers.backend import backend
-from midair.solvers.glide_blocks import FrameBlock, solve_marks
+from midair.solvers.backend import backend, taken
+from midair.solvers.bisection_step import BisectionStep
+from midair.solvers.glide import FrameBlock, solve_marks
 
 
 @pytest.fixture(scope="module")
 def bisection(problem_of, moving_spot):
     # Double precision, so that rounding does not affect the comparison.
-    return Glide()._bisection(problem_of(moving_spot(40)), backend("numpy", precision="double"))
+    return BisectionStep.of(Glide(), problem_of(moving_spot(40)), backend("numpy", precision="double"))
 
 
 @pytest.fixture(scope="module")
 def around(bisection):
     """Neighbours of frame 10: frames 0 and 20."""
-    block_frames = FrameBlock(bisection, np.arange(21))
-    block_frames.known.put(np.array([0, 20]), solve_marks(bisection, np.array([0, 20])))
-    return block_frames._neighbours(np.array([[0, 10, 20]]))
+    block_frames = FrameBlock(Glide(), bisection, np.arange(21))
+    block_frames.known.put(np.array([0, 20]), solve_marks(Glide(), bisection, np.array([0, 20])))
+    return block_frames.neighbours(np.array([[0, 10, 20]]))
 
 
 @pytest.fixture
@@ -64,12 +65,12 @@ def test_admm_gets_a_rough_frame_closer(bisection, around, batch):
 def test_a_frame_that_asks_for_too_much_gets_the_long_polish_and_keeps_its_place(problem_of, moving_spot):
     strengths = moving_spot(3)
     strengths[1] *= 12  # the middle one of three asks for more than all transducers have
-    bisection = Glide()._bisection(problem_of(strengths), backend("numpy", precision="double"))
+    bisection = BisectionStep.of(Glide(), problem_of(strengths), backend("numpy", precision="double"))
     batch = bisection.operators.batch(np.arange(3), faintest=1e-12)
     a, q = np.zeros((3, bisection.operators.drive.shape[0]), complex), np.ones((3, 996), complex)
     a[1, 0] = 40.0
-    state = bisection._refine_with_admm(batch, a, q, np.full(3, 1e-3), 0)
-    soft = bisection._refine_with_admm(batch.some(np, np.array([0, 2])), a[[0, 2]], q[[0, 2]], np.full(2, 1e-3), 0)
+    state = bisection.refine_with_admm(batch, a, q, np.full(3, 1e-3), 0)
+    soft = bisection.refine_with_admm(taken(np, batch, np.array([0, 2])), a[[0, 2]], q[[0, 2]], np.full(2, 1e-3), 0)
     np.testing.assert_allclose(state.x[[0, 2]], soft.x)
     assert np.abs(state.x[1]).max() > 0  # polished although no iterations were asked for the others
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from midair.solvers import Glide
 from midair.solvers.backend import backend
-from midair.solvers.glide_blocks import FrameBlock, blocks, midpoints, solve_marks
+from midair.solvers.bisection_step import BisectionStep
+from midair.solvers.glide import FrameBlock, blocks, midpoints, solve_marks
 
 SIZES = {"frames": st.integers(1, 400), "coarse": st.integers(1, 40), "size": st.integers(1, 150)}
 
@@ -60,9 +61,10 @@ FRAMES, MARKS = np.arange(33), np.array([0, 16, 32])
 
 
 def walked(bisection, **changes):
-    bisection = replace(bisection, settings=replace(bisection.settings, **changes))
-    block_frames = FrameBlock(bisection, FRAMES)
-    block_frames.known.put(MARKS, solve_marks(bisection, MARKS))
+    settings = replace(bisection.settings, **changes)
+    bisection = replace(bisection, settings=settings)
+    block_frames = FrameBlock(settings, bisection, FRAMES)
+    block_frames.known.put(MARKS, solve_marks(settings, bisection, MARKS))
     before = block_frames.known.theta[MARKS].copy()
     block_frames.solve(MARKS)
     assert np.array_equal(block_frames.known.theta[MARKS], before)
@@ -71,7 +73,7 @@ def walked(bisection, **changes):
 
 @pytest.fixture(scope="module")
 def bisection(problem_of, moving_spot):
-    return Glide()._bisection(problem_of(moving_spot(33)), backend("numpy"))
+    return BisectionStep.of(Glide(), problem_of(moving_spot(33)), backend("numpy"))
 
 
 @pytest.mark.long
@@ -98,7 +100,7 @@ def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_roug
 
 
 def test_batch_size_does_not_change_frames(problem_of, moving_spot):
-    bisection = Glide()._bisection(problem_of(moving_spot(33)), backend("numpy", precision="double"))
+    bisection = BisectionStep.of(Glide(), problem_of(moving_spot(33)), backend("numpy", precision="double"))
     few = {"cold": (8, 2, 4), "near": 9.0, "smooth": 3, "smooth_wide": 3}
     together, alone = (walked(bisection, rows=rows, **few).theta for rows in (128, 1))
     # Few iterations and double precision, before rounding separates descents of other batch sizes.

@@ -7,7 +7,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.solvers import Fast, Glide, error_of
-from midair.solvers.glide import evenly_spread
+from midair.solvers.field_operators import evenly_spread
 from midair.solvers.problem import GuardField
 
 
