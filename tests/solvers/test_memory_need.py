@@ -1,10 +1,14 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import check_memory, memory_needed
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers import check_memory, memory_of
+
+UNIT = TransducerArray.autd3(columns=1, rows=1)
 
 GROWTH = r"""
 import re, sys
@@ -46,31 +50,38 @@ print(solved(units, side, frames) - before)
 def test_the_estimate_agrees_with_the_measured_memory(units, side, frames, method):
     words = [sys.executable, "-c", GROWTH, str(units), str(side), str(frames), *method.split()]
     seen = int(subprocess.run(words, check=True, capture_output=True, text=True, timeout=300).stdout)
-    told = memory_needed(side**2, 249 * units**2, frames, method=method.split()[0], folded="windows" in method)
+    grid, array = ControlGrid(rows=side, columns=side), TransducerArray.autd3(columns=units, rows=units)
+    name, *fit = method.split()
+    told = memory_of((grid, frames), array, method=name, **({"fit": fit[0]} if fit else {}))
     # Small arrays reuse memory that libraries freed before.
     assert 0.75 * seen <= told <= 1.6 * seen + 20e6
 
 
-def test_too_little_memory_is_refused_in_one_line():
-    with pytest.raises(
-        InputError, match=r"0\.05 GB of free memory, got 15936 transducers x 4096 points, .* 0\.09 GB; use"
-    ):
+def test_too_little_memory_is_refused_in_one_line_and_unknown_memory_accepted():
+    words = r"0\.05 GB of free memory, got 15936 transducers x 4096 points, .* 0\.09 GB; use"
+    with pytest.raises(InputError, match=words):
         check_memory(90_000_000, 50_000_000, points=4096, transducers=15936)
-
-
-@pytest.mark.parametrize("available", [None, 1000])
-def test_enough_or_unknown_memory_is_accepted(available):
-    check_memory(1000, available, points=1, transducers=1)
+    for available in (None, 1000):
+        check_memory(1000, available, points=1, transducers=1)
 
 
 def test_more_of_anything_takes_more():
-    least = memory_needed(256, 996, 100, method="fast")
-    more = [
-        memory_needed(1024, 996, 100, method="fast"),
-        memory_needed(256, 3984, 100, method="fast"),
-        memory_needed(256, 996, 10000, method="fast"),
-        memory_needed(256, 996, 100, method="fast", guard=420),
-        memory_needed(256, 996, 100, method="fast", guard=420, airs=3),
-    ]
-    assert min(more) > least
-    assert more[4] > more[3]
+    def memory(side=16, units=2, frames=100, **terms):
+        grid, array = ControlGrid(rows=side, columns=side), TransducerArray.autd3(columns=units, rows=units)
+        return memory_of((grid, frames), array, method="fast", **terms)
+
+    guarded = memory(guard=0.02)
+    more = [memory(side=32), memory(units=4), memory(frames=10000), memory(amplitudes="bounded"), guarded]
+    assert min(more) > memory()
+    assert memory(guard=0.02, robust=2.0) > guarded
+
+
+def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
+    """A part of a recording by bisection is one block per job, far more frames than with other methods."""
+    grid = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
+    long = AmplitudeFrames(amplitude=np.zeros((20000, 16)), rate=500.0, grid=grid)
+    one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
+    assert two - one == pytest.approx(1024 * 249 * 80)
+    assert one > memory_of(long, UNIT, method="lm", parts=True)
+    assert memory_of(long, UNIT, method="glide", jobs=2) > two
+    assert memory_of(long, UNIT, method="glide", parts=True, quiet_palm=0.1) > one

@@ -6,7 +6,7 @@ import pytest
 from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
-from midair.solvers import METHODS, Cells, Guard, memory_of, solve, takes
+from midair.solvers import METHODS, Cells, Guard, solve, takes
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -180,13 +180,3 @@ def test_robust_goes_with_every_other_term(term):
     solution = solve(wanted, UNIT, method="fast", acoustics=ROOM, robust=2.0, **term)
     assert solution.error.max() < 1
     assert solution.drive.provenance.steps[-1].settings["robust_c"] == 2.0
-
-
-def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
-    """A part of a recording by bisection is one block per job, far more frames than with other methods."""
-    long = target(np.zeros((20000, 16)))
-    one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
-    assert two - one == pytest.approx(1024 * 249 * 80)
-    assert one > memory_of(long, UNIT, method="lm", parts=True)
-    assert memory_of(long, UNIT, method="glide", jobs=2) > two
-    assert memory_of(long, UNIT, method="glide", parts=True, quiet_palm=0.1) > one

@@ -9,7 +9,6 @@ from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
 from .live import Live as Live
 from .memory_need import check_memory as check_memory
-from .memory_need import memory_needed as memory_needed
 from .memory_need import memory_of as memory_of
 from .methods import METHODS as METHODS
 from .methods import Method as Method

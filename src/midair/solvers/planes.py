@@ -19,56 +19,27 @@ from midair.solvers.problem import Problem
 def place_grid(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tuple[float, float, float]) -> Array:
     """Points of a grid that is moved and tilted, row by row, shape (point, 3), in m.
 
-    Parameters
-    ----------
-    grid : ControlGrid
-        Rows, columns and pitch; its own height and centre are ignored.
-    centre : tuple of float
-        Position of the middle of the grid, in m.
-    normal : tuple of float
-        Direction of the upper side, of any length. The grid is rotated there by the smallest angle.
-
-    Raises
-    ------
-    InputError
-        If the normal is zero, not finite, or points straight down.
+    The grid gives rows, columns and pitch. `centre` is the position of its middle in m, `normal` the direction of its
+    upper side, of any length; it is rotated there by the smallest angle. Raises InputError if the normal is zero, not
+    finite, or points straight down.
     """
     length = float(np.linalg.norm(normal))
-    n = np.asarray(normal, float) / max(length, 1e-300)
-    if not (np.isfinite(length) and n[2] > -1 + 1e-6 and length > 0):
+    if not (0 < length < np.inf and normal[2] / length > -1 + 1e-6):
         raise InputError(f"normal: expected a direction that is not straight down, got {tuple(normal)}")
-    x, y = np.meshgrid(grid.x, grid.y)
-    flat = np.stack([x.ravel(), y.ravel(), np.zeros(grid.count)], axis=1)
-    # Rodrigues' formula for the rotation from z to n: axis z x n, cosine n_z.
-    a, b, c = np.cross([0.0, 0.0, 1.0], n)
-    across = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-    turn = np.eye(3) + across + across @ across / (1 + n[2])
-    return np.asarray(flat @ turn.T + np.asarray(centre, float), np.float64)
+    from scipy.spatial.transform import Rotation
+
+    flat = grid.position - [*grid.centre, grid.height]
+    return np.asarray(Rotation.align_vectors([normal], [[0.0, 0.0, 1.0]])[0].apply(flat) + centre, np.float64)
 
 
 def multi_plane_problem(
     planes: Sequence[Array], amplitude: Array, array: TransducerArray, *, acoustics: Acoustics | None = None
 ) -> Problem:
-    """One problem for the targets of all planes, for the `solve` method of a solver.
+    """One problem for the targets of all planes, for the `solve` method of a solver, in units of the strongest focus.
 
-    Parameters
-    ----------
-    planes : sequence of ndarray, shape (point, 3)
-        Points of each plane in m, from `place_grid` or the `position` of a grid.
-    amplitude : ndarray, shape (frame, point)
-        Target peak sound pressure at the points of the first plane, then of the second and so on, in Pa.
-    acoustics : Acoustics, optional
-        The paper's if None.
-
-    Returns
-    -------
-    Problem
-        In units of the strongest focus at any point.
-
-    Raises
-    ------
-    ShapeError
-        If the number of amplitudes differs from the number of points.
+    `planes` are points of each plane in m, shape (point, 3), from `place_grid` or the `position` of a grid; `amplitude`
+    the target peak sound pressure in Pa, shape (frame, point), at the points of the first plane, then of the second and
+    so on. Raises ShapeError if the number of amplitudes differs from the number of points.
     """
     acoustics = acoustics or Acoustics()
     points = sum(len(plane) for plane in planes)
