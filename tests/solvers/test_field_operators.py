@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.solvers import Problem
-from midair.solvers.backend import backend
+from midair.solvers.backend import backend, taken
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.problem import CellTarget, GuardField, misfit
 
@@ -67,7 +67,7 @@ def test_the_guards_ceiling_is_a_part_of_the_frames_own_peak():
 def test_some_rows_of_a_batch_are_those_rows():
     operators = machine_of(cells=CELLS)
     batch = operators.batch(np.arange(2), faintest=1e-12)
-    second = batch.some(np, np.array([1]))
+    second = taken(np, batch, np.array([1]))
     alone = operators.batch(np.array([1]), faintest=1e-12)
     for part in ("p", "gain", "peak", "cells", "cell_scale"):
         np.testing.assert_array_equal(getattr(second, part), getattr(alone, part))
