@@ -1,4 +1,4 @@
-"""Damage that follows the structure of files: a value or one line, never a traceback, a crash or a hang."""
+"""Damaged files: a value or one line, never a traceback, a crash or a hang."""
 
 import sys
 
@@ -7,25 +7,15 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("Windows has no processes that are copies", allow_module_level=True)
 
-pytest.importorskip("distributed")
-pytest.importorskip("pyxdf")
-
-from tests.fuzzing.trials import TARGETS, told, try_many
-
-
-def check(count, seed, folder):
-    found = try_many(count, seed, folder)
-    assert found.count == count
-    assert not found.bad, "\n".join(told(found, 0))
-    assert found.refused > found.count / 4, "most damage is noticed"
-    assert found.read > found.count / 20, "some is not, and read for what it says"
-
 
 @pytest.mark.long
-def test_survives_damage_that_knows_the_structure(tmp_path):
-    check(2 * len(TARGETS), 1, tmp_path)
+@pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_damaged_files_are_read_or_refused_in_one_line(count, tmp_path):
+    pytest.importorskip("pyxdf")
+    from tests.fuzzing import try_many
 
-
-@pytest.mark.slow
-def test_survives_much_damage_that_knows_the_structure(tmp_path):
-    check(10_000, 2, tmp_path)
+    found = try_many(count, 1, tmp_path)
+    assert set(found) <= {"read", "refused"}, found
+    assert found.total() == count
+    assert found["refused"] > count / 4, "most damage is noticed"
+    assert found["read"] > count / 20, "some is not, and read for what it says"

@@ -1,7 +1,0 @@
-"""``python -m tests.fuzzing``: see there."""
-
-import sys
-
-from tests.fuzzing.trials import main
-
-sys.exit(main())
