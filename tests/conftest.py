@@ -24,7 +24,7 @@ def pytest_configure():
     from hypothesis import HealthCheck, settings  # here: its bytecode is kept from now on
 
     settings.register_profile(
-        "midair", deadline=None, derandomize=True, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
+        "midair", deadline=None, derandomize=True, max_examples=15, suppress_health_check=[HealthCheck.too_slow]
     )
     settings.load_profile("midair")
 

@@ -8,9 +8,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copyfile
 
-import numpy as np
 import pytest
 from tests.printed import not_printed
 
@@ -63,12 +61,6 @@ def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder):
     assert 0.1 < gain < 1
 
 
-def test_the_readme_puts_midair_on_the_path_before_the_first_command():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    line = "`source .venv/bin/activate` puts the command `midair` on the path"
-    assert 0 < text.find(line) < text.find("`midair record")
-
-
 @pytest.mark.long
 def test_the_python_of_the_tutorial_runs(folder):
     assert run(["record", "virtual:towel", "stroke.h5"]) == 0
@@ -85,25 +77,6 @@ def test_the_python_of_the_first_five_minutes_runs(folder):
     names = {}
     exec(script.replace("cut(0.4, 0.1)", "cut(0.4, 0.03)"), names)
     assert names["played"].take.recording.frames > 30
-
-
-@pytest.mark.slow
-def test_every_command_of_the_first_five_minutes_runs_and_prints_what_the_page_shows(folder, capsys):
-    """The four ratios within half a decibel."""
-    demo, *typed = commands("docs/start.md")
-    assert demo == ["demo"]
-    for words in typed:
-        capsys.readouterr()
-        assert run(words) == 0, words
-    said = " ".join(capsys.readouterr().out.split())
-    (shown,) = blocks("docs/start.md", "text")
-    shown = " ".join(shown.split())
-    assert shown.partition(" weaker")[2].partition(":")[0] in said
-    pattern = r"(signal to distortion[a-z, ]*): ([0-9.]+)"
-    printed = dict(re.findall(pattern, said))
-    for name, value in re.findall(pattern, shown):
-        assert float(printed[name]) == pytest.approx(float(value), abs=0.5)
-    assert run(demo) == 0
 
 
 def test_the_python_of_the_settings_page_runs(folder):
@@ -145,30 +118,12 @@ def test_the_doctests_of_the_sensor_page_hold():
 
 
 @pytest.mark.long
-def test_the_page_on_seeing_hearing_and_watching_runs(folder, capsys):
+def test_the_python_of_the_page_on_seeing_runs(folder):
     (script,) = blocks("docs/show.md", "python")
     names = {}
     exec(script, names)
     assert names["page"].startswith("<!doctype html>")
     assert names["widget"].about["frames"] == 200
-    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
-    copyfile("take.h5", "take.rerecorded.h5")
-    coarse = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.1s"]
-    assert run(["solve", "take.h5", *coarse]) == 0
-    typed = commands("docs/show.md")
-    assert len(typed) == 4
-    for words in typed:
-        assert run(words) == 0, words
-    assert not_printed("docs/show.md", capsys.readouterr().out) == []
-
-
-@pytest.mark.slow
-def test_every_command_of_the_tutorial_prints_what_the_page_shows(folder, capsys):
-    typed = commands("docs/tutorial.md")
-    assert len(typed) > 8
-    for words in typed:
-        assert run(words) == 0, words
-    assert not_printed("docs/tutorial.md", capsys.readouterr().out) == []
 
 
 def parts_of_a_plan(page):
@@ -212,26 +167,6 @@ def test_the_runner_of_the_page_on_studies_runs(folder):
     assert found.next_trial == len(found.trials)
     assert {given.by for given in found.answers.values()} == {"page"}
     assert told[:2] == ["Feel now.", ""]
-
-
-@pytest.mark.slow
-def test_every_command_of_the_page_on_studies_prints_what_it_shows(folder, capsys):
-    """But for the sessions at the keys, which `test_running` types; of old data, those of a study that was exported."""
-    typed = [words for words in commands("docs/study.md") if words[2] not in ("touch", "weak")]
-    assert len(typed) > 8
-    rng = np.random.default_rng(1)
-    rows = [
-        f"p{person},p{person},{shown},{shown},{rng.choice([shown, 'towel'])},{surface},{asked},{rng.integers(1, 8)}"
-        for person in range(4)
-        for surface in ("plain", "grooved")
-        for shown in ("brush", "towel", "sponge")
-        for asked in ("brush", "towel")
-    ]
-    names = "participant,subject,object,presented,response,surface,rated,score"
-    (folder / "old.csv").write_text("\n".join([names, *rows]) + "\n")
-    for words in typed:
-        assert run(words) == 0, words
-    assert not_printed("docs/study.md", capsys.readouterr().out) == []
 
 
 def test_the_table_of_settings_has_every_choice_in_every_mode():

@@ -26,11 +26,6 @@ def test_the_window_at_hand_computed_places():
     assert dsp.band_window(f, PAPER, edges=(10.0, 23.5)) == pytest.approx(wanted)
 
 
-def test_a_window_of_everything_is_one():
-    assert dsp.band_edges((0, 500), RATE) == (0, 0)
-    assert dsp.band_window(np.linspace(0, 500, 50), (0, 500), edges=(0, 0)).tolist() == [1] * 50
-
-
 @pytest.mark.long
 @given(st.floats(0.01, 0.9), st.floats(0.05, 1), st.floats(1, 1e5))
 def test_usual_edges_always_fit(low, high, rate):
@@ -47,21 +42,11 @@ def test_edges_that_do_not_fit_are_refused(edges):
         dsp.band_window(np.zeros(1), PAPER, edges=edges)
 
 
-@pytest.mark.parametrize("band", [(-1, 10), (20, 20), (30, 20), (20, 501), (float("nan"), 10)])
-def test_a_band_that_does_not_fit_is_refused(band):
-    with pytest.raises(BandError, match="band: expected 0 <= low < high <= 500 Hz"):
-        dsp.check_band(band, RATE)
-
-
 def test_the_refusal_names_the_rate_and_a_band_that_fits():
     with pytest.raises(BandError, match=r"17\.8 Hz.*35\.6 Hz.*20 to 470 Hz.*such as \(0\.18, 16\)") as refusal:
         dsp.check_band(PAPER, 35.6)
     low, high = str(refusal.value).rsplit("(", 1)[1].rstrip(")").split(", ")
     assert dsp.check_band((float(low), float(high)), 35.6)
-
-
-def test_fft_frequencies_end_at_half_the_rate():
-    assert dsp.fft_frequencies(8, 16.0).tolist() == [0, 2, 4, 6, 8]
 
 
 @settings(deadline=None, max_examples=20)
@@ -135,29 +120,6 @@ def test_fir_agrees_with_a_direct_sum(seed, taps):
     assert dsp.filter_fir(x, fir) == pytest.approx(wanted, abs=1e-10)
 
 
-@pytest.mark.parametrize("taps", [0, 4, 15, 17])
-def test_taps_that_do_not_fit_are_refused(taps):
-    with pytest.raises(InputError, match="taps"):
-        dsp.fir_from_response(np.ones(8, complex), taps)
-
-
-def test_an_even_fir_is_refused():
-    with pytest.raises(InputError, match="odd number, got 4"):
-        dsp.filter_fir(np.zeros(9), np.zeros(4))
-
-
-def test_the_spectrum_integrates_to_the_variance():
-    x = np.random.default_rng(0).standard_normal((20000, 3)) * [1, 2, 3]
-    f, density = dsp.welch(x, RATE, resolution=2.0)
-    assert f[1] == 2.0
-    assert (density.sum(axis=0) * f[1]) == pytest.approx(x.var(axis=0), rel=0.02)
-    assert density[5:-5].mean(axis=0) == pytest.approx(np.array([1, 4, 9]) / 500, rel=0.05)
-
-
-def test_a_short_signal_gets_a_coarse_spectrum():
-    assert len(dsp.welch(np.arange(10.0), RATE)[0]) == 6
-
-
 @pytest.mark.parametrize("frequency", [40.0, 100.0, 333.0])
 def test_a_tones_energy_is_in_its_band(frequency):
     x = 3 * np.sin(2 * np.pi * frequency * np.arange(4000) / RATE)
@@ -171,13 +133,7 @@ def test_a_drift_does_not_leak_into_the_band():
     assert dsp.band_energy(drift, RATE, PAPER) < 1e-6 * drift.var()
 
 
-def test_band_energy_takes_a_band_from_zero():
-    x = np.random.default_rng(0).standard_normal(50000)
-    assert dsp.band_energy(x, RATE, (0, 500)) == pytest.approx(1, rel=0.05)
-    assert dsp.band_energy(x, RATE, (100, 200)) == pytest.approx(0.2, rel=0.1)
-
-
-@pytest.mark.parametrize(("up", "down"), [(4, 1), (1, 4), (7, 3), (89, 20000)])
+@pytest.mark.parametrize(("up", "down"), [(4, 1), (1, 4), (7, 3)])
 def test_resampling_is_that_of_scipy(up, down):
     x = np.random.default_rng(0).standard_normal((900, 2))
     fir = firwin(128 * max(up, down) + 1, 1 / max(up, down), window=("kaiser", 8.0))
@@ -195,19 +151,6 @@ def test_spectra_are_those_of_scipy(segment):
     how = {"window": "blackmanharris", "nperseg": segment, "noverlap": 3 * segment // 4}
     power = welch(x.T, RATE, **how)[1].sum(axis=1) * RATE / segment
     np.testing.assert_allclose(dsp.band_energy(x, RATE, (0, 500), resolution=RATE / segment), power, atol=1e-14)
-
-
-@pytest.mark.parametrize("frequency", [5.0, 100.0, 300.0, 470.0])
-def test_a_tone_is_the_same_at_another_rate(frequency):
-    high = np.sin(2 * np.pi * frequency * np.arange(16000) / 8000 + 0.4)[:, None]
-    low = np.sin(2 * np.pi * frequency * np.arange(2000) / 1000 + 0.4)[:, None]
-    assert dsp.resample(high, 8000.0, 1000.0)[200:-200] == pytest.approx(low[200:-200], abs=1e-3)
-    assert dsp.resample(low, 1000.0, 8000.0)[1600:-1600] == pytest.approx(high[1600:-1600], abs=1e-3)
-
-
-def test_frequencies_above_half_the_new_rate_are_removed():
-    x = np.sin(2 * np.pi * 530 * np.arange(16000) / 8000)
-    assert np.abs(dsp.resample(x, 8000.0, 1000.0)[200:-200]).max() < 1e-4
 
 
 @pytest.mark.long

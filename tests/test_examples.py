@@ -20,13 +20,3 @@ def test_runs_and_leaves_a_picture_and_says_where(path, tmp_path, monkeypatch, c
     assert any(isinstance(value, Figure) for value in names.values())
     assert [each.name for each in tmp_path.iterdir()] == [f"{path.stem}.png"]
     assert capsys.readouterr().out.endswith(f"{path.stem}.png\n")
-
-
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_says_that_it_leaves_a_picture_of_its_name(path):
-    """The same, without running it: fast."""
-    assert f'figure.savefig("{path.stem}.png"' in path.read_text(encoding="utf-8")
-
-
-def test_there_are_examples():
-    assert len(EXAMPLES) >= 3

@@ -1,4 +1,3 @@
-import tracemalloc
 from dataclasses import replace
 from functools import cache
 
@@ -6,13 +5,12 @@ import numpy as np
 import pytest
 
 from midair.datasets import sample
-from midair.headroom import _at_point, headroom, level_of, linear_range, thinned
+from midair.headroom import headroom, level_of, linear_range, thinned
 from midair.model import AmplitudeFrames, Calibration, ControlGrid, Medium, Provenance, TransducerArray
 from midair.physics import PlaybackChain, Transducers, radiation_pressure, simulate, sound_amplitude, transfer_matrix
 from midair.pipeline import calibrated_pressure, reproduce
 from midair.settings import finest_mode
 from midair.solvers import solve
-from midair.streaming import BYTES, LazyFrames
 
 ARRAY = TransducerArray.autd3()
 SMALL = TransducerArray.autd3(columns=1, rows=1)
@@ -132,29 +130,5 @@ def test_above_the_linear_range_it_gives_advice():
     assert not again.too_loud
 
 
-def test_plain_values_carry_their_units():
-    plain = level(4.0).plain()
-    assert {"strength", "asked_pa", "steady_pa", "vibration_pa", "linear_pa", "peak_pa", "comes", "too_loud"} < set(
-        plain
-    )
-    assert {"height_m", "focus_pa", "even_pa", "most_pa", "swing_pa"} == set(plain["can_be_had"])
-
-
 def test_silence_has_no_range():
     assert linear_range(ARRAY, GRID, np.zeros(GRID.count)) == (0.0, 0.0)
-
-
-def test_one_point_of_many_does_not_keep_the_frames_it_was_read_from():
-    def read(first, last):
-        return np.ones((last - first, 16))
-
-    target = AmplitudeFrames(
-        amplitude=LazyFrames(read, (200_000, 16)), rate=1000.0, grid=ControlGrid(rows=4, columns=4)
-    )
-    tracemalloc.start()
-    wave = _at_point(target, slice(0, 200_000), 3)
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert len(wave) == 200_000
-    # The wave and the parts that it is put together from, and two blocks; all frames would be sixteen times the wave.
-    assert most < 5 * wave.nbytes + 2 * BYTES

@@ -35,11 +35,6 @@ def test_functions_have_help():
     assert [name for name, one in functions.items() if "Parameters" not in (inspect.getdoc(one) or "")] == []
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="module 'midair' has no attribute 'rewind'"):
-        midair.rewind  # noqa: B018
-
-
 def test_import_loads_nothing_heavy():
     heavy = {
         "scipy",
@@ -65,24 +60,6 @@ def test_a_command_starts_without_the_large_parts_of_scipy():
     code = "import sys; from midair.cli.commands import solve; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert {"scipy.spatial", "scipy.sparse", "scipy.linalg", "scipy.signal", "matplotlib"}.isdisjoint(loaded)
-
-
-def types_of(*functions):
-    modules = ", ".join(f"midair.{module}" for module in names("modules"))
-    types = f"type(getattr(midair, n)).__name__ for n in {functions}"
-    code = f"import {modules}, midair.rig.correction, midair; print(*({types}))"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-
-
-@pytest.mark.long
-def test_functions_stay_functions_after_all_imports():
-    assert set(types_of(*names("functions"))) == {"function"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", names("functions"))
-def test_each_function_is_a_function_on_first_access(name):
-    assert types_of(name) == ["function"]
 
 
 def test_the_command_that_newcomers_type_works(capsys):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.devices import ExposureChoices, check_exposure
-from midair.errors import InputError, RateError
+from midair.errors import InputError
 from midair.files import profile_named
 from midair.model import ControlGrid, Drive, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import Transducers, focus_amplitude, transfer_matrix
@@ -53,11 +53,6 @@ def test_another_rate_keeps_the_wave():
     assert pressure.provenance.steps[-1].stage == "resample"
 
 
-def test_the_same_rate_is_left_alone():
-    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
-    assert resample_pressure(pressure, 1000.0) is pressure
-
-
 def test_progress_reaches_the_end():
     seen = []
     pressure = calibrated_pressure(recording(), None, Settings()).cut(0.1, 0.01)
@@ -99,24 +94,6 @@ def test_with_a_slow_bias_sound_stays_positive_where_pressure_was_compensated():
     assert target.min() >= 0
     # nothing is cut: sound vanishes at the troughs only, a few frames of 300 that reach 3 % of the peak
     assert (target[:, peaks > 0.1 * peaks.max()] < 0.03 * peaks.max()).mean() < 0.1
-
-
-@pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0, 8000.0])
-def test_every_rate_that_divides_the_ultrasound_is_solved(rate):
-    pressure = resample_pressure(calibrated_pressure(recording(), None, Settings()), rate).cut(0.1, 0.002)
-    made = reproduce(pressure, SMALL, Settings().but(iterations=1, rate=rate))
-    assert made.solution.drive.frames == round(0.002 * rate)
-
-
-def test_a_rate_that_no_array_takes_is_refused_before_anything_is_solved():
-    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=3000.0)
-    with pytest.raises(RateError, match=r"frame rate: expected 40000 Hz over a whole number, got 3000 Hz"):
-        reproduce(pressure, SMALL, Settings().but(rate=3000.0))
-
-
-def test_an_unknown_place_of_compensation_is_refused():
-    with pytest.raises(InputError, match="compensate: expected sound or pressure"):
-        target_amplitude(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0), Settings().but(compensate="field"))
 
 
 @pytest.mark.parametrize("way", [reproduce, reproduce_stream])

@@ -17,21 +17,12 @@ def test_the_available_memory(meminfo, tmp_path):
     assert available_memory(meminfo, tmp_path / "none") == 2000000 * 1024
 
 
-def test_unknown_memory_is_none(tmp_path):
-    assert available_memory(tmp_path / "none", tmp_path) is None
-
-
 @pytest.mark.parametrize(("limit", "left"), [("1000000000", 450_000_000), ("max", 2000000 * 1024)])
 def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
     (tmp_path / "memory.max").write_text(f"{limit}\n")
     (tmp_path / "memory.current").write_text("600000000\n")
     (tmp_path / "memory.stat").write_text("anon 550000000\ninactive_file 50000000\nactive_file 7\n")
     assert available_memory(meminfo, tmp_path) == left
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says it")
-def test_this_system_reports_a_possible_value():
-    assert 10e6 < (available_memory() or 0) < 1e14
 
 
 HELD = """

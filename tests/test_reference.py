@@ -44,21 +44,14 @@ def test_every_public_name_of_every_module_is_documented(reference):
         assert all(hasattr(module, each) for each in names), name
 
 
-def test_the_first_page_says_what_each_module_is_and_classes_are_links(reference, tmp_path, monkeypatch):
+def test_the_first_page_lists_each_module_and_a_class_is_described_once(reference, tmp_path, monkeypatch):
     monkeypatch.setattr(reference, "command_page", str)
     reference.write(tmp_path)
     first = (tmp_path / "index.rst").read_text(encoding="utf-8")
     for name in reference.modules():
         assert re.search(rf"^:doc:`{re.escape(name)}`\n   \w.+", first, re.MULTILINE), name
-    page = (tmp_path / "midair.rst").read_text(encoding="utf-8")
-    assert ":py:class:`~midair.model.Recording`: " in page
-    assert ".. autoclass" not in page, "described once, in the module of the class"
+    assert ".. autoclass" not in (tmp_path / "midair.rst").read_text(encoding="utf-8")
     assert "autoclass:: midair.model.Recording" in (tmp_path / "midair.model.rst").read_text(encoding="utf-8")
-    links = next(line for line in page.splitlines() if "seealso" in line and "SolverSettings" in line)
-    assert ":py:class:`~midair.model.AmplitudeFrames`" in links, "from a function to its classes"
-    assert ":doc:`The whole palm </gallery/plot_palm>`" in links, "and to the examples that use it"
-    front = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    assert front.count("```{toctree}\n:hidden:") == front.count("{toctree}"), "the contents stand at the left only"
 
 
 @pytest.mark.long
@@ -123,9 +116,8 @@ def test_every_block_of_python_runs_in_a_test_or_is_known_not_to():
     assert found == known
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
-def test_every_name_of_midair_in_a_block_of_python_is_there(page):
-    for block in blocks(page):
+def test_every_name_of_midair_in_a_block_of_python_is_there():
+    for block in (block for page in PAGES for block in blocks(page)):
         code = block if ">>>" not in block else "\n".join(re.findall(r"^(?:>>>|\.\.\.) ?(.*)$", block, re.MULTILINE))
         for node in ast.walk(ast.parse(code)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("midair"):

@@ -20,10 +20,6 @@ def test_the_copy_is_read_only(value):
         frozen[0, 0] = 1
 
 
-def test_takes_lists_and_changes_the_type():
-    assert frozen_array([1, 2], "x", (2,), np.complex128).dtype == np.complex128
-
-
 @pytest.mark.parametrize(
     ("value", "axes", "says"),
     [
@@ -46,11 +42,6 @@ def test_a_non_finite_number_is_named_with_its_index(bad):
     with pytest.raises(NonFiniteError, match=r"x: .*\(2, 1\)"):
         frozen_array(value, "x", ("a", "b"))
     assert frozen_array(value, "x", ("a", "b"), finite=False).shape == (3, 2)
-
-
-@given(st.floats(min_value=0, exclude_min=True, allow_infinity=False, allow_nan=False))
-def test_a_positive_number_passes(value):
-    assert positive(value, "rate", "Hz") == value
 
 
 @pytest.mark.parametrize("bad", [0, -1, np.nan, np.inf])

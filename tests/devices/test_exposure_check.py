@@ -40,7 +40,6 @@ ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
 CHOICES = ExposureChoices(profile=PROFILE)
 WEAKER = ExposureChoices(profile=PROFILE, attenuate=True)
-LONG = pytest.mark.long
 
 
 class Loud(VirtualArray):

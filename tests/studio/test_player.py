@@ -15,7 +15,7 @@ from tests.waiting import wait_until
 from midair.cli import run
 from midair.errors import DeviceError, DeviceStateError, MidairError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
-from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance
 from midair.rig import PlayLease, record
 from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
@@ -23,7 +23,6 @@ from midair.studio.work import SolveRequest, solve_take
 from midair.studio.worker_process import StudioPipe
 from midair.study.design import MaskingNoise
 
-ARRAY = TransducerArray.autd3()
 CHECKED = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": "", "repeats": 1}
 
 

@@ -94,7 +94,6 @@ def test_the_steering_is_smooth_between_poses(tmp_path) -> None:
 
 
 CENTRE = np.zeros((60, 3))
-LEAVES = CENTRE + np.where((np.arange(60) > 20) & (np.arange(60) < 40), 1, 0)[:, None] * [0, 0.04, 0]
 FAR = CENTRE + np.clip(np.arange(60) - 20, 0, 20)[:, None] * [4e-3, 0, 0]
 
 
