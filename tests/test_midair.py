@@ -92,5 +92,5 @@ MISTAKES = [row.split(" | ") for row in ROWS if row and not row.startswith("#")]
 
 def test_a_wrong_call_names_what_came_and_the_next_step(stages):
     for call, said in MISTAKES:
-        with pytest.raises(midair.errors.InputError, match=re.escape(said)):
+        with pytest.raises(midair.errors.MidairError, match=re.escape(said)):
             eval(f"midair.{call}", stages)

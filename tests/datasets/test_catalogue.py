@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.calibration import calibrate
-from midair.datasets.strokes import SAMPLES, sample, sample_path, samples, with_credits
+from midair.datasets.strokes import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.evaluate import perceptual_metrics
 from midair.files import open_take
@@ -99,15 +99,6 @@ def test_a_sample_file_read_with_options_has_its_licence():
     read = open_take(sample_path("connect"), scale=200.0).recording
     assert "licence" not in read.provenance.notes
     assert with_credits("connect", read).provenance.notes["licence"] == "Apache-2.0"
-
-
-def test_lists_all_samples():
-    assert [entry.name for entry in samples()] == list(SAMPLES)
-
-
-def test_refuses_an_unknown_name():
-    with pytest.raises(InputError, match="expected one of denim, connect, ridges, brush, sponge, towel, got 'velvet'"):
-        sample("velvet")
 
 
 @pytest.mark.long

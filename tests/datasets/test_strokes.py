@@ -5,7 +5,6 @@ from midair.calibration import calibrate
 from midair.datasets import Motion, stroke
 from midair.datasets.strokes import groove_gain
 from midair.dsp import band_energy, resample, welch
-from midair.errors import InputError, RateError
 from midair.model import Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
 
@@ -173,27 +172,3 @@ def test_provenance_has_simulated_and_object():
     assert (step.stage, step.settings["seed"], step.settings["groove"]) == ("stroke", 9, True)
     assert step.settings["peak_pa"] == frames.pressure.max()
     assert frames.band is None
-
-
-def test_another_sensor_can_be_stroked():
-    frames = stroke("sponge", sensor=SensorGrid(rows=2, columns=6, pitch=5e-3), column=5)
-    assert frames.pressure.shape[1:] == (2, 6)
-    assert frames.pressure[:, :, 5].max() > 20
-
-
-@pytest.mark.parametrize(
-    ("wrong", "error", "says"),
-    [
-        ({"object": "velvet"}, InputError, "brush, sponge, towel, got 'velvet'"),
-        ({"column": 4}, InputError, "0 to 3, got 4"),
-        ({"speed": 0.0}, InputError, "speed"),
-        ({"contact": -1.0}, InputError, "contact"),
-        ({"duration": 0.0}, InputError, "duration"),
-        ({"peak": -5.0}, InputError, "peak"),
-        ({"rate": 16000.0}, RateError, "up to 8000 Hz, got 16000"),
-        ({"rate": 0.0}, RateError, "got 0"),
-    ],
-)
-def test_an_invalid_stroke_is_refused(wrong, error, says):
-    with pytest.raises(error, match=says):
-        stroke(**({"object": "towel"} | wrong))

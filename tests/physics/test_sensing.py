@@ -6,7 +6,6 @@ from scipy.integrate import quad
 from scipy.signal import lsim, lti
 from scipy.special import ndtr
 
-from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import (
     SensorModel,
@@ -68,14 +67,6 @@ def test_a_step_in_fine_time_agrees_with_the_differential_equation():
     wanted = lsim(analogue(QUIET), push, time)[1]
     volts = sense(QUIET, np.broadcast_to(push[:, None, None], (frames, 4, 4)), rate)
     assert volts[:, 3, 0] == pytest.approx(wanted, abs=4e-6)
-
-
-def test_nothing_comes_out_before_something_goes_in():
-    pressure = np.zeros((400, 4, 4))
-    time = np.arange(200) / RATE
-    pressure[200:] = (np.sin(np.pi * time / 0.2) ** 2 * np.sin(2 * np.pi * 60 * time))[:, None, None] * 50
-    volts = sense(QUIET, pressure, RATE)
-    assert np.abs(volts[:190]).max() < 1e-4 * np.abs(volts).max()
 
 
 def test_later_pressure_hardly_changes_earlier_readings():
@@ -149,30 +140,6 @@ def test_the_calibration_of_a_model_is_its_response():
     assert calibration.unit == "V"
     assert calibration.noise.tolist() == np.full((4, 4), model.noise).tolist()
     assert calibration.provenance.simulated
-
-
-def test_bad_input_is_refused():
-    with pytest.raises(ShapeError, match=r"\(frame, 4, 4\), got \(10, 3, 4\)"):
-        sense(SensorModel(), np.zeros((10, 3, 4)), RATE)
-    with pytest.raises(ShapeError, match=r"got \(0, 4, 4\)"):
-        sense(SensorModel(), np.zeros((0, 4, 4)), RATE)
-    with pytest.raises(InputError, match=r"oversample.*got 0"):
-        sense(SensorModel(), np.zeros((10, 4, 4)), RATE, oversample=0)
-    with pytest.raises(InputError, match="rate"):
-        sense(SensorModel(), np.zeros((10, 4, 4)), 0.0)
-    for wrong in (
-        {"spread": 0.0},
-        {"noise": -1.0},
-        {"relaxation": float("nan")},
-        {"bits": 0},
-        {"gain": -np.ones((4, 4))},
-        {"saturation": 0.0},
-        {"delay": -np.ones((4, 4))},
-    ):
-        with pytest.raises(InputError, match=f"{next(iter(wrong))} of the sensor"):
-            SensorModel(**wrong)
-    with pytest.raises(ShapeError, match="corner"):
-        SensorModel(corner=np.ones((2, 2)))
 
 
 def test_a_delay_turns_the_phase_only():
@@ -299,11 +266,6 @@ def test_sixteen_points_suffice_for_the_reading_of_a_cell():
         field = np.abs(transfer_matrix(points, array, acoustics=Acoustics()) @ q) ** 2
         read.append(cell_weights(sensor, points, between=between) @ field)
     assert np.linalg.norm(read[0] - read[1]) < 0.01 * np.linalg.norm(read[1])
-
-
-def test_an_unknown_pressure_between_points_is_refused():
-    with pytest.raises(InputError, match="between: expected one of steps, lines, waves, got 'dots'"):
-        cell_weights(SensorModel(), ControlGrid(), between="dots")
 
 
 @pytest.mark.parametrize(("bits", "stored"), [(16, "f4"), (24, "f8")])

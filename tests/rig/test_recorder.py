@@ -13,7 +13,6 @@ from midair.errors import (
     FileError,
     InputError,
     MismatchError,
-    UnknownDeviceError,
 )
 from midair.files import RecordingWriter, load, profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
@@ -124,12 +123,6 @@ def test_an_error_of_the_disk_reaches_the_program(tmp_path, monkeypatch):
             record(sensor, 0.25, path=tmp_path / "take.h5")
 
 
-def test_an_open_sensor_can_be_recorded_twice():
-    with open_rig() as rig:
-        one, two = record(rig.sensor, 0.02), record(rig.sensor, 0.02)
-    assert one.recording.frames == two.recording.frames == 20
-
-
 @pytest.mark.long
 def test_a_solution_is_played_and_rerecorded_on_a_virtual_rig(solution):
     played = play(solution)
@@ -208,24 +201,6 @@ def test_a_drive_for_another_array_is_refused(solution):
         play(solution, one)
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "says"),
-    [
-        (lambda: open_rig("autd9"), UnknownDeviceError, "expected virtual, autd3"),
-        (lambda: open_rig("virtual", "lsl:Skin"), InputError, "since it has its own"),
-        (lambda: record("virtual:cat"), UnknownDeviceError, "expected brush, sponge or towel"),
-        (lambda: record("virtual:towel", 0.0001), InputError, "at least one frame"),
-        (lambda: record("virtual:towel", 0.0), InputError, "duration: expected above 0 s"),
-        (lambda: record("virtual:towel", repeats=2), InputError, "repeats: expected 1 in one call"),
-        (lambda: open_rig(delay=-1.0), InputError, "delay: expected 0 to 3600 s"),
-        (lambda: open_rig("autd3", height=200), InputError, "200 mm is 0.2"),
-    ],
-)
-def test_unknown_names_are_refused(make, error, says):
-    with pytest.raises(error, match=says):
-        make()
-
-
 def test_an_array_is_closed_if_the_sensor_cannot_be_opened():
     class Missing(ReplaySensor):
         def open(self):
@@ -237,13 +212,6 @@ def test_an_array_is_closed_if_the_sensor_cannot_be_opened():
         pytest.fail("entered")
     with rig.array:
         pass
-
-
-def test_settings_of_a_play_are_used_or_refused(solution):
-    with pytest.raises(UnknownDeviceError, match="autd9"):
-        play(solution, settings=PlaySettings(device="autd9"))
-    with pytest.raises(InputError, match="delay: expected 0 on the virtual array, which plays at once, got 5 s"):
-        play(solution, delay=5.0)
 
 
 @pytest.mark.slow
@@ -275,9 +243,3 @@ def test_a_loop_needs_a_sensor():
     deaf = OpenRig(array=Loud(ARRAY), sensor=None)
     with deaf, pytest.raises(InputError, match="expected a rig with a sensor"):
         midair.loop(pressure, QUICK, deaf)
-
-
-def test_a_loaded_take_equals_the_recording(tmp_path):
-    record("virtual:am-i", 0.05, path=tmp_path / "take.h5")
-    assert isinstance(midair.load(tmp_path / "take.h5"), Recording)
-    assert "OpenRig virtual" in repr(open_rig())

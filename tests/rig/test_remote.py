@@ -1,7 +1,6 @@
 """Remote control: what clients can do, and what they cannot, over real sockets on this computer."""
 
 import json
-import os
 import re
 import shutil
 import socket
@@ -46,27 +45,6 @@ from midair.rig.remote import MESSAGES
 
 ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
 CIRCLE = Path(__file__).parents[1] / "patterns" / "adaptics" / "circle-grow.adaptics"
-OSC_PACKAGE = os.environ.get("MIDAIR_OSC", "")
-"""Folder of the npm package osc."""
-NPM_CLIENT = """
-const [, , folder, key, remotePort] = process.argv;
-const port = new (require(folder).UDPPort)({remoteAddress: "127.0.0.1", remotePort, localPort: 0});
-const send = (name, ...args) => port.send({address: `/midair/${name}`, args: [key, ...args]});
-const next = {load: () => send("play", "tap.toml", 0), stop: () => process.exit()};
-let stopping = false;
-port.on("ready", () => send("load", "tap.toml"));
-port.on("message", ({address, args: [found]}) => {
-    if (address === "/midair/answer") {
-        console.log(found);
-        next[JSON.parse(found).to]?.();
-    } else if (found && !stopping) { // a state while it plays
-        stopping = true;
-        console.log(found);
-        send("stop");
-    }
-});
-port.open();
-"""
 PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="utf-8")
 
 
@@ -184,15 +162,6 @@ def test_the_next_pass_takes_a_parameter_without_a_step(served):
             assert said in ask(client, "parameter", file="tap.toml", name=name, value=value)["error"]
         assert ask(client, "list")["loaded"][0]["parameters"] == {"force": 80.0}
         assert served.sounds()
-
-
-@pytest.mark.skipif(not (OSC_PACKAGE and shutil.which("node")), reason="needs node and MIDAIR_OSC")
-def test_the_npm_client_of_osc_does_the_same(served, tmp_path):
-    (tmp_path / "client.cjs").write_text(NPM_CLIENT, encoding="utf-8")
-    line = ["node", tmp_path / "client.cjs", Path(OSC_PACKAGE).resolve(), KEY, str(served.osc[1])]
-    told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True).stdout.splitlines()
-    assert (json.loads(told[0])["seconds"], "tap.toml" in told, json.loads(told[-1])["silent"]) == (0.1, True, True)
-    assert not served.sounds()
 
 
 @pytest.mark.long

@@ -20,7 +20,6 @@ pytestmark = pytest.mark.browser
 PLANS = Path(__file__).with_name("plans")
 DESIGN = (PLANS / "three.toml").read_text(encoding="utf-8")
 PLAYED = (PLANS / "felt.toml").read_text(encoding="utf-8")
-MEDIA = (PLANS / "media.toml").read_text(encoding="utf-8")
 
 PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
@@ -274,44 +273,6 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
     assert page.wrong == []
 
 
-def test_texts_pictures_and_sounds_are_presented_and_rated_on_a_slider(studio_at, look, tmp_path):
-    pytest.importorskip("pylsl")
-    (tmp_path / "pictures").mkdir()
-    Image.new("RGB", (40, 30), "red").save(tmp_path / "pictures" / "sand paper.png")
-    soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 16000), 8000)
-    studio = studio_at()
-    design = read_design(MEDIA)
-    study = StudyFolder.create(
-        studio.folder / "media", MEDIA, design, drives=lambda into: prepare_media(design, into, found_in=tmp_path)
-    )
-    page = look(studio)
-    begin(page)
-    ready = {
-        "h2": "document.querySelector('#stimulus').innerText === 'sandpaper'",
-        "img": "document.querySelector('#stimulus').naturalWidth === 40",
-        "audio": "document.querySelector('#stimulus').currentTime > 0",
-    }
-    for number, (tag, shown) in enumerate(ready.items(), start=1):
-        page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
-        page.page.keyboard.press("Enter")
-        page.until(f"document.querySelector('#stimulus')?.tagName === '{tag.upper()}' && {shown}")
-        page.until("studio.link.state.session.step.kind === 'ask' && document.activeElement.type === 'range'")
-        assert page.page.locator("#stimulus").count() == 0
-        if number == 2:  # with the mouse, at the right end
-            box = page.page.locator("input[type=range]").bounding_box()
-            page.page.mouse.click(box["x"] + box["width"] - 2, box["y"] + box["height"] / 2)
-        page.page.keyboard.press("ArrowLeft")
-        page.page.keyboard.press("Enter")
-        page.until(
-            f"studio.link.state.session.step.number !== {number} || studio.link.state.session.step.kind === 'done'"
-        )
-    page.until("studio.link.state.session.step.kind === 'done'")
-    assert [event["answer"] for event in answers(study)] == ["49", "99", "49"]
-    events = read_events(study.path / "sessions" / "sub-01.jsonl")
-    assert [event["code"] for event in events if event["event"] == "marker"] == [1, 2, 3] * 3
-    assert page.wrong == []
-
-
 def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
     page = look(studio_at())
     page.until("studio.link.state.takes?.length > 0", timeout=120)
@@ -361,28 +322,3 @@ def test_typed_address_is_not_overwritten(studio_at, look):
     page.until("!!studio.room?.take")
     page.page.evaluate("location.hash = '#record'; studio.here('sample:towel', 0.5)")
     page.until("studio.name === 'record'", timeout=20)
-
-
-def test_reproduce_by_tab_and_arrows(studio_at, look):
-    page = look(studio_at(), reduced_motion="reduce")
-    page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
-    names = []
-    for _ in range(60):
-        page.page.keyboard.press("Tab")
-        names.append(
-            page.page.evaluate(
-                "document.activeElement.getAttribute('aria-label') ?? document.activeElement.innerText ?? ''"
-            )
-        )
-        if names[-1].startswith("The whole take"):
-            break
-    for wanted in ("STOP", "Solve", "Target sound", "Played sound", "Cells"):
-        assert any(wanted in name for name in names), (wanted, names)
-    before = page.page.evaluate("studio.room.transport.frame")
-    page.page.keyboard.press("ArrowRight")
-    assert page.page.evaluate("studio.room.transport.frame") == before + 1
-    page.page.get_by_label("Target sound").focus()
-    page.page.keyboard.press("ArrowRight")
-    page.until(
-        "[...document.querySelectorAll('#box-wanted .view-said')].some(each => each.textContent.includes('Pa at'))"
-    )

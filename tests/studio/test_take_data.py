@@ -12,7 +12,7 @@ from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.physics import propagate, quantise_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.settings import MODES, Settings
-from midair.studio.take_data import LOUDNESS, TakeData, describe_settings, facts, frames_of, made_with, sound_of
+from midair.studio.take_data import LOUDNESS, TakeData, describe_settings, facts, frames_of, sound_of
 from midair.targets import add_lead
 from midair.view import Kind, unpack
 
@@ -99,16 +99,6 @@ def test_settings_are_described_as_options_and_python(settings, options):
     assert told["options"] == options
     assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
     assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
-
-
-def test_settings_of_a_drive_in_one_line(scene, tmp_path):
-    scene, *_ = scene
-    (tmp_path / "a.drive.h5").write_bytes(b"no drive")
-    made, broken = made_with((scene.drive, str(tmp_path / "a.drive.h5")))
-    assert (made["mode"], made["made"]) == ("paper", "made with paper, fast, 1000 Hz, mapping slow-bias, level auto")
-    # Frames of the lead are nearly silent, and equal amplitudes are too loud for them.
-    assert made["error"] > 0
-    assert broken == {"mode": "", "made": "a file that cannot be read"}
 
 
 def test_sound_is_the_sum_of_the_cells_at_one_level(scene, tmp_path):

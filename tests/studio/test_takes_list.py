@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.studio.demo_stroke import KEPT, DemoStroke, demo_stroke
+from midair.studio.demo_stroke import DemoStroke, demo_stroke
 from midair.studio.folders import StudioFolder
 from midair.studio.takes_list import TakesList
 from midair.view import unpack
@@ -86,16 +86,3 @@ def test_stored_stroke_equals_the_sample():
             assert (one.first, one.kind, one.values.shape) == (other.first, other.kind, other.values.shape)
             # Another processor rounds otherwise.
             np.testing.assert_allclose(one.values * one.unit, other.values * other.unit, atol=1.5 * one.unit)
-
-
-def test_it_is_small_and_simulated():
-    assert KEPT.stat().st_size < 110_000
-    assert DemoStroke.load().facts["simulated"]
-
-
-def test_stroke_survives_saving_and_loading(tmp_path):
-    made = DemoStroke(
-        facts={"frames": 2}, streams={("samples", 0): b"\n\x00a", ("wanted", 0): b"", ("wanted", 1): b"z"}
-    )
-    made.save(tmp_path / "kept.xz")
-    assert DemoStroke.load(tmp_path / "kept.xz") == made

@@ -2,14 +2,13 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from tests.model.test_calibration import calibration
 
 from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
-from midair.model import Palm, PressureFrames, Provenance, Recording, SensorGrid, TransducerArray
+from midair.model import Palm, Provenance, Recording, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead, under_ears
 from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, play, rerecord_drive
 from midair.settings import Settings
@@ -17,10 +16,8 @@ from midair.studio.take_data import TakeData, facts
 from midair.studio.work import (
     SolveRequest,
     StudyRequest,
-    _spectra,
     budget_of_take,
     compare_takes,
-    methods_of_modes,
     palm_of_take,
     solve_take,
 )
@@ -112,30 +109,11 @@ def test_a_re_recording_of_another_drive_is_recognised(solved, tmp_path):
     assert of_which() == ""
 
 
-def test_spectrum_ends_with_the_last_audible_frequency():
-    time = np.arange(4000) / 4000
-    tone = PressureFrames(
-        pressure=np.sin(600 * time)[:, None, None],
-        rate=4000.0,
-        sensor=SensorGrid(rows=1, columns=1),
-        band=(20.0, 470.0),
-    )
-    shown = _spectra(tone, tone)["frequency"]
-    assert shown[0] >= 10
-    assert 95 < shown[-1] < 200, "not to 2 kHz"
-
-
 def test_threshold_of_one_take_is_measured_by_its_drive():
     text = StudyRequest(path="s", template="detection", participants=5, takes=("/x/wool.h5",)).text()
     design = read_design(text, name="s")
     assert design.title == "Detection threshold of wool in midair"
     assert {one.source for one in design.stimuli if one.kind == "drive"} == {"wool.drive.h5"}
-
-
-def test_solvers_of_a_mode_are_those_that_take_its_terms():
-    found = methods_of_modes()
-    assert found["best"] == ["fast", "glide", "free"]
-    assert {"lm", "live", "glide"} <= set(found["paper"])
 
 
 @pytest.mark.slow

@@ -172,19 +172,3 @@ def test_equals_the_solver_on_targets_in_pascal(tmp_path, here):
     for bits, error in ((None, found.error), (8, found.rounded_error)):
         solution = solve(target, array, method="fast", iterations=2, acoustics=acoustics, bits=bits)
         np.testing.assert_allclose(error[0], solution.error, rtol=1e-5)
-
-
-def test_invalid_sweeps_are_rejected():
-    for wrong in (
-        {"count": 0},
-        {"count": 65536},
-        {"chunk": 0},
-        {"bits": 0},
-        {"strengths": ()},
-        {"heights": (-0.1,)},
-        {"strengths": (0.1, float("nan"))},
-        {"method": "magic"},
-        {"iterations": 0},
-    ):
-        with pytest.raises(InputError):
-            PatternSweep(**wrong)

@@ -86,15 +86,5 @@ def test_another_recording_is_another_sweep_and_other_cores_are_not(tmp_path, he
             run_sweep(RecordingSweep(trials=(other,), array=UNIT), tmp_path / "s")
 
 
-def test_invalid_sweeps_are_rejected():
-    for trials, words in (
-        ((), "at least one recording"),
-        ((trial("a", 2), trial("a", 3)), "twice"),
-        ((trial("a", 2, Settings().but(iterations=0)),), "iterations"),
-    ):
-        with pytest.raises(InputError, match=words):
-            RecordingSweep(trials=trials)
-
-
 def test_the_longest_recording_comes_first():
     assert [task.condition for task in SWEEP.tasks()] == [2, 0, 1]

@@ -91,12 +91,6 @@ def test_silence_stays_silent_and_a_rest_makes_no_click():
     assert np.abs(sound).max() == 0
 
 
-@pytest.mark.parametrize("channel", [-1, 16])
-def test_missing_channel_is_refused(channel):
-    with pytest.raises(InputError, match="expected 0 to 15"):
-        channel_sound(show_recording(recording()).samples, channel, 1000)
-
-
 def test_both_sounds_have_one_scale():
     (_, first), (name, second) = comparison_sounds(show_comparison(pressure(), pressure(scale=0.5)))
     loud, soft = (np.abs(soundfile.read(io.BytesIO(each.data))[0]).max() for each in (first, second))

@@ -3,8 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.calibration.measure.test_unit_poses import measured, some
-from tests.model.test_calibration import calibration
 
 from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamPlan, BeamSetting
@@ -14,10 +12,10 @@ from midair.devices import ExposureChoices, RawPose, Tracker, VirtualArray, Virt
 from midair.devices.trackers.tracker import TrackerOptions
 from midair.errors import DeviceError, ExposureError, InputError, MismatchError, RateError
 from midair.files import load_tracker, profile_named
-from midair.model import Acoustics, Provenance, SensorGrid, TransducerArray
+from midair.model import Acoustics, SensorGrid, TransducerArray
 from midair.physics import SensorModel, Transducers, calibration_of, channel_response, sense
 from midair.rig import PLACES, VirtualRig, calibrate_array, calibrate_tracker
-from midair.rig.bench.array_bench import _check_fit, calibrate_by_beam, check_silence, no_warning
+from midair.rig.bench.array_bench import calibrate_by_beam, check_silence
 
 WHOLE = TransducerArray.autd3(columns=1, rows=1)
 NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])
@@ -92,25 +90,6 @@ def test_a_clipped_recording_is_refused():
         sensor.full_scale = 1e-4
         with pytest.raises(InputError, match=r"no clipped sample under the beam, got .* lower --top"):
             calibrate_array(array, sensor, ArrayPlan(duration=0.4, group=15))
-
-
-@pytest.mark.slow
-def test_a_sensor_that_moves_between_two_groups_is_refused():
-    """Half of the jump is the distance of each group's place from their mean."""
-    array = some(30)
-    found = measured(array, Transducers.alike(array.count), np.zeros((4, 7)), jump=(2e-3, 0, 0))
-    assert found.provenance.last("fit array")["moved_m"] == pytest.approx(1e-3, rel=0.5)
-    with pytest.raises(InputError, match=r"expected it at rest, got a movement of .* mm"):
-        _check_fit(found, no_warning)
-
-
-def test_what_the_model_does_not_explain_is_reported():
-    array = some(30)
-    told = {"moved_m": 0.0, "moved_uncertainty_m": 1e-5, "noise_ratio": 4.0}
-    found, said = calibration(array, provenance=Provenance().then("fit array", told)), []
-    _check_fit(found, said.append)
-    assert len(said) == 1
-    assert "4.0 times as much: draught, movement or echoes" in said[0]
 
 
 def test_the_spread_of_published_boards_has_their_phases():
@@ -270,11 +249,6 @@ def test_crosstalk_is_found():
 def test_saturation_is_found():
     line = by_beam(SensorModel(grid=GRID, saturation=1.0)).linearity
     assert (line.curvature + 2 * line.curvature_uncertainty < 0).all()
-
-
-def test_a_plan_of_another_rate_is_refused():
-    with pytest.raises(RateError, match="an integer multiple of the beam's 800 Hz, got 1000 Hz"):
-        by_beam(SensorModel(grid=GRID), plan=BeamPlan(rate=800.0, high=380.0))
 
 
 @pytest.mark.long

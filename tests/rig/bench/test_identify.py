@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.devices import RemappedSensor, ReplaySensor
-from midair.errors import DeviceError, InputError, ShapeError
+from midair.errors import DeviceError, InputError
 from midair.model import Recording, SensorGrid, SensorWiring
 from midair.rig.bench.identify import (
     TapTest,
@@ -74,12 +74,6 @@ def test_the_strongest_answer_alone_would_have_been_wrong():
     assert identify(answer, NOISE, GRID).channel == tuple(range(16))
 
 
-def test_a_swap_is_named():
-    order = list(range(16))
-    order[3], order[7] = 7, 3
-    assert assignment_problems(found(order)) == ["channels 3 and 7 are swapped"]
-
-
 @pytest.mark.parametrize(
     ("turned", "words"),
     [
@@ -95,12 +89,6 @@ def test_a_rotated_or_mirrored_sensor_is_recognised(turned, words):
     order = turned(np.arange(16).reshape(4, 4)).ravel()
     (said,) = assignment_problems(found(order))
     assert words in said
-
-
-def test_other_orders_are_listed():
-    order = [1, 2, 0, *range(3, 16)]
-    (said,) = assignment_problems(found(order))
-    assert said == "3 channels are in another place (cell: channel that responds): 0: 1, 1: 2, 2: 0"
 
 
 @given(
@@ -147,11 +135,6 @@ def test_silence_is_an_error():
         identify(np.full((16, 16), 1e-3), NOISE, GRID)
 
 
-def test_shapes_are_checked():
-    with pytest.raises(ShapeError):
-        identify(np.zeros((16, 15)), NOISE, GRID)
-
-
 def test_tones_are_measured_among_each_other():
     """Two tones of .5 and .2 V in noise of .01 V rms, on two channels with opposite parts."""
     rate, frames = 1000.0, 2000
@@ -162,14 +145,6 @@ def test_tones_are_measured_among_each_other():
     answer, floor = tone_answers(samples, rate, np.array([100.0, 103.0]))
     np.testing.assert_allclose(answer, [[0.5, 0.2], [0.2, 0.5]], atol=4 * 0.01 * np.sqrt(2 / frames))
     np.testing.assert_allclose(floor, 0.01 * np.sqrt(2 / frames), rtol=0.1)
-
-
-@pytest.mark.parametrize(
-    ("frequency", "frames"), [([0, 100], 2000), ([100, 500], 2000), ([100, 100.5], 2000), ([100, 200], 5)]
-)
-def test_inseparable_tones_are_refused(frequency, frames):
-    with pytest.raises(InputError, match="tones"):
-        tone_answers(np.zeros((frames, 2)), 1000.0, np.array(frequency, float))
 
 
 RHYTHM = TapTest(every=1.0)
@@ -205,12 +180,6 @@ def test_a_permuted_sensor_is_put_right(test, tapped):
     assert identity.sound
     right = RemappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
     assert heard(right, test).in_order
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_strengths_and_channels_that_differ_do_not_matter(seed):
-    with VirtualRig(seed=10 + seed).touched_by("taps") as sensor:
-        assert heard(sensor).channel == tuple(range(16))
 
 
 def test_a_cut_wire_with_noise_is_dead(tapped):
@@ -262,14 +231,3 @@ def test_tones_tell_the_order():
         identity = identify_by_tones(sensor, np.linspace(50, 425, 16), 2.0)
     assert identity.channel == ORDER
     assert identity.sound
-
-
-def test_one_tone_for_each_cell_is_needed():
-    with hums(ORDER) as sensor, pytest.raises(InputError, match="expected 16"):
-        identify_by_tones(sensor, np.linspace(50, 425, 4), 2.0)
-
-
-def test_an_odd_grid_is_identified(tapped):
-    grid = SensorGrid(rows=2, columns=8)
-    identity = heard(RemappedSensor(sensor_of(tapped, range(16)), SensorWiring(grid=grid, unit="V")))
-    assert identity.in_order

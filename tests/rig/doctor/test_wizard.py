@@ -23,9 +23,6 @@ from midair.physics import Transducers
 from midair.rig import VirtualRig, checkup_line, default_exposure
 from midair.rig.doctor.wizard import (
     DEAD,
-    NOISY,
-    _fit,
-    _transducers,
     check_sensor_rate,
     click_drive,
     places_of_units,
@@ -91,20 +88,6 @@ def test_the_end_of_the_answers_stores_no_report(monkeypatch, capsys):
     assert list(state_folder().glob("checkup-*")) == []
     assert checkup_line("autd3:emulator") == 'never: midair doctor --device "autd3:emulator" --wizard'
     assert checkup_line("pyautd3:ethercrab", "pyautd3") == 'never: midair doctor --device "pyautd3" --wizard'
-
-
-@pytest.mark.parametrize(
-    ("words", "line", "status"),
-    [
-        (["--wizard"], "expected --device", 1),
-        (["--yes"], "expected --wizard", 1),
-        (["--height", "15cm"], "expected --wizard", 1),
-        (["--device", "virtual", "--wizard"], "expected a real array or an emulator, got virtual", 2),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(words, line, status, capsys):
-    assert run(["doctor", *words]) == status
-    assert line in capsys.readouterr().err
 
 
 @pytest.mark.long
@@ -216,25 +199,6 @@ def test_a_sensor_finds_dead_transducers():
     assert uncertainty.max() < 0.2
     assert 0.35 < strength[100] < 0.65
     assert np.abs(strength[dead]).max() < 4 * uncertainty[dead].max()
-
-
-def test_a_unit_that_is_mostly_silent_is_not_called_sound():
-    """Its strengths have no scale: with 60 % of it dead, the rest is not judged either."""
-    unit = np.repeat([0, 1], 100)
-    strength, uncertainty = np.ones(200), np.full(200, 0.1)
-    uncertainty[unit == 1] = np.inf
-    found = _transducers(strength, uncertainty, unit)
-    assert found.state == "missing"
-    assert "most of unit 1 cannot be judged" in found.found
-    strength[3] = 0.0
-    assert _transducers(strength, uncertainty, unit).state == "broken"
-
-
-def test_noise_alone_judges_no_transducer():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        _, uncertainty = _fit(rng.normal(size=(40, 12, 1)), np.full((40, 1), -1.0), 12)
-        assert not (uncertainty < NOISY).all()
 
 
 def test_a_sensor_of_another_rate_is_refused_before_a_sound():

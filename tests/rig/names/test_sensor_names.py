@@ -7,29 +7,9 @@ from tests.palms import palm_path
 import midair
 from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
-from midair.files import save, save_palm_path
-from midair.model import PalmPath, Recording, SensorGrid, SensorWiring, TrackerPlacement
-from midair.rig import stage_named
+from midair.files import save_palm_path
+from midair.model import PalmPath, SensorGrid, SensorWiring, TrackerPlacement
 from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_sensor, split_name
-
-RIG = VirtualRig()
-
-
-@pytest.mark.parametrize("name", ["virtual:towel", "virtual:brush+groove", "virtual:am-ii"])
-def test_virtual_sensors_open_and_give_something(name):
-    with sensor_named(name, RIG, duration=0.2) as sensor:
-        sensor.start()
-        assert np.ptp(sensor.read(200).samples) > 0
-        assert sensor.simulated
-        assert sensor.name == name
-
-
-def test_replay_of_a_file(tmp_path):
-    recording = Recording(samples=np.random.default_rng(0).random((20, 4, 4)), rate=1000.0)
-    save(recording, tmp_path / "take.h5")
-    with sensor_named(f"replay:{tmp_path / 'take.h5'}", RIG) as sensor:
-        sensor.start()
-        np.testing.assert_allclose(sensor.read(20).samples, recording.samples, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +51,6 @@ def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
 class NoSource(SensorOptions):
     def source(self, place):
         raise UnknownDeviceError(place)
-
-
-def test_a_kind_of_sensor_without_a_source_cannot_be_made():
-    with pytest.raises(TypeError, match="abstract"):
-        SensorOptions()
 
 
 def test_options_override_the_sensor_file_and_that_the_stream():
@@ -153,40 +128,3 @@ def test_replayed_poses_are_checked_as_live_ones(tmp_path):
         status = tracker.status()
         assert (status.state, status.refused) == ("frozen", {"jump": 5, "frozen": 29})
         assert len(tracker.events()) == 2
-
-
-@pytest.mark.long
-def test_it_replays_in_real_time(hand):
-    with midair.open_tracker(f"replay:{hand}") as tracker:
-        assert tracker.wait(since=-np.inf, timeout=2.0)
-        first = tracker.newest().time[0]
-        assert tracker.wait(since=first, timeout=2.0)
-
-
-@pytest.mark.parametrize(
-    ("name", "error", "told"),
-    [
-        ("leapp:", UnknownDeviceError, "expected .*replay:PLACE"),
-        ("replay:HAND?speed=-1", InputError, "option speed"),
-        ("replay:HAND?pace=2", InputError, "expected the options .*latency_ms"),
-    ],
-)
-def test_wrong_names_are_refused(hand, name, error, told):
-    with pytest.raises(error, match=told):
-        midair.open_tracker(name.replace("HAND", str(hand)))
-
-
-def test_a_port_with_its_rate():
-    assert stage_named("grbl:/dev/ttyUSB0?baud=250000").name == "grbl:/dev/ttyUSB0"
-
-
-@pytest.mark.parametrize("name", ["grbl", "grbl:", "marlin:COM3", ""])
-def test_an_invalid_stage_name_is_refused(name):
-    with pytest.raises(UnknownDeviceError, match="expected grbl:PORT"):
-        stage_named(name)
-
-
-@pytest.mark.parametrize("name", ["grbl:COM3?baud=fast", "grbl:COM3?baud=0", "grbl:COM3?speed=3"])
-def test_unknown_options_are_refused(name):
-    with pytest.raises(InputError, match="expected the option baud"):
-        stage_named(name)

@@ -1,11 +1,9 @@
 """Frames steered to a palm that a tracker reports: what sounds, when it is silent, and what the units get."""
 
 import gc
-import json
 import re
 from contextlib import closing, nullcontext
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,27 +152,6 @@ def test_play_on_the_virtual_array_moves_the_palm_and_follows_it(solved, tmp_pat
     part = slice(150, 290)
     alike = [np.corrcoef(rest[part].ravel(), each[part].ravel())[0, 1] for each in (moved, kept.take.recording.samples)]
     assert alike[0] < 0.8 < 0.97 < alike[1]
-
-
-@pytest.mark.long
-def test_compare_works_on_what_a_moving_palm_felt(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    save_palm_path(palm(np.linspace(0, 1, 60)[:, None] * [15e-3, 0, 5e-3]), Path("hand.csv"))
-    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.6s"]) == 0
-    assert (
-        run(["solve", "take.h5", "take.drive.h5", "--method", "fast", "--start-at", "0.4s", "--duration", "0.06s"]) == 0
-    )
-    found = []
-    for number, more in enumerate(([], ["--palm-path", "hand.csv"], ["--palm-path", "hand.csv", "--follow"])):
-        more = [*more, "replay:hand.csv", "--tracker-latency", "5ms"] if "--follow" in more else more
-        assert run(["play", "take.drive.h5", "--output", f"{number}.h5", *more]) == 0
-        capsys.readouterr()
-        assert run(["compare", "take.h5", f"{number}.h5", "--json"]) == 0
-        figures = json.loads(capsys.readouterr().out)["figures"]
-        found.append(next(each["value"] for name, each in figures.items() if "signal to distortion" in name))
-    rest, moved, followed = found
-    assert moved < followed - 3
-    assert abs(rest - followed) < 3
 
 
 def test_a_drive_without_settings_is_not_followed(tmp_path) -> None:

@@ -4,7 +4,6 @@ The killed program is a real process with a sensor that runs by the clock. It wr
 how many frames the source has given; that is what the file is held against.
 """
 
-import json
 import mmap
 import os
 import random
@@ -127,12 +126,6 @@ def begun(path, given):
     return frames
 
 
-@pytest.mark.long
-def test_a_recording_killed_at_its_very_beginning_opens_or_is_not_there(tmp_path):
-    given, _, path = killed_after(0.06, tmp_path)
-    begun(path, given)
-
-
 @pytest.mark.slow
 def test_twenty_kills_at_random_moments(tmp_path, capsys):
     """Against what the source had given, and against what it had sampled: that adds the block that it waits for."""
@@ -155,26 +148,6 @@ def test_twenty_kills_at_random_moments(tmp_path, capsys):
         )
     assert opened >= 16
     assert max(late) > 0, "a kill that never loses anything was no kill"
-
-
-@pytest.mark.slow
-def test_the_command_itself_can_be_killed(tmp_path):
-    source = Recording(samples=np.random.default_rng(0).normal(size=(30_000, 4, 4)), rate=RATE)
-    save(source, tmp_path / "source.h5")
-    command = [*MIDAIR, "record", "replay:source.h5", "take.h5", "--real-time"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as program:
-        path = tmp_path / "take.h5"
-        while not path.exists():
-            assert program.poll() is None
-            time.sleep(0.005)
-        time.sleep(0.5)
-        program.kill()
-    frames = load(path).frames
-    assert frames >= 250
-    np.testing.assert_array_equal(load(path).samples, source.samples[:frames])
-    info = [*MIDAIR, "info", path, "--json"]
-    told = json.loads(subprocess.run(info, check=True, capture_output=True).stdout)
-    assert told["frames"] == frames
 
 
 @pytest.mark.slow

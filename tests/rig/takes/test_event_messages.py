@@ -1,7 +1,6 @@
 from typing import get_args
 
 import numpy as np
-import pytest
 
 from midair.errors import DeviceError
 from midair.model import Event, EventKind, SensorGrid
@@ -9,26 +8,6 @@ from midair.rig.takes.meters import Levels
 from midair.rig.takes.take_state import Drift, Take, event_message, take_problems
 
 NONE = np.zeros(16, bool)
-
-
-@pytest.mark.parametrize(
-    ("event", "words"),
-    [
-        (Event(kind="lost", frame=1200, frames=16), "1.200 s: 16 frames (16 ms) were lost"),
-        (Event(kind="lost", frame=1200), "1.200 s: frames may be missing: the sensor lost an unknown number, or"),
-        (Event(kind="clipped", frame=0, frames=3, channel=6), "0.000 s: channel 6 (row 1, column 2) clips"),
-        (Event(kind="dead", frame=0, channel=15), "channel 15 (row 3, column 3) is dead"),
-        (Event(kind="stuck", frame=500, channel=0), "0.500 s: channel 0 (row 0, column 0) is stuck"),
-        (Event(kind="rate", frame=0, ppm=-3000), "3000 ± 20 ppm slower than 1000 a second"),
-        (Event(kind="clock", frame=0, ppm=250), "the sensor's clock runs 250 ± 20 ppm faster"),
-        (Event(kind="trigger", frame=64), "0.064 s: touched"),
-        (Event(kind="stroke", frame=64, frames=500), "0.064 s: a stroke of 0.500 s"),
-        (Event(kind="mended", frame=10, frames=3, channel=6), "3 missing frames of channel 6 (row 1, column 2)"),
-        (Event(kind="late", frame=10, frames=2), "0.010 s: 2 frames of live touch were not played in time"),
-    ],
-)
-def test_an_event_is_a_sentence(event, words):
-    assert words in event_message(event, 1000.0, SensorGrid(), Drift(ppm=event.ppm, uncertainty=20, span=10))
 
 
 def test_every_kind_of_event_has_a_sentence():
