@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3107,
     "solvers": 5075,
     "files": 4701,
-    "devices": 7643,
+    "devices": 7647,
     "rig": 9632,
     "patterns datasets": 1775,
     "view figures": 2100,

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from tests.simulators.grbl import GrblSimulator
+from tests.waiting import wait_until
 
 from midair.devices import GrblStage, grbl
 from midair.errors import DeviceError, HeldError, InputError, LinkLostError
@@ -110,26 +111,40 @@ def test_soft_limits_of_grbl_are_reported(machine):
 
 
 @pytest.mark.long
-def test_a_machine_that_falls_silent_is_held_and_given_up(machine):
+def test_a_machine_that_falls_silent_is_held_and_given_up_until_it_answers_again(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
         threading.Timer(0.4, lambda: setattr(machine, "mute", True)).start()
         with pytest.raises(LinkLostError, match=r"no answer for 2 s.*may not have reached"):
             go(stage, FAR, 0.02)
-    # The hold did reach this one.
-    assert machine.state == "Hold:0"
+        # The hold did reach this one.
+        assert machine.state == "Hold:0"
+        machine.mute = False
+        with pytest.raises(DeviceError, match=r"got Hold:0: it is in a feed hold"):
+            stage.ready(homing=True)
+        machine._resume()
+        wait_until(lambda: machine.state == "Idle", 30)
+        time.sleep(0.2)
+        with pytest.raises(DeviceError, match="got an answer to no line"):
+            stage.ready(homing=True)
+        stage.ready(homing=True)
 
 
 class Hal(GrblSimulator):
     """Greets as grblHAL, and can restart in a move without an alarm, as after a loss of power."""
 
+    loses_power = False
+
     def _greet(self):
         self._say("GrblHAL 1.1f ['$' or '$HELP' for help]")
 
-    def lose_power(self):
-        self._plan.clear()
-        self._now, self._dwell, self._place = None, None, np.zeros(3)
-        self._greet()
+    def _move(self, now):
+        if self.loses_power:
+            self.loses_power = False
+            self._plan.clear()
+            self._now, self._dwell, self._place = None, None, np.zeros(3)
+            self._greet()
+        super()._move(now)
 
 
 @pytest.mark.parametrize("machine", [GrblSimulator, Hal], indirect=True)
@@ -153,7 +168,7 @@ def test_an_answer_that_is_lost_ends_the_move_after_its_time(machine, monkeypatc
 def test_a_machine_that_restarts_in_a_move_is_noticed(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
-        threading.Timer(0.2, machine.lose_power).start()
+        threading.Timer(0.2, setattr, (machine, "loses_power", True)).start()
         with pytest.raises(DeviceError, match="was reset or restarted; home it again"):
             go(stage, FAR, 0.05)
 

@@ -137,6 +137,7 @@ class GrblStage:
                     self._write(RESET)
         if homed is None:
             raise DeviceError(f"{self.name}: stopped during homing; its position is unknown, home it again")
+        self._state = "ready"
 
     def check_speed(self, speed: float, way: float, axis: int) -> None:
         """Raise InputError unless it reaches a speed (m/s) and keeps it over at least half of a way (m) along an axis.
@@ -190,11 +191,12 @@ class GrblStage:
 
         A reset in motion would lose the position.
         """
-        if self._state == "locked":
-            return f"the stage is locked; its last position was {self.stands}"
-        self._state, self._line = "holding", ""
+        locked, self._line = self._state == "locked", ""
         try:
             self._write(HOLD)
+            if locked:
+                return f"the stage is locked; its last position was {self.stands}"
+            self._state = "holding"
             end = time.monotonic() + 2 * ANSWER
             while (state := self._query()[0]) not in ("Hold:0", "Idle"):
                 if state == "Alarm" or time.monotonic() > end:
@@ -210,6 +212,8 @@ class GrblStage:
             )
         except DeviceError as wrong:
             return f"the stage was stopped, but: {wrong}"
+        finally:
+            self._state = "locked" if self._state == "locked" else "ready"
 
     def _start(self) -> None:
         """Wait for the first report; a board that restarts sends its greeting first and does not answer before."""
