@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.evaluate import THIRD_OCTAVES, dominant_frequency, pacinian_level, spectral_error
-from midair.evaluate.perception import long_stretches, power_spectrum, texture
-from midair.model import PressureFrames
+from midair.evaluate import THIRD_OCTAVES, dominant_frequency, spectral_error
+from midair.evaluate.spectra import texture
 
 
 def test_equal_spectra_do_not_differ():
@@ -31,33 +30,6 @@ def test_dominant_frequency_ignores_the_mean():
     time = np.arange(500) / 1000
     wave = 10 + np.sin(2 * np.pi * 40 * time) + 0.5 * np.sin(2 * np.pi * 120 * time)
     assert dominant_frequency(wave[:, None, None], 1000.0) == pytest.approx(40.0)
-
-
-@pytest.mark.parametrize(("frames", "parts"), [(7, 1), (1000, 1), (1001, 2), (3999, 4)])
-def test_stretches_are_as_few_and_as_long_as_may_be(monkeypatch, frames, parts):
-    monkeypatch.setattr("midair.evaluate.perception.LONGEST", 1000)
-    found = long_stretches(frames)
-    assert len(found) == parts
-    assert len({last - first for first, last in found}) == 1
-    assert [first for first, _ in found[1:]] == [last for _, last in found[:-1]]
-    assert 0 <= frames - found[-1][1] < parts
-
-
-def test_long_signals_are_as_strong_as_their_stretches_on_the_mean(monkeypatch):
-    time = np.arange(8000) / 1000
-    wave = np.sin(2 * np.pi * 125 * time)[:, None] * [1.0, 3.0] + 5
-    whole = pacinian_level(wave, 1000.0)
-    monkeypatch.setattr("midair.evaluate.perception.LONGEST", 1000)
-    power, frames = power_spectrum(wave)
-    assert (frames, np.argmax(power)) == (1000, 125)
-    assert dominant_frequency(wave, 1000.0) == 125.0
-    np.testing.assert_allclose(pacinian_level(wave, 1000.0), whole, atol=1e-9)
-    wave[4000:] = 0
-    np.testing.assert_allclose(pacinian_level(wave, 1000.0), whole - 10 * np.log10(2), atol=1e-9)
-
-
-def pressed(signal, rate=4000.0):
-    return PressureFrames(pressure=np.repeat(signal, 16).reshape(-1, 4, 4), rate=rate)
 
 
 def test_the_bands_are_those_of_the_standard_within_the_band_of_touch():

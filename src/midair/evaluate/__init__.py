@@ -36,14 +36,14 @@ from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
 from .perception import FELT_BANDS as FELT_BANDS
 from .perception import FIBRES as FIBRES
-from .perception import THIRD_OCTAVES as THIRD_OCTAVES
 from .perception import SkinModel as SkinModel
 from .perception import afferent_rates as afferent_rates
 from .perception import band_levels as band_levels
-from .perception import dominant_frequency as dominant_frequency
 from .perception import pacinian_level as pacinian_level
-from .perception import spectral_error as spectral_error
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
+from .spectra import THIRD_OCTAVES as THIRD_OCTAVES
+from .spectra import dominant_frequency as dominant_frequency
+from .spectra import spectral_error as spectral_error

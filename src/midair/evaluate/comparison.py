@@ -1,6 +1,6 @@
 """Compare an original pressure with its reproduction: waveform, spectrum, level and position."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +9,8 @@ from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
-from midair.evaluate.perception import dominant_frequency, spectral_error
+from midair.evaluate.spectra import dominant_frequency, spectral_error
 from midair.model import ControlGrid, PressureFrames, SensorGrid
-from midair.streaming import blocks
 from midair.validation import check_type
 
 
@@ -108,81 +107,37 @@ def compare(
     delay = find_delay(x, reproduced.pressure[part], original.rate)
     # The delay is removed before all figures: half a period of delay would invert a wave.
     y = advance(reproduced.pressure, delay, original.rate)[part]
-    sums = _Sums.of(x, y, original.rate)
-    gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
+    a, b = (each.reshape(frames, -1) for each in (x, y))
+    xx, yy, xy = _products(a, a), _products(b, b), _products(a, b)
+    gain, own = _over(xy.sum(), xx.sum()), _over(xy, xx)
+    (frequency, before), (_, after) = welch(a, original.rate), welch(b, original.rate)
     low, high = original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
-    found = distortion_ratios(sums.xx, own, float(gain), sums.apart, noise=noise, frames=frames, values=values)
+    # As a difference of sums the residual would be lost to rounding for a good reproduction.
+    apart = _products(b - own * a, b - own * a)
+    found = distortion_ratios(xx, own, float(gain), apart, noise=noise, frames=frames, values=values)
     least, most = original.band or (0.0, float("inf"))
-    inside = (sums.frequency >= least) & (sums.frequency <= most)
+    inside = (frequency >= least) & (frequency <= most)
     return Comparison(
         delay=delay,
-        correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),
+        correlation=float(_over(xy.sum(), np.sqrt(xx.sum() * yy.sum()))),
         gain=float(gain),
-        waveform_error=_ratio(np.sqrt(sums.error.sum()), np.sqrt(sums.xx.sum())),
+        waveform_error=_ratio(np.sqrt(_products(b - a, b - a).sum()), np.sqrt(xx.sum())),
         distortion_ratio=found[OVERALL][0],
         ratios=found,
-        spectral_error=spectral_error(sums.densities[0][inside], sums.densities[1][inside]),
-        peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
+        spectral_error=spectral_error(before[inside], after[inside]),
+        peak=_peaks(xx.reshape(shape) / frames, yy.reshape(shape) / frames, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
-        rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
-        channel_correlation=_over(sums.xy, np.sqrt(sums.xx * sums.yy)).reshape(shape),
+        rms=(float(np.sqrt(xx.max() / frames)), float(np.sqrt(yy.max() / frames))),
+        channel_correlation=_over(xy, np.sqrt(xx * yy)).reshape(shape),
         channel_gain=own.reshape(shape),
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Sums:
-    """Sums over the frames of an original x and its aligned reproduction y; `apart` is that of (y - gain x)^2.
-
-    All sums have the shape (channel,); the Welch densities of x and y have the shape (bin, channel), at `frequency` in
-    Hz.
-    """
-
-    xx: Array
-    yy: Array
-    xy: Array
-    error: Array
-    apart: Array
-    frequency: Array
-    densities: tuple[Array, Array]
-
-    @classmethod
-    def of(cls, original: Array, reproduced: Array, rate: float) -> "_Sums":
-        """Compute the sums block by block."""
-        width = int(np.prod(original.shape[1:], dtype=np.int64))
-        xx, yy, xy, error = (np.zeros(width) for _ in range(4))
-        for x, y in _pairs(original, reproduced):
-            xx, yy, xy, error = xx + _squares(x), yy + _squares(y), xy + _products(x, y), error + _squares(y - x)
-        own, apart = _over(xy, xx), np.zeros(width)
-        # The residual needs its own pass: as a difference of sums it would be lost to rounding for a good reproduction.
-        for x, y in _pairs(original, reproduced):
-            apart += _squares(y - own * x)
-        (frequency, before), (_, after) = welch(original, rate), welch(reproduced, rate)
-        return cls(
-            xx=xx,
-            yy=yy,
-            xy=xy,
-            error=error,
-            apart=apart,
-            frequency=frequency,
-            densities=(before.reshape(-1, width), after.reshape(-1, width)),
-        )
-
-
-def _pairs(x: Array, y: Array) -> Iterator[tuple[Array, Array]]:
-    """Blocks of both, shape (frame, channel)."""
-    for a, b in zip(blocks(x), blocks(y), strict=True):
-        yield a.reshape(len(a), -1), b.reshape(len(b), -1)
-
-
 def _products(x: Array, y: Array) -> Array:
+    """Sum over the frames for each channel, shape (channel,)."""
     return np.asarray(np.einsum("tc,tc->c", x, y), np.float64)
-
-
-def _squares(x: Array) -> Array:
-    return _products(x, x)
 
 
 def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:

@@ -7,15 +7,10 @@ threshold curve T below. A test compares them with numbers of vibromaf.
 
 TouchSim computes the responses of nerve fibres, from a copy of the user (Saal, Delhaye et al., PNAS 114(28), 2017). It
 states no licence: midair contains nothing of it, and calls its classes `Stimulus` and `AfferentPopulation`.
-
-The spectral measures are a difference, the dominant frequency, and the texture: spectral shape, balance of bands,
-modulation of the envelope. The texture does not depend on the level. The balance of high and low frequencies explains
-most of how noisy vibrations differ once their intensity is equalised (Bernard, Thoret, Huloux and Ystad, The high/low
-frequency balance drives the perception of noisy vibrations, 2023).
 """
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,130 +19,15 @@ import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.dsp import band_energies
 from midair.errors import ShapeError
-from midair.model import BAND, PressureFrames
-
-
-def spectral_error(original: Array, later: Array) -> float:
-    """Rms level difference of two power densities (bin, ...) in dB, weighted by the power of the original.
-
-    Bins with little power in the original have little weight, so that noise floors do not matter. The result is never
-    NaN: for a silent original it is 0 if the other is silent too, otherwise infinite.
-    """
-    total = original.sum()
-    if total <= 0:
-        return 0.0 if later.sum() <= 0 else float("inf")
-    # Silence has no level, so use 120 dB below the strongest bin instead.
-    tiny = 1e-12 * original.max()
-    difference = 10 * np.log10((later + tiny) / (original + tiny))
-    return float(np.sqrt((original * difference**2).sum() / total))
-
-
-LONGEST = 2**17
-"""Frames per spectrum: 131 s at 1 kHz, 33 s at 4 kHz."""
-
-
-def long_stretches(frames: int) -> list[tuple[int, int]]:
-    """(first, last) frames of the fewest segments of equal length with at most `LONGEST` frames.
-
-    A few frames at the end are omitted if the frames do not divide evenly.
-    """
-    count = -(-frames // LONGEST)
-    return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
-
-
-def power_spectrum(samples: Array) -> tuple[Array, int]:
-    """Power spectrum of samples (frame, ...) without their means, summed over channels, and the frames per spectrum.
-
-    The spectra of segments are summed for more than `LONGEST` frames.
-    """
-    parts = long_stretches(len(samples))
-    frames = parts[0][1]
-    power = np.zeros(frames // 2 + 1)
-    for first, last in parts:
-        for channel in samples[first:last].reshape(frames, -1).T:
-            power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
-    return power, frames
-
-
-def dominant_frequency(samples: Array, rate: float) -> float:
-    """Frequency of the strongest bin of `power_spectrum`, in Hz."""
-    power, frames = power_spectrum(samples)
-    return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
-
-
-THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
-"""Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
-
-OCTAVE_BANDS = tuple((middle / 10**0.05, middle * 10**0.05) for middle in THIRD_OCTAVES)
-"""Ends of the third octaves in Hz."""
-
-SPLIT = 100.0
-"""Frequency in Hz between the low and the high band of the balance, near the middle of the band in octaves."""
-
-MODULATION = ((2.0, 8.0), (8.0, 32.0), (32.0, 128.0))
-"""Bands in Hz of the envelope's spectrum."""
-
-_SLOPE, _BALANCE = "spectral slope", f"balance above over below {SPLIT:g} Hz"
-_ENVELOPE = [f"envelope, {low:g} to {high:g} Hz" for low, high in MODULATION]
-TEXTURE = {
-    _SLOPE: ("", "s of a power density f^-s: 0 for white noise, more for weaker high frequencies."),
-    _BALANCE: ("dB", "Power of high over that of low frequencies: the strongest cue between noisy textures."),
-    **dict.fromkeys(_ENVELOPE, ("dB", "Swings of the vibration's envelope relative to its mean: its rhythm.")),
-}
-"""Unit and meaning of each figure of `texture`; none depends on the level."""
-
-
-def texture(pressure: Array, rate: float) -> dict[str, Array]:
-    """Figures of `TEXTURE` for each channel of pressure, shape (frame, ...), and last for all channels together.
-
-    The slope is the least-squares line through the levels of the third octaves, where the power of f^-s is
-    proportional to f^(1 - s). The envelope is the magnitude of the analytic signal in 20 to 470 Hz; a band of its
-    spectrum needs two periods. Undefined figures are NaN or infinite.
-    """
-    x = pressure.reshape(len(pressure), -1)
-
-    def level(part: Array, whole: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(10 * np.log10(_with_all(part) / _with_all(whole)), np.float64)
-
-    centred = np.log10(THIRD_OCTAVES) - np.mean(np.log10(THIRD_OCTAVES))
-    low, high = BAND[0], min(BAND[1], rate / 2)
-    *octave, above, below = band_energies(x, rate, [*OCTAVE_BANDS, (SPLIT, high), (low, SPLIT)])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        octaves = 10 * np.log10([_with_all(each) for each in octave])
-        slope = 1 - centred @ octaves / 10 / (centred @ centred)
-    envelope = _envelope(x, rate, (low, high))
-    mean = envelope.mean(axis=0)
-    spectrum = np.abs(np.fft.rfft(envelope - mean, axis=0)) ** 2 * 2 / len(x) ** 2
-    at = np.fft.rfftfreq(len(x), 1 / rate)
-    found = {_SLOPE: slope, _BALANCE: level(above, below)}
-    for name, (first, last) in zip(_ENVELOPE, MODULATION, strict=True):
-        swings = level(spectrum[(at >= first) & (at < last)].sum(axis=0), mean**2)
-        found[name] = swings if first * len(x) / rate >= 2 else np.full_like(swings, np.nan)
-    return found
-
-
-def _with_all(power: Array) -> Array:
-    return np.append(power, power.sum())
-
-
-def _envelope(x: Array, rate: float, band: tuple[float, float]) -> Array:
-    """Magnitude of the analytic signal of x, shape (frame, channel), within a band."""
-    at = np.fft.fftfreq(len(x), 1 / rate)[:, None]
-    inside = (at >= band[0]) & (at <= band[1])
-    return np.asarray(np.abs(np.fft.ifft(np.where(inside, 2 * np.fft.fft(x, axis=0), 0), axis=0)), np.float64)
-
+from midair.evaluate.spectra import level
+from midair.model import PressureFrames
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
 
 BLOCK = 512
 """Samples of a block of the published metrics."""
-
-_STRETCH = 2**19
-"""Samples that are processed at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,8 +152,8 @@ def perceptual_spectrum(signal: Array) -> Array:
 def similarities(reference: Array, distorted: Array, *, compared: NDArray[np.bool_]) -> Array:
     """ST-SIM and SPQI of the channels in the mask `compared`, shape (2, channel); NaN for the others.
 
-    The signals (sample, ...) at 8 kHz are on one scale and read once; the longer one is cut. Both are 1 for equal
-    signals. Blocks with a silent reference are ignored; vibromaf counts them as 0 in ST-SIM.
+    The signals (sample, ...) at 8 kHz are on one scale; the longer one is cut. Both metrics are 1 for equal signals.
+    Blocks with a silent reference are ignored; vibromaf counts them as 0 in ST-SIM.
 
     ST-SIM is tau^(2/3) s^(1/3). tau compares the normalised blocks (zero mean, unit variance), s the supports
     Phi(S / 12) of their perceptual spectra; both are means over the blocks of sum(r d) / sum(r^2). A negative tau, for
@@ -283,19 +163,18 @@ def similarities(reference: Array, distorted: Array, *, compared: NDArray[np.boo
     sum 10^(Sr/10))`` of the perceptual spectra Sr and Sd: differences are weighted by their level over the threshold,
     and phase is ignored. SPQI is .02 if the difference is as large as the reference.
     """
-    those, found = np.flatnonzero(compared), np.full((2, len(compared)), np.nan)
-    sums = np.zeros((len(those), 6))
-    for x, y in _stretches(reference, distorted):
-        a, b = x.reshape(len(x), -1), y.reshape(len(y), -1)
-        for channel, each in zip(those, sums, strict=True):
-            each += _similarity_sums(a[:, channel], b[:, channel])
-    found[:, those] = np.reshape([_similarity(each) for each in sums], (-1, 2)).T
+    found, frames = np.full((2, len(compared)), np.nan), min(len(reference), len(distorted))
+    a, b = (each[:frames].reshape(frames, -1) for each in (reference, distorted))
+    for channel in np.flatnonzero(compared):
+        found[:, channel] = _similarity(a[:, channel], b[:, channel])
     return found
 
 
-def _similarity_sums(reference: Array, distorted: Array) -> Array:
-    """Sums over whole blocks: tau, s and blocks of ST-SIM, terms and blocks of SPQI; 1 more if the signals differ."""
+def _similarity(reference: Array, distorted: Array) -> tuple[float, float]:
+    """ST-SIM and SPQI of one channel; for equal or silent signals 1 or 0."""
     r, d = blocks(reference), blocks(distorted)
+    if np.array_equal(reference, distorted):
+        return 1.0, 1.0
     spectra = [perceptual_spectrum(x) for x in (reference, distorted)]
     varies = r.std(axis=1) > 0
     temporal = _alike(_standard(r[varies]), _standard(d[varies]))
@@ -303,28 +182,18 @@ def _similarity_sums(reference: Array, distorted: Array) -> Array:
     before, after = (10 ** (each / 10) for each in spectra)
     power = before.sum(axis=1)
     heard = power > 0
-    with np.errstate(divide="ignore"):
-        apart = 10 * np.log10(np.abs(before - after)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
-    total = float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
-    return np.array([temporal, spectral, varies.sum(), total, heard.sum(), not np.array_equal(reference, distorted)])
-
-
-def _similarity(sums: Any) -> tuple[float, float]:
-    """ST-SIM and SPQI from `_similarity_sums` of all stretches; for equal or silent signals 1 or 0."""
-    temporal, spectral, varying, total, heard, differ = (float(each) for each in sums)
-    if not differ:
-        return 1.0, 1.0
-    alike = max(temporal / varying, 0.0) ** (2 / 3) * (spectral / varying) ** (1 / 3) if varying else 0.0
-    return alike, total / heard if heard else 0.0
+    apart = level(np.abs(before - after)[heard].sum(axis=1), power[heard] + np.finfo(float).eps)
+    count, total = int(varies.sum()), float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
+    alike = max(temporal / count, 0.0) ** (2 / 3) * (spectral / count) ** (1 / 3) if count else 0.0
+    return alike, total / int(heard.sum()) if heard.any() else 0.0
 
 
 def pacinian_level(pressure: Array, rate: float) -> Array:
     """Level of the power in the Pacinian channel, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
 
     It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
-    peak amplitudes of the Fourier components of the whole signal without its mean. For long signals the mean power of
-    segments is used, see `midair.evaluate.perception.long_stretches`. A sine at the threshold has 0 dB, silence minus
-    infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
+    peak amplitudes of the Fourier components of the whole signal without its mean. A sine at the threshold has 0 dB,
+    silence minus infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
     """
     return _weighted_level(pressure, rate, lambda f: 1 / SkinModel().threshold(f)[None] ** 2)[0]
 
@@ -348,17 +217,11 @@ def band_levels(pressure: Array, rate: float, *, area: float) -> Array:
 
 def _weighted_level(pressure: Array, rate: float, weights: Callable[[Array], Array]) -> Array:
     """Level in dB of the skin's displacement with several weights (weight, bin), shape (weight, ...)."""
-    parts = long_stretches(len(pressure))
-    frames = parts[0][1]
     # Without 0 Hz: Pacinian corpuscles do not respond to steady pressure, and 0 Hz has no octave.
-    weight = weights(np.asarray(np.fft.rfftfreq(frames, 1 / rate)[1:], np.float64))
-    power = np.zeros((len(weight), int(np.prod(pressure.shape[1:], dtype=np.int64))))
-    for first, last in parts:
-        for channel, values in enumerate(pressure[first:last].reshape(frames, -1).T):
-            spectrum = np.fft.rfft(SkinModel().displacement(values))[1:] * 2 / frames
-            power[:, channel] += weight @ np.abs(spectrum) ** 2
-    with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(power / len(parts)), np.float64).reshape(-1, *pressure.shape[1:])
+    weight = weights(np.asarray(np.fft.rfftfreq(len(pressure), 1 / rate)[1:], np.float64))
+    channels = SkinModel().displacement(pressure.reshape(len(pressure), -1)).T
+    power = [weight @ np.abs(np.fft.rfft(values)[1:] * 2 / len(pressure)) ** 2 for values in channels]
+    return level(np.stack(power, axis=1)).reshape(-1, *pressure.shape[1:])
 
 
 def _alike(reference: Array, distorted: Array) -> float:
@@ -368,16 +231,6 @@ def _alike(reference: Array, distorted: Array) -> float:
 
 def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
-
-
-def _stretches(reference: Array, distorted: Array) -> Iterator[tuple[Array, Array]]:
-    """Segments of whole blocks of both signals, 4 MB each; the first one includes the end of a short signal."""
-    frames = min(len(reference), len(distorted))
-    whole = max(frames // BLOCK, 1) * BLOCK
-    step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // BLOCK) * BLOCK
-    for first in range(0, whole, step):
-        last = min(first + step, whole, frames)
-        yield reference[first:last], distorted[first:last]
 
 
 FIBRES = {"SA1": "slowly adapting", "RA": "rapidly adapting", "PC": "Pacinian"}

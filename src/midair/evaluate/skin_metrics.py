@@ -13,17 +13,14 @@ from midair.evaluate.comparison import check_alike
 from midair.evaluate.distortion import WEAKEST, advance, find_delay
 from midair.evaluate.perception import (
     FELT_BANDS,
-    LONGEST,
     RATE,
-    TEXTURE,
     SkinModel,
     band_levels,
     pacinian_level,
     similarities,
-    texture,
 )
+from midair.evaluate.spectra import TEXTURE, level, texture
 from midair.model import BAND, PressureFrames
-from midair.streaming import blocks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,8 +129,8 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     resampling; their overall values are means over the compared cells, weighted by the original's power. Powers are
     summed over the cells.
 
-    Both are pressures of the same cells at the same rate, at least 64 ms long; lazy frames are read block by block.
-    Cells are compared down to 20 dB below the strongest cell.
+    Both are pressures of the same cells at the same rate, at least 64 ms long. Cells are compared down to 20 dB below
+    the strongest cell.
 
     Raises MismatchError or RateError if the cells or the rates differ, ShapeError if they are too short.
     """
@@ -144,9 +141,7 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     delay = find_delay(x, y, rate)
     # A delay of rounding errors would fill silent blocks with noise.
     y = advance(y, delay, rate) if abs(delay) > 1e-9 else y
-    power = np.zeros(original.sensor.shape)
-    for block in blocks(x):
-        power += (block**2).sum(axis=0) / frames
+    power = (x**2).sum(axis=0) / frames
     before, after = pacinian_level(x, rate), pacinian_level(y, rate)
     compared = (power > 0) & (power >= power.max() * 10 ** (-WEAKEST / 10))
     apart = _difference(_total(after), _total(before))
@@ -198,6 +193,9 @@ def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> Per
         return None
 
 
+LONGEST = 2**17
+"""Frames from which the texture is computed: 131 s at 1 kHz, 33 s at 4 kHz."""
+
 _BEFORE, _AFTER = ", original", ", reproduced"
 """Ends of the names of two figures that are one row."""
 
@@ -232,7 +230,7 @@ def _over_threshold(x: Array, y: Array, rate: float, skin: SkinModel, area: floa
 
 
 def _textures(x: Array, y: Array, rate: float, compared: NDArray[np.bool_]) -> list[PerceptualFigure]:
-    """Texture of the compared cells, from the first two minutes; without what is undefined."""
+    """Texture of the compared cells, from the first `LONGEST` frames; without what is undefined."""
 
     def on_cells(values: Array) -> Values:
         cells = np.full(compared.shape, np.nan)
@@ -278,8 +276,7 @@ def _similarities(
 
 def _total(levels: Array) -> Array:
     """Level of the summed power in dB; minus infinity for silence."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10((10 ** (levels / 10)).sum()), np.float64)
+    return level((10 ** (levels / 10)).sum())
 
 
 def _difference(after: Array, before: Array) -> Array:
