@@ -125,13 +125,9 @@ SMALL = "--mode paper --points 6 --pitch 11mm --method fast --iterations 2 2 --d
 
 
 @pytest.mark.long
-def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
-    from matplotlib.image import imsave
-
-    dark = np.ones((60, 90, 3))
-    dark[5:55, 5:85] = 0.0
-    imsave(tmp_path / "hand.png", dark)
-    (tmp_path / "hand.toml").write_text('picture = "hand.png"\nwidth_mm = 120', encoding="utf-8")
+def test_an_outlined_hand_is_kept_quiet(stroke, tmp_path):
+    corners = "outline_mm = [[-50, -35], [50, -35], [50, 35], [-50, 35]]"
+    (tmp_path / "hand.toml").write_text(corners, encoding="utf-8")
     words = ["--quiet-palm", "0.2", "--palm", str(tmp_path / "hand.toml")]
     assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL.split(), "--lead", "0s", *words]) == 0
     drive = load_solution(tmp_path / "hand.drive.h5").drive

@@ -48,20 +48,17 @@ away from the person, z up::
     offset_mm = [0, -120, 15]      # place of the tracker's origin in array coordinates
     uncertainty_mm = 1.5           # standard uncertainty of a placed point; optional
 
-The outline of a palm above the array, as a disc, a polygon, or a PNG picture beside the file::
+The outline of a palm above the array, as a disc or a polygon::
 
     name = "left hand"
-    disc_mm = 85                                   # one of these three
+    disc_mm = 85                                   # one of these two
     outline_mm = [[-40, -45], [40, -45], [0, 50]]  # x and y from the centre of the array
-    picture = "hand.png"                           # dark is skin
-    width_mm = 180                                 # width of the picture, which is centred on the array
     pitch_mm = 2.5                                 # distance between evaluated points; optional
 
 `Laboratory` lists the keys of ``lab.toml``, for the part "palm and laboratory" of an error budget.
 """
 
 import os
-import struct
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal
@@ -69,9 +66,8 @@ from typing import Literal
 import numpy as np
 import scipy
 import tomli_w
-from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.errors import InputError
 from midair.files.atomic import write_file
 from midair.files.toml.exposure_profiles import read_sheet, to_plain
 from midair.model import Heading, Palm, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
@@ -226,12 +222,12 @@ def load_tracker(path: PathLike) -> TrackerPlacement:
 def save_tracker(placement: TrackerPlacement, path: PathLike) -> None:
     """Write the placement of a tracker atomically. Raises FileError if the file cannot be written."""
     turns = scipy.spatial.transform.Rotation.from_matrix(placement.rotation).as_euler("xyz", degrees=True)
-    lines = [
-        f"rotation_deg = [{', '.join(f'{turn:.6f}' for turn in turns)}]",
-        f"offset_mm = [{', '.join(f'{1e3 * place:.4f}' for place in placement.offset)}]",
-        f"uncertainty_mm = {1e3 * placement.uncertainty:.4f}",
-    ]
-    write_file(path, "\n".join(lines) + "\n")
+    keys = {
+        "rotation_deg": np.round(turns, 6).tolist(),
+        "offset_mm": np.round(1e3 * placement.offset, 4).tolist(),
+        "uncertainty_mm": round(1e3 * placement.uncertainty, 4),
+    }
+    write_file(path, tomli_w.dumps(keys))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,66 +270,19 @@ class PalmSheet:
     name: str = ""
     disc_mm: float | None = None
     outline_mm: tuple[tuple[float, float], ...] | None = None
-    picture: str | None = None
-    width_mm: float | None = None
     pitch_mm: float = 2.5
 
 
 def load_palm(path: str | os.PathLike[str]) -> Palm:
-    """Read a palm from a TOML file.
-
-    Raises MissingFileError if the file or its picture does not exist and BrokenFileError if the file or the picture is
-    invalid.
-    """
+    """Read a palm. Raises the errors of `read_sheet`."""
     expected = "a TOML file with the outline of a palm"
-    return read_sheet(path, expected, PalmSheet, lambda sheet: _palm(sheet, Path(path)))
+    return read_sheet(path, expected, PalmSheet, lambda sheet: _palm(sheet, Path(path).stem))
 
 
-def _palm(sheet: PalmSheet, path: Path) -> Palm:
-    pitch, name = positive(sheet.pitch_mm, "pitch_mm", "mm") * 1e-3, sheet.name or path.stem
-    asked = [each for each in (sheet.disc_mm, sheet.outline_mm, sheet.picture) if each is not None]
-    if len(asked) != 1:
-        raise InputError(f"expected one of disc_mm, outline_mm and picture, got {len(asked)}")
+def _palm(sheet: PalmSheet, stem: str) -> Palm:
+    pitch, name = positive(sheet.pitch_mm, "pitch_mm", "mm") * 1e-3, sheet.name or stem
+    if (sheet.disc_mm is None) == (sheet.outline_mm is None):
+        raise InputError(f"expected one of disc_mm and outline_mm, got {'none' if sheet.disc_mm is None else 'both'}")
     if sheet.disc_mm is not None:
         return Palm(inside=Palm.disc(sheet.disc_mm * 1e-3, pitch=pitch).inside, pitch=pitch, name=name)
-    if sheet.outline_mm is not None:
-        return Palm.within(np.array(sheet.outline_mm) * 1e-3, pitch=pitch, name=name)
-    if sheet.width_mm is None or not sheet.picture:
-        raise InputError("expected width_mm beside picture, got none")
-    dark = _dark(path.parent / sheet.picture)
-    side = (positive(sheet.width_mm, "width_mm", "mm") * 1e-3) / dark.shape[1]
-    counts = [2 * int(each * side / 2 / pitch) + 1 for each in dark.shape]
-    rows, columns = (
-        np.clip(((np.arange(count) - count // 2) * pitch / side + pixels / 2).astype(int), 0, pixels - 1)
-        for count, pixels in zip(counts, dark.shape, strict=True)
-    )
-    return Palm(inside=dark[np.ix_(rows, columns)], pitch=pitch, name=name)
-
-
-_MOST = 4096
-"""Maximum width and height of a picture in pixels."""
-
-
-def _dark(picture: Path) -> NDArray[np.bool_]:
-    """True for pixels that are dark and not transparent, shape (row, column)."""
-    from matplotlib.image import imread
-
-    try:
-        with picture.open("rb") as file:
-            head = file.read(24)
-    except OSError:
-        raise MissingFileError(f"{picture}: expected the picture of a palm, found no file") from None
-    if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n":
-        raise BrokenFileError(f"{picture}: expected a PNG, got something else")
-    # Checked before decompression, because a small file can contain a picture that fills the memory.
-    columns, rows = struct.unpack(">II", head[16:24])
-    if not 0 < columns <= _MOST or not 0 < rows <= _MOST:
-        raise BrokenFileError(f"{picture}: expected at most {_MOST} x {_MOST} pixels, got {columns} x {rows}")
-    try:
-        pixels = np.atleast_3d(np.asarray(imread(picture), float))
-    except (OSError, SyntaxError, ValueError) as wrong:
-        raise BrokenFileError(f"{picture}: expected a PNG, got: {wrong}") from wrong
-    colours = pixels.shape[2]
-    seen = pixels[..., -1] if colours in (2, 4) else np.ones(pixels.shape[:2])
-    light = pixels[..., : 3 if colours >= 3 else 1].mean(axis=2)
-    return (light < 0.5) & (seen > 0.5)
+    return Palm.within(np.array(sheet.outline_mm) * 1e-3, pitch=pitch, name=name)
