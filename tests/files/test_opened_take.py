@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.errors import InputError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
+from midair.errors import InputError, MismatchError, NonFiniteError, ShapeError, UnitError
 from midair.files.opened_take import ImportedData, ImportOptions
 from midair.model import SensorGrid
 from midair.recordings import Mending
@@ -37,21 +37,6 @@ def test_the_report_goes_into_the_provenance(path):
     assert seen.report[0] == "First."
     assert len(seen.report) == 2
     assert seen.recording.provenance.steps[0].settings["report"] == seen.report
-
-
-@pytest.mark.parametrize(
-    ("shape", "given", "error"),
-    [
-        ((5, 16), ImportOptions(unit="V"), RateError),
-        ((5, 16), ImportOptions(rate=10.0), UnitError),
-        ((5, 15), ImportOptions(rate=10.0, unit="V"), ShapeError),
-        ((5, 2, 8), ImportOptions(rate=10.0, unit="V", sensor=SensorGrid()), MismatchError),
-        ((5, 16), ImportOptions(rate=10.0, unit="V", sensor=SensorGrid(rows=4, columns=5)), MismatchError),
-    ],
-)
-def test_refuses_missing_or_contradicting_facts(shape, given, error, path):
-    with pytest.raises(error, match=r"a\.bin"):
-        foreign(shape).resolve(given, path)
 
 
 def test_channels_are_chosen_by_name_or_number_in_any_order(path):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, InputError
+from midair.errors import BrokenFileError
 from midair.files import load, open_take
 
 
@@ -110,8 +110,3 @@ def test_a_file_without_haptic_events_is_refused(entries, pattern):
 def test_a_very_long_effect_is_refused_before_rendering(pattern):
     with pytest.raises(BrokenFileError, match="up to 600 s"):
         load(pattern(event("HapticContinuous", 0.0, duration=1e9)), scale=1.0)
-
-
-def test_the_unit_of_full_intensity_is_required(pattern):
-    with pytest.raises(InputError, match="unit"):
-        load(pattern(event("HapticTransient", 0.0)))

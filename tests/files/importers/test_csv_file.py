@@ -38,25 +38,12 @@ def test_refuses_truncation_inside_the_last_number(recording, tmp_path):
         load(tmp_path / "a.csv")
 
 
-def test_refuses_a_row_left_out(recording, tmp_path):
-    save(recording, tmp_path / "a.csv")
-    lines = (tmp_path / "a.csv").read_text().splitlines(keepends=True)
-    (tmp_path / "a.csv").write_text("".join(lines[:-1]))
-    with pytest.raises(BrokenFileError, match="expected 40 frames of 15 channels"):
-        load(tmp_path / "a.csv")
-
-
 def test_the_first_clock_gives_the_rate_and_others_are_left_out(write):
     rows = "".join(f"{1.7e18 + 1e6 * i:.0f},{0.1 + i / 1000:.3f},1,{i}\n" for i in range(9))
     seen = open_take(write(f"time,seconds_elapsed,a,b\n{rows}"), unit="V", sensor=PAIR)
     assert seen.recording.rate == pytest.approx(1000, rel=1e-4)
     np.testing.assert_allclose(seen.recording.samples[:, 0, 1], np.arange(9), atol=1e-3)
     assert seen.report[0] == "Other columns of time were left out: seconds_elapsed."
-
-
-def test_a_comma_at_the_end_shifts_nothing(write):
-    path = write("time [s], a [V], b [V]\n0, 1, 10,\n0.1, 2, 20,\n0.2, 3, 30,\n")
-    np.testing.assert_array_equal(load(path, sensor=PAIR).samples[:, 0], [[1, 10], [2, 20], [3, 30]])
 
 
 def test_takes_the_common_unit_of_all_names(write):
@@ -79,13 +66,6 @@ def test_a_unit_that_is_not_known_is_no_other(write):
     assert load(path, scale=2).samples[1, 0, 0] == 4
     assert load(path, unit="count").unit == "count"
     assert load(write("time [s],a (x)\n0,1\n1,2\n"), unit="V").unit == "V"
-
-
-def test_assumes_the_papers_sensor_for_16_channels_and_reports_it(write):
-    seen = open_take(write("\n".join(",".join(map(str, range(i, i + 16))) for i in range(3))), rate=1000, unit="count")
-    assert seen.recording.sensor == SensorGrid()
-    np.testing.assert_array_equal(seen.recording.samples[0], np.arange(16).reshape(4, 4))
-    assert "4 x 4, row by row, 11 mm apart was assumed" in seen.report[0]
 
 
 def test_keeps_the_source(write):
@@ -161,38 +141,6 @@ def test_takes_a_layout_that_is_given():
     assert seen.recording.sensor == sensor
     assert seen.recording.rate == 35.6
     assert "layout" not in seen.recording.provenance.notes
-
-
-def test_refuses_what_contradicts_the_file():
-    with pytest.raises(MismatchError, match="the file states count"):
-        open_take(sample_path("denim"), unit="V")
-    with pytest.raises(RateError, match="expected about"):
-        open_take(sample_path("denim"), rate=1000)
-
-
-@pytest.mark.parametrize(
-    ("change", "error"),
-    [
-        (lambda lines: [*lines[:50], lines[50].rsplit(",", 3)[0]], BrokenFileError),
-        (lambda lines: [*lines[:50], lines[50].replace(",", ",,", 1), *lines[51:]], BrokenFileError),
-        (lambda lines: [*lines[:50], ",".join([*lines[50].split(",")[:-1], ""]), *lines[51:]], NonFiniteError),
-        (lambda lines: [lines[0], *reversed(lines[1:])], RateError),
-    ],
-    ids=["cut", "a field too many", "a missing value", "backwards"],
-)
-def test_refuses_a_damaged_copy(change, error, tmp_path):
-    lines = sample_path("denim").read_text().splitlines()
-    (tmp_path / "a.csv").write_text("\n".join(change(lines)))
-    with pytest.raises(error):
-        open_take(tmp_path / "a.csv")
-
-
-def test_rows_that_end_in_a_comma_change_nothing(tmp_path):
-    lines = sample_path("denim").read_text().splitlines()
-    (tmp_path / "a.csv").write_text("\n".join([lines[0], *(line + "," for line in lines[1:])]))
-    np.testing.assert_array_equal(
-        open_take(tmp_path / "a.csv").recording.samples, open_take(sample_path("denim")).recording.samples
-    )
 
 
 def test_repeated_rows_and_gaps_are_reported(tmp_path):

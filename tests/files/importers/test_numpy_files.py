@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, NonFiniteError
-from midair.files import load, open_take, save
+from midair.files import load, open_take
 
 SAID = {"rate": 1000.0, "unit": "V"}
 
@@ -50,21 +50,3 @@ def test_the_array_has_the_name_of_its_file(tmp_path):
     taken = open_take(tmp_path / "wave.npy", **SAID)
     assert taken.report[0] == "Array wave (9,) was taken as one channel of 9 frames."
     assert taken.recording.provenance.steps[0].settings["format"] == "NPY"
-
-
-def test_a_plain_row_of_numbers_is_one_channel(tmp_path):
-    np.savez(tmp_path / "a.npz", wave=np.arange(9.0))
-    assert load(tmp_path / "a.npz", **SAID).frames == 9
-
-
-def test_numpy_alone_reads_what_was_written(recording, tmp_path):
-    save(recording, tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as archive:
-        assert set(archive.files) == {"samples", "rate", "unit", "midair"}
-        np.testing.assert_array_equal(archive["samples"], recording.samples)
-        assert (archive["rate"].item(), archive["unit"].item()) == (recording.rate, recording.unit)
-
-
-def test_a_dropped_calibration_is_reported(recording, calibration, tmp_path):
-    assert [loss.what for loss in save(recording, tmp_path / "a.npz", calibration=calibration)] == ["calibration"]
-    assert save(recording, tmp_path / "a.npz") == ()

@@ -84,10 +84,6 @@ def test_several_groups_need_a_name(tdms, columns, file):
         load(path, stream="leg")
 
 
-def test_channels_are_chosen_by_name(tdms, columns, file):
-    np.testing.assert_array_equal(load(file(tdms(columns)), channels=["it's b"]).samples.ravel(), columns["it's b"])
-
-
 def test_an_unclosed_file_gives_its_complete_records(tdms, columns, file):
     data = tdms(columns, chunks=6)
     unfinished = data[:12] + b"\xff" * 8 + data[20:-5]

@@ -77,13 +77,6 @@ def test_several_streams_need_a_name(xdf, samples, file):
         load(file(data), unit="V", stream="leg")
 
 
-def test_channels_are_chosen_by_their_labels(xdf, samples, file):
-    data = xdf.whole(xdf(samples, labels=LABELS, unit="volts"))
-    recording = load(file(data), channels=["mic3"])
-    np.testing.assert_array_equal(recording.samples.ravel(), samples[:, 3])
-    assert recording.provenance.steps[0].settings["channels"] == ("mic3",)
-
-
 def test_damage_is_reported_not_printed(xdf, samples, file, capsys):
     data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
     place = data.rindex(b"\x04" + np.uint32(200).tobytes())

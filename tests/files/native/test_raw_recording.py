@@ -17,7 +17,7 @@ from midair.errors import BrokenFileError, FileError, InputError, NonFiniteError
 from midair.files import RecordingWriter, contents, load, load_calibration, load_played, open_take, repair, save
 from midair.files.native import recording_writer
 from midair.files.native.raw_recording import MAGIC
-from midair.model import Event, Provenance, SensorGrid, StageStamp, TransducerArray
+from midair.model import Event, StageStamp, TransducerArray
 
 EVENT = Event(kind="lost", frame=3, frames=2)
 STAMP = StageStamp(time=0.1, position=(0.005, -0.06, -0.02), feed=0.05)
@@ -342,12 +342,3 @@ def test_written_frames_are_flushed_to_the_disk_after_each_interval(recording, o
             now[0] += 0.05
             writer.append(recording.samples[:1])
     assert np.diff([*flushed, now[0]]).max() <= 0.25 + 1e-9
-
-
-def test_a_long_provenance_is_kept(tmp_path, recording, options):
-    life = Provenance()
-    for number in range(200):
-        life = life.then("correct", {"round": number, "what": "x" * 50})
-    with RecordingWriter(tmp_path / "a.h5", **{**options, "provenance": life, "sensor": SensorGrid()}) as writer:
-        writer.append(np.zeros((3, 4, 4)))
-    assert load(tmp_path / "a.h5").provenance == life

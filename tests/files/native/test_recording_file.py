@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files import load, load_calibration, load_pressure, repair, save, save_calibration
+from midair.files import load, load_calibration, load_pressure, save, save_calibration
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
@@ -35,13 +35,6 @@ def test_has_no_pressure_in_a_calibration(calibration, tmp_path):
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     with pytest.raises(BrokenFileError, match="expected a midair recording"):
         load_pressure(tmp_path / "a.calibration.h5")
-
-
-@pytest.mark.long
-def test_repair_changes_nothing_of_a_whole_file(path, recording, alike):
-    assert repair(path) == ()
-    alike(load(path), recording)
-    assert load_calibration(path) is not None
 
 
 def test_keeps_a_long_provenance(recording, tmp_path):
