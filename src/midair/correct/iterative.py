@@ -39,7 +39,7 @@ from midair.dsp import Band, band_edges, band_window, filter_response
 from midair.errors import InputError, ShapeError
 from midair.model import RATE, Acoustics, ControlGrid, Drive, Medium, Provenance, TransducerArray
 from midair.physics import TransducerDynamics, envelope, focus_phase, radiation_pressure, transfer_matrix, wavenumber
-from midair.streaming import LazyFrames
+from midair.streaming import each_frame
 from midair.validation import positive
 
 
@@ -175,11 +175,9 @@ def correct_air(drive: Drive, room: Medium, centre: Array) -> Drive:
     """
     change = wavenumber(drive.array, room) - wavenumber(drive.array, drive.acoustics.medium)
     shift = change * np.linalg.norm(drive.array.position - centre, axis=1)
-    phase = drive.phase
-    lazy = isinstance(phase, LazyFrames)
     return replace(
         drive,
-        phase=phase.mapped(lambda block: block - shift) if lazy else phase - shift,
+        phase=each_frame(drive.phase, lambda block: block - shift),
         acoustics=replace(drive.acoustics, medium=room),
         provenance=drive.provenance.then(
             "correct_air", {"from_m_s": drive.acoustics.medium.speed, "to_m_s": room.speed}

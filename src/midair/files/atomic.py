@@ -143,15 +143,22 @@ def atomic_file(path: str | os.PathLike[str], *, recording: bool = False) -> Gen
     target = writable_path(path)
     if not recording:
         check_not_recording(target)
-    partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
-    try:
+    with _beside(target, path) as partial:
         partial.touch(exist_ok=False)
         yield partial
         _sync(partial)
         if not recording:
             check_not_recording(target)
         os.replace(partial, target)
-        note_written_file(path)
+
+
+@contextmanager
+def _beside(target: Path, named: str | os.PathLike[str]) -> Generator[Path]:
+    """A temporary name beside `target`, which the block replaces; what is left of it is removed."""
+    partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
+    try:
+        yield partial
+        note_written_file(named)
     except MidairError:
         raise
     except (OSError, RuntimeError) as wrong:
@@ -159,7 +166,7 @@ def atomic_file(path: str | os.PathLike[str], *, recording: bool = False) -> Gen
     finally:
         # If the disk fails, the reason has been raised already.
         with suppress(OSError):
-            partial.unlink(missing_ok=True)
+            shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink(missing_ok=True)
 
 
 def write_file(path: str | os.PathLike[str], content: str | bytes, *, private: bool = False) -> None:
@@ -188,8 +195,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
     empty folder, or cannot be written.
     """
     target = Path(path).resolve()
-    partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
-    try:
+    with _beside(target, path) as partial:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise FileError(f"{target}: expected a new folder, got one that is not empty; choose another name")
         partial.mkdir(parents=True)
@@ -200,13 +206,6 @@ def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
         if target.exists():
             target.rmdir()
         partial.rename(target)
-        note_written_file(path)
-    except MidairError:
-        raise
-    except (OSError, RuntimeError) as wrong:
-        raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:

@@ -9,8 +9,8 @@ that begin with the four letters, lengths are uint64 and include the 24 bytes be
 """
 
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -105,6 +105,8 @@ def _walk_wave64(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
 
 
 _WAV = ("WAV", "WAVEX", "W64", "RF64")
+_FORMATS = ("FLAC", "AIFF", "OGG", "MP3")
+_LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
 _BITS = {"PCM_U8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
 _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
@@ -155,40 +157,50 @@ def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a WAV, RF64 or Wave64 file of midair or of another program: PCM of 8 to 32 bits, float32, float64 or µ-law.
+    """Read a WAV, RF64 or Wave64 file: PCM of 8 to 32 bits, float32, float64 or µ-law."""
+    header = next((content(path, chunk) for chunk in chunks(path) if chunk.letters == CHUNK), b"")
+    return _read(path, given, _WAV, header.decode("ascii"))
 
-    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are integers.
+
+def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
+    """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file."""
+    return _read(path, given, _FORMATS, "")
+
+
+def _read(path: Path, given: ImportOptions, forms: Sequence[str], header: str) -> OpenedTake:
+    """Recording in a sound file of one of these forms, with midair's header if there is one.
+
+    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are integers. A stated
+    rate that rounds to the file's whole one replaces it.
     """
     import soundfile
 
-    held = chunks(path)
-    header = next((content(path, chunk) for chunk in held if chunk.letters == CHUNK), None)
     with soundfile.SoundFile(path) as file:
-        subtype, rate = file.subtype, file.samplerate
-        if file.format not in _WAV or subtype not in _READABLE:
-            raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
+        form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
+        if form not in forms or (forms == _WAV and subtype not in _READABLE):
+            expected = "PCM, float or µ-law in a WAV" if forms == _WAV else f"one of {', '.join(forms)}"
+            raise BrokenFileError(f"{path}: expected {expected}, got {form} with {subtype}")
+        header = file.comment if form == "FLAC" and '"midair recording"' in file.comment else header
         samples: Any = file.read(dtype="float64", always_2d=True)
-    if header is None:
-        return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
-    return own_take(header.decode("ascii"), samples, given, path)
-
-
-def sound_of(
-    samples: Any, subtype: str, rate: float, given: ImportOptions, path: Path, *, form: str = "WAV"
-) -> ImportedData:
-    """Data of a sound file from its samples (frame, channel); a rate in `given` that rounds to `rate` replaces it."""
-    exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
+    # The decoder only estimates the length of an MP3.
+    if form != "MP3" and len(samples) < promised:
+        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
+    if header:
+        return own_take(header, samples, given, path)
+    name, scale = "WAV" if forms == _WAV else form, 1.0
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
-    scale, remark = 1.0, f"Full scale of the {form} ({subtype}) was taken as {full}."
+    report = [f"Full scale of the {name} ({subtype}) was taken as {full}."]
     if given.unit == "count" and given.scale is None:
-        scale, remark = _counts(subtype, path)
+        scale, report[0] = _counts(subtype, path)
+    if subtype in _LOSSY:
+        report.append(f"{form} is lossy: it removes signals that people cannot hear but may feel.")
     return ImportedData(
         samples=samples * scale,
-        form=form,
-        rate=exact,
+        form=name,
+        rate=given.rate if given.rate is not None and round(given.rate) == rate else rate,
         settings={"subtype": subtype, "scale": scale},
-        report=(remark,),
-    )
+        report=tuple(report),
+    ).resolve(given, path)
 
 
 def _counts(subtype: str, path: Path) -> tuple[float, str]:
@@ -214,32 +226,6 @@ def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterat
 WAV = Format(name="WAV", read=read_wav, write=write_wav, memory=2)
 WAVE64 = Format(name="Wave64", read=read_wav, memory=2)
 RF64 = Format(name="RF64", read=read_wav, memory=2)
-
-
-_FORMATS = ("FLAC", "AIFF", "OGG", "MP3")
-_LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
-
-
-def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file; full scale is 1 of the given unit, or integers for "count"."""
-    import soundfile
-
-    with soundfile.SoundFile(path) as file:
-        form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
-        comment = file.comment
-        if form not in _FORMATS:
-            raise BrokenFileError(f"{path}: expected one of {', '.join(_FORMATS)}, got {form}")
-        samples: Any = file.read(dtype="float64", always_2d=True)
-    # The decoder only estimates the length of an MP3.
-    if form != "MP3" and len(samples) < promised:
-        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
-    if form == "FLAC" and '"midair recording"' in comment:
-        return own_take(comment, samples, given, path)
-    found = sound_of(samples, subtype, rate, given, path, form=form)
-    if subtype in _LOSSY:
-        lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."
-        found = replace(found, report=(*found.report, lossy))
-    return found.resolve(given, path)
 
 
 FLAC = Format(name="FLAC", read=read_sound, write=write_flac)
