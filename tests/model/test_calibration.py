@@ -43,11 +43,6 @@ def test_the_ends_are_held():
     assert ends == pytest.approx(calibration.response[[0, -1]])
 
 
-def test_one_bin_is_held_everywhere():
-    one = made(frequency=np.array([10.0]), response=np.full((1, 2, 3), 2 + 1j))
-    assert one.response_at(np.array([0.0, 10.0, 99.0])) == pytest.approx(np.full((3, 2, 3), 2 + 1j))
-
-
 @pytest.mark.parametrize(
     ("changes", "error", "says"),
     [

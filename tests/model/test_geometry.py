@@ -30,12 +30,6 @@ def test_a_unit_in_the_order_of_the_firmware():
     assert len(cell) == 249
 
 
-def test_units_are_side_by_side():
-    array = TransducerArray.autd3(columns=2, rows=2)
-    corner = array.position[::249] - array.position[0]
-    assert corner == pytest.approx(np.array([[0, 0, 0], [0.192, 0, 0], [0, 0.1514, 0], [0.192, 0.1514, 0]]), abs=1e-12)
-
-
 def test_arrays_are_the_same_to_a_micrometre():
     array = TransducerArray.autd3(columns=1, rows=1)
     moved = TransducerArray(position=array.position + np.array([2e-6, 0, 0]), normal=array.normal)

@@ -195,7 +195,7 @@ class PlayedTouch:
 
     @property
     def _medium(self) -> Medium:
-        """Air that the frames were solved for; older files, which do not state it, have the paper's."""
+        """Air that the frames were solved for; the paper's where it is not stated."""
         air = self.provenance.last("live")
         match air.get("temperature_c"), air.get("humidity"), air.get("sound_m_s"):
             case float(temperature), float(humidity), _:
