@@ -21,13 +21,13 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1892,
+    "model": 1871,
     "settings streaming .": 2612,
     "physics": 2815,
-    "recordings targets correct evaluate": 4180,
+    "recordings targets correct evaluate": 4078,
     "calibration": 3107,
     "solvers": 5075,
-    "files": 4701,
+    "files": 4635,
     "devices": 7647,
     "rig": 9632,
     "patterns datasets": 1775,
