@@ -18,7 +18,7 @@ from tests.simulators.udp_proxy import UdpProxy
 
 import midair
 from benchmarks.clock import load
-from benchmarks.live_outside import Running, SerialSkin, UnitsApart, loud, plain, seconds_to_silence, watch_in_time
+from benchmarks.live_outside import Running, SerialSkin, loud, plain, seconds_to_silence, watch_in_time
 from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir
 from midair.devices import ExposureChoices, stop_playing
 from midair.dsp import welch
@@ -44,7 +44,6 @@ def main() -> None:
     )
     parser.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
     parser.add_argument("--hold", type=float, default=6.0, help="hold time of a run in ms (default 6)")
-    parser.add_argument("--apart", action="store_true", help="emulate the units of a run in a separate process")
     parser.add_argument("--latency", type=float, help="total latency of a run in ms (default: 13 ms, without it)")
     parser.add_argument("--sensor", default="virtual:towel", help="sensor of a run (default virtual:towel)")
     parser.add_argument("--seconds", type=float, default=12.0, help="duration of the part latency in s (default 12)")
@@ -60,24 +59,22 @@ def main() -> None:
         deaths()
     # The busy parts run without real-time priority, which would block other processes.
     plain()
-    chosen = {"sensor": options.sensor, "hold": options.hold / 1000, "apart": options.apart}
-    chosen["latency"] = None if options.latency is None else options.latency / 1000
+    total = None if options.latency is None else options.latency / 1000
+    chosen = {"sensor": options.sensor, "hold": options.hold / 1000, "latency": total}
     if "run" in options.part:
         for priority in options.priority:
             run(options.frames, priority=priority, **chosen)
 
 
-def run(frames: int, *, priority: int, sensor: str, hold: float, apart: bool, latency: float | None) -> dict | None:
+def run(frames: int, *, priority: int, sensor: str, hold: float, latency: float | None) -> dict | None:
     """Print lost and late frames, and the delay until sending, of a long run to four emulated units."""
-    units = UnitsApart(4) if apart else None
-    where = "in a separate process" if units else "in the loop's process"
-    print(f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}")
+    print(f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}")
     before, began = load(), time.monotonic()
     try:
         with tempfile.TemporaryDirectory() as folder:
             session = midair.live(
                 sensor,
-                f"autd3:{units.address}" if units else "autd3:emulator",
+                "autd3:emulator",
                 hold=hold,
                 latency=latency,
                 duration=frames / 1000,
@@ -96,9 +93,6 @@ def run(frames: int, *, priority: int, sensor: str, hold: float, apart: bool, la
     except MidairError as wrong:
         print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}", flush=True)
         return None
-    finally:
-        if units:
-            units.close()
     print(f"  {before} before, {load()} after; computer: {told['computer']}")
     print(f"  rehearsal: {told['rehearsal']}")
     names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps", "failsafe")

@@ -91,35 +91,6 @@ def plain() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-UNITS = """
-import sys
-from autd3 import UdpEmulator
-units = UdpEmulator(int(sys.argv[1]))
-print(units.option().iface, flush=True)
-sys.stdin.read()
-"""
-"""A program that prints the address of emulated units and emulates them until its input ends."""
-
-
-class UnitsApart:
-    """Emulated units in a separate process, with real-time priority if granted, because real units do not wait."""
-
-    def __init__(self, units: int) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", UNITS, str(units)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            preexec_fn=watch_in_time,
-        )
-        assert self._process.stdout is not None
-        output = self._process.stdout.readline()
-        self.address = "[::1]:" + "".join(filter(str.isdigit, output.rsplit(":", 1)[1]))
-
-    def close(self) -> None:
-        self._process.communicate("")
-
-
 class Running:
     """`midair live` in a separate process, whose only child is the process of the loop.
 

@@ -51,6 +51,18 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
+BESIDE = {"tests": 52_100, "benchmarks": 4_500}
+"""Most lines of .py in these folders, as for the packages."""
+
+
+def test_tests_and_benchmarks_stay_below_their_lines():
+    found = {
+        folder: sum(len(path.read_text(encoding="utf-8").splitlines()) for path in (ROOT / folder).rglob("*.py"))
+        for folder in BESIDE
+    }
+    assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
+
+
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
     *sorted((ROOT / "docs").glob("*.md")),
