@@ -14,19 +14,17 @@ def cpuinfo(vendor="AuthenticAMD", family=26, flags=WIDE):
     return f"processor\t: 0\nvendor_id\t: {vendor}\ncpu family\t: {family}\nmodel\t\t: 2\nflags\t\t: {flags}\n\n" * 2
 
 
-@pytest.mark.parametrize(
-    ("said", "missed"),
-    [
+def test_only_unlisted_processors_miss_the_wide_kernel(subtests):
+    for said, missed in [
         (cpuinfo(), True),
         (cpuinfo(family=25), False),  # Zen 3 and 4, which OpenBLAS knows
         (cpuinfo(vendor="GenuineIntel", family=6), False),
         (cpuinfo(flags="fpu sse avx2"), False),
         ("CPU implementer\t: 0x41\nFeatures\t: fp asimd\n", False),  # Arm has neither family nor flags
         ("", False),
-    ],
-)
-def test_only_unlisted_processors_miss_the_wide_kernel(said, missed):
-    assert misses_wide_kernel(said) is missed
+    ]:
+        with subtests.test(said=said):
+            assert misses_wide_kernel(said) is missed
 
 
 def test_a_value_set_by_the_user_stays(tmp_path):

@@ -154,18 +154,19 @@ def test_envelopes_of_a_nominal_array_are_predicted_on_request():
     assert unchanged is plain
 
 
-@pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])
-def test_envelopes_of_a_measured_array_are_predicted(mapping, foreseen):
-    settings = Settings().but(
-        rate=2000.0, mapping=mapping, method="fast", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
-    )
-    pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
-    made = reproduce(pressure, measured(), settings).solution.drive
-    plain = reproduce(pressure, replace(measured(), pole=np.zeros(0)), settings).solution.drive
-    assert [step.stage for step in made.provenance.steps].count("foresee the array") == foreseen
-    assert np.array_equal(made.phase, plain.phase) is not bool(foreseen)
-    _, parts = reproduce_stream(pressure, measured(), settings)
-    np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), made.phase)
+def test_envelopes_of_a_measured_array_are_predicted(subtests):
+    for mapping, foreseen in [("slow-bias", 1), ("half-wave", 0)]:
+        with subtests.test(mapping=mapping):
+            settings = Settings().but(
+                rate=2000.0, mapping=mapping, method="fast", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
+            )
+            pressure = resample_pressure(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
+            made = reproduce(pressure, measured(), settings).solution.drive
+            plain = reproduce(pressure, replace(measured(), pole=np.zeros(0)), settings).solution.drive
+            assert [step.stage for step in made.provenance.steps].count("foresee the array") == foreseen
+            assert np.array_equal(made.phase, plain.phase) is not bool(foreseen)
+            _, parts = reproduce_stream(pressure, measured(), settings)
+            np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), made.phase)
 
 
 def quiet(limit, gain=1.0):

@@ -17,28 +17,27 @@ REAL = [name for name, each in SAMPLES.items() if each.file]
 MADE = [name for name, each in SAMPLES.items() if not each.file]
 
 
-@pytest.mark.parametrize("name", REAL)
-def test_every_sample_has_its_licence_and_source_beside_it(name):
-    folder = sample_path(name).parent
-    granted = {"MIT": "Permission is hereby granted", "Apache-2.0": "Apache License"}[SAMPLES[name].licence]
-    assert granted in (folder / "LICENSE").read_text()
-    source = (folder / "SOURCE.md").read_text()
-    assert sample_path(name).name in source
-    about = SAMPLES[name]
-    assert about.name == name
-    commit = about.source.split(" at ")[1].split(";")[0]
-    assert commit in source
+def test_every_sample_has_its_licence_and_source_beside_it(subtests):
+    for name in REAL:
+        with subtests.test(name=name):
+            folder = sample_path(name).parent
+            granted = {"MIT": "Permission is hereby granted", "Apache-2.0": "Apache License"}[SAMPLES[name].licence]
+            assert granted in (folder / "LICENSE").read_text()
+            source = (folder / "SOURCE.md").read_text()
+            assert sample_path(name).name in source
+            about = SAMPLES[name]
+            assert about.name == name
+            commit = about.source.split(" at ")[1].split(";")[0]
+            assert commit in source
 
 
-@pytest.mark.parametrize(
-    ("name", "digest"),
-    [
+def test_sample_files_are_the_published_originals(subtests):
+    for name, digest in [
         ("denim", "92d01b74784361b9f67fe6da5f8bcfbb89913d64fa8cbff90149de9b6f0524f4"),
         ("ridges", "f5b4f9dec5270de8fae13efdd1b6b2b52b09f19dafce875b87435635f9be8b3c"),
-    ],
-)
-def test_sample_files_are_the_published_originals(name, digest):
-    assert hashlib.sha256(sample_path(name).read_bytes()).hexdigest() == digest
+    ]:
+        with subtests.test(name=name):
+            assert hashlib.sha256(sample_path(name).read_bytes()).hexdigest() == digest
 
 
 def test_denim_is_a_real_recording_that_names_its_origin():
@@ -111,13 +110,14 @@ def test_connect_is_the_original_and_can_be_felt():
     assert perceptual_metrics(frames, frames).figure("Pacinian power, original").overall > 10
 
 
-@pytest.mark.parametrize("name", MADE)
-def test_synthetic_samples_are_marked_and_can_be_felt(name):
-    recording = sample(name)
-    assert recording.provenance.simulated
-    assert recording.unit == "Pa"
-    assert 30 <= recording.samples.max() <= 61
-    frames = PressureFrames(pressure=recording.samples, rate=recording.rate, band=(20.0, 470.0))
-    assert perceptual_metrics(frames, frames).figure("Pacinian power, original").overall > 2
-    with pytest.raises(InputError, match="made by"):
-        sample_path(name)
+def test_synthetic_samples_are_marked_and_can_be_felt(subtests):
+    for name in MADE:
+        with subtests.test(name=name):
+            recording = sample(name)
+            assert recording.provenance.simulated
+            assert recording.unit == "Pa"
+            assert 30 <= recording.samples.max() <= 61
+            frames = PressureFrames(pressure=recording.samples, rate=recording.rate, band=(20.0, 470.0))
+            assert perceptual_metrics(frames, frames).figure("Pacinian power, original").overall > 2
+            with pytest.raises(InputError, match="made by"):
+                sample_path(name)

@@ -6,24 +6,28 @@ from midair.datasets.stimuli import binary_patterns, channel_amplitudes
 from midair.model import SensorGrid
 
 
-@pytest.mark.parametrize(
-    ("kind", "channels", "lines"),
-    [("i", [0], {100.0: 30.0}), ("ii", [0, 15], {100.0: 30.0}), ("iii", [0], {25.0: 18.0, 250.0: 12.0})],
-)
-def test_stimuli_have_their_lines_on_their_channels(kind, channels, lines):
-    frames = am_stimulus(kind, peak=60.0, duration=0.4)
-    flat = frames.pressure.reshape(-1, 16)
-    assert np.flatnonzero(flat.any(axis=0)).tolist() == channels
-    spectrum = 2 * np.abs(np.fft.rfft(flat[:, channels], axis=0)) / len(flat)
-    frequency = np.fft.rfftfreq(len(flat), 1 / 1000)
-    for channel in range(len(channels)):
-        found = {float(f): float(a) for f, a in zip(frequency[1:], spectrum[1:, channel], strict=True) if a > 1e-9}
-        assert found == pytest.approx(lines)
-    assert flat.min() == 0
-    assert flat.max() <= 60
-    assert flat.max() > 0.97 * 60
-    assert flat[0].max() == 0
-    assert frames.provenance.simulated
+def test_stimuli_have_their_lines_on_their_channels(subtests):
+    for kind, channels, lines in [
+        ("i", [0], {100.0: 30.0}),
+        ("ii", [0, 15], {100.0: 30.0}),
+        ("iii", [0], {25.0: 18.0, 250.0: 12.0}),
+    ]:
+        with subtests.test(kind=kind):
+            frames = am_stimulus(kind, peak=60.0, duration=0.4)
+            flat = frames.pressure.reshape(-1, 16)
+            assert np.flatnonzero(flat.any(axis=0)).tolist() == channels
+            spectrum = 2 * np.abs(np.fft.rfft(flat[:, channels], axis=0)) / len(flat)
+            frequency = np.fft.rfftfreq(len(flat), 1 / 1000)
+            for channel in range(len(channels)):
+                found = {
+                    float(f): float(a) for f, a in zip(frequency[1:], spectrum[1:, channel], strict=True) if a > 1e-9
+                }
+                assert found == pytest.approx(lines)
+            assert flat.min() == 0
+            assert flat.max() <= 60
+            assert flat.max() > 0.97 * 60
+            assert flat[0].max() == 0
+            assert frames.provenance.simulated
 
 
 def test_each_cell_is_tapped_in_its_own_second():

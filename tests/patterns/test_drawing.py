@@ -187,9 +187,8 @@ def test_the_target_is_the_field_of_the_drawn_focus():
     assert np.abs(np.abs(field) - target.amplitude[:]).max() < 1e-3 * np.abs(field).max()
 
 
-@pytest.mark.parametrize(
-    ("spot", "times", "places"),
-    [
+def test_places_on_a_path(subtests):
+    for spot, times, places in [
         (Spot(shape=Line(length_mm=20.0), draw_hz=1.0), [0, 0.25, 0.5, 0.75], [[-10, 0], [0, 0], [10, 0], [0, 0]]),
         (Spot(shape=Line(length_mm=20.0), draw_hz=1.0, positions=3), [0.1, 0.3, 0.5], [[-10, 0], [0, 0], [10, 0]]),
         (Spot(shape=Line(length_mm=50.0), speed_m_s=0.1), [0, 0.5], [[-25, 0], [25, 0]]),
@@ -200,7 +199,6 @@ def test_the_target_is_the_field_of_the_drawn_focus():
             [0.2, 0.25, 0.5],
             [[0, 0], [5, 0], [0, 0]],
         ),
-    ],
-)
-def test_places_on_a_path(spot, times, places):
-    assert 1e3 * spot.places(np.array(times, float))[:, :2] == pytest.approx(np.array(places, float), abs=1e-3)
+    ]:
+        with subtests.test(spot=spot):
+            assert 1e3 * spot.places(np.array(times, float))[:, :2] == pytest.approx(np.array(places, float), abs=1e-3)

@@ -26,28 +26,27 @@ def test_keys_move_a_spot_and_change_its_pressure():
         np.testing.assert_allclose((x[-801], y[-801], foci.pressure[-801, 0]), at_the_end, atol=0.05)
 
 
-@pytest.mark.parametrize(
-    "keys", [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}], [{"centre_mm": [np.nan, 0.0]}]]
-)
-def test_keys_that_are_not_in_order_or_unknown_are_refused(keys):
-    with pytest.raises(InputError, match=r"spot 1: (key|centre_mm)"):
-        Pattern.from_plain({"duration_s": 1.0, "spot": [{"key": keys}]})
+def test_keys_that_are_not_in_order_or_unknown_are_refused(subtests):
+    for keys in [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}], [{"centre_mm": [np.nan, 0.0]}]]:
+        with subtests.test(keys=keys), pytest.raises(InputError, match=r"spot 1: (key|centre_mm)"):
+            Pattern.from_plain({"duration_s": 1.0, "spot": [{"key": keys}]})
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_every_shape_goes_through_its_file_and_ends_where_it_says(name):
-    shape = SHAPES[name]()
-    pattern = Pattern(spot=(Spot(shape=shape, am=AmplitudeModulation(), lm=LateralModulation()),), name="x")
-    plain = to_plain(pattern)
-    plain["spot"][0]["shape"]["name"] = name
-    assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(plain))) == pattern
-    places = shape.at(SHARE)
-    assert places.shape == (401, 2)
-    assert np.isfinite(places).all()
-    if name != "points":
-        assert np.allclose(places[0], places[-1]) == shape.closed
-    with pytest.raises(InputError, match=r"spot 1: shape\.wrong: expected"):
-        Pattern.from_plain({"spot": [{"shape": {"name": name, "wrong": 1}}]})
+def test_every_shape_goes_through_its_file_and_ends_where_it_says(subtests):
+    for name in SHAPES:
+        with subtests.test(name=name):
+            shape = SHAPES[name]()
+            pattern = Pattern(spot=(Spot(shape=shape, am=AmplitudeModulation(), lm=LateralModulation()),), name="x")
+            plain = to_plain(pattern)
+            plain["spot"][0]["shape"]["name"] = name
+            assert Pattern.from_plain(tomllib.loads(tomli_w.dumps(plain))) == pattern
+            places = shape.at(SHARE)
+            assert places.shape == (401, 2)
+            assert np.isfinite(places).all()
+            if name != "points":
+                assert np.allclose(places[0], places[-1]) == shape.closed
+            with pytest.raises(InputError, match=r"spot 1: shape\.wrong: expected"):
+                Pattern.from_plain({"spot": [{"shape": {"name": name, "wrong": 1}}]})
 
 
 def test_closed_forms():
@@ -67,12 +66,10 @@ def test_closed_forms():
     assert apart == pytest.approx([-15, -10.2, 10.2, 20]), "the jump takes no time"
 
 
-@pytest.mark.parametrize(
-    "path", ["", "hello", "M0 0", "M0 0C1 2 3", "M1e999 0H0", "M0 0H1e300", "M0 0L1,nan", "M0 0" + "L1 1" * 5001]
-)
-def test_bad_svg_paths_are_refused(path):
-    with pytest.raises(InputError, match="path: expected the d of an SVG path"):
-        Svg(path=path)
+def test_bad_svg_paths_are_refused(subtests):
+    for path in ["", "hello", "M0 0", "M0 0C1 2 3", "M1e999 0H0", "M0 0H1e300", "M0 0L1,nan", "M0 0" + "L1 1" * 5001]:
+        with subtests.test(path=path), pytest.raises(InputError, match="path: expected the d of an SVG path"):
+            Svg(path=path)
 
 
 PARAMETERS = {

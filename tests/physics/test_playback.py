@@ -109,11 +109,10 @@ def test_the_response_of_ramps_is_that_of_their_steps_twice():
     np.testing.assert_allclose(np.abs(slow), 1 / np.sqrt(1 + (2 * np.pi * f * 188e-6) ** 2), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("rate", "periods"), [(1000.0, 40), (2000.0, 20), (4000.0, 10), (8000.0, 5), (40e3, 1), (800.0, 50)]
-)
-def test_frames_last_whole_periods_of_the_ultrasound(rate, periods):
-    assert check_frame_rate(rate) == periods
+def test_frames_last_whole_periods_of_the_ultrasound(subtests):
+    for rate, periods in [(1000.0, 40), (2000.0, 20), (4000.0, 10), (8000.0, 5), (40e3, 1), (800.0, 50)]:
+        with subtests.test(rate=rate):
+            assert check_frame_rate(rate) == periods
 
 
 def test_rates_that_no_array_takes_are_refused_with_the_nearest_that_it_does():
@@ -132,13 +131,14 @@ def test_transducers_that_are_alike_follow_the_envelope():
     np.testing.assert_allclose(q, envelope(told.q, told.rate, 7, TransducerDynamics()), atol=1e-12)
 
 
-@pytest.mark.parametrize("together", [1, 13, 4096])
-def test_the_size_of_the_blocks_does_not_matter(together):
-    chain = exact(transducers=VARIED, phase_ramp=0.4e-3, level_ramp=0.2e-3)
-    parts = [q for q, _ in radiate(drive(), chain, 5, together=together)]
-    whole = [q for q, _ in radiate(drive(), chain, 5)]
-    assert len(parts) == {1: 20, 13: 10, 4096: 1}[together]
-    np.testing.assert_allclose(np.concatenate(parts), np.concatenate(whole), atol=1e-12)
+def test_the_size_of_the_blocks_does_not_matter(subtests):
+    for together in [1, 13, 4096]:
+        with subtests.test(together=together):
+            chain = exact(transducers=VARIED, phase_ramp=0.4e-3, level_ramp=0.2e-3)
+            parts = [q for q, _ in radiate(drive(), chain, 5, together=together)]
+            whole = [q for q, _ in radiate(drive(), chain, 5)]
+            assert len(parts) == {1: 20, 13: 10, 4096: 1}[together]
+            np.testing.assert_allclose(np.concatenate(parts), np.concatenate(whole), atol=1e-12)
 
 
 def ramped(told, chain, substeps):
@@ -156,19 +156,20 @@ def ramped(told, chain, substeps):
     return np.array(out)
 
 
-@pytest.mark.parametrize(("phase_ramp", "level_ramp"), [(0.25e-3, 0.25e-3), (1e-3, 0.25e-3), (1.6e-3, 1.2e-3)])
-def test_silencer_ramps_agree_with_a_tick_by_tick_loop(phase_ramp, level_ramp):
+def test_silencer_ramps_agree_with_a_tick_by_tick_loop(subtests):
     """Ticks are 1/160 kHz: the silencer's own are 1/40 kHz. Longer ramps than a frame are cut short by the next."""
-    told = drive(largest=2.0)
-    chain = exact(transducers=VARIED, phase_ramp=phase_ramp, level_ramp=level_ramp)
-    decay = np.exp(VARIED.pole / 160e3)
-    q, fine = np.zeros(12, complex), []
-    for command in ramped(told, chain, 160):
-        settled = VARIED.response * command
-        q = settled + (q - settled) * decay
-        fine.append(q)
-    found = np.concatenate([some for some, _ in radiate(told, chain, 16)])
-    assert np.abs(found - np.array(fine)[9::10]).max() < 0.02
+    for phase_ramp, level_ramp in [(0.25e-3, 0.25e-3), (1e-3, 0.25e-3), (1.6e-3, 1.2e-3)]:
+        with subtests.test(phase_ramp=phase_ramp):
+            told = drive(largest=2.0)
+            chain = exact(transducers=VARIED, phase_ramp=phase_ramp, level_ramp=level_ramp)
+            decay = np.exp(VARIED.pole / 160e3)
+            q, fine = np.zeros(12, complex), []
+            for command in ramped(told, chain, 160):
+                settled = VARIED.response * command
+                q = settled + (q - settled) * decay
+                fine.append(q)
+            found = np.concatenate([some for some, _ in radiate(told, chain, 16)])
+            assert np.abs(found - np.array(fine)[9::10]).max() < 0.02
 
 
 def test_a_silencer_takes_the_dip_away():

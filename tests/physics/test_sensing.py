@@ -50,13 +50,14 @@ def test_response_at_hand_computed_frequencies():
     assert channel_response(bare, np.zeros(1))[0, 0, 0] == 0
 
 
-@pytest.mark.parametrize("frequency", [10.0, 25.0, 100.0, 250.0, 470.0])
-def test_a_tone_agrees_with_the_response(frequency):
-    model = QUIET.with_spread(seed=2)
-    volts = sense(model, tone(frequency, 3000), RATE)[1000:2500]
-    turn = np.exp(-2j * np.pi * frequency * np.arange(1000, 2500) / RATE)
-    measured = 2j * np.mean(volts * turn[:, None, None], axis=0)
-    assert measured == pytest.approx(channel_response(model, np.array([frequency]))[0], rel=2e-3)
+def test_a_tone_agrees_with_the_response(subtests):
+    for frequency in [10.0, 25.0, 100.0, 250.0, 470.0]:
+        with subtests.test(frequency=frequency):
+            model = QUIET.with_spread(seed=2)
+            volts = sense(model, tone(frequency, 3000), RATE)[1000:2500]
+            turn = np.exp(-2j * np.pi * frequency * np.arange(1000, 2500) / RATE)
+            measured = 2j * np.mean(volts * turn[:, None, None], axis=0)
+            assert measured == pytest.approx(channel_response(model, np.array([frequency]))[0], rel=2e-3)
 
 
 def test_a_step_in_fine_time_agrees_with_the_differential_equation():
@@ -268,10 +269,11 @@ def test_sixteen_points_suffice_for_the_reading_of_a_cell():
     assert np.linalg.norm(read[0] - read[1]) < 0.01 * np.linalg.norm(read[1])
 
 
-@pytest.mark.parametrize(("bits", "stored"), [(16, "f4"), (24, "f8")])
-def test_it_is_single_where_float32_holds_every_step(bits, stored):
-    model = SensorModel(bits=bits)
-    half = 2 ** (bits - 1)
-    steps = np.arange(-half, half, max(1, bits**3 // 7)) * model.step
-    assert (steps.astype(np.float32) == steps).all() == (stored == "f4")
-    assert storage_precision(model) == stored
+def test_it_is_single_where_float32_holds_every_step(subtests):
+    for bits, stored in [(16, "f4"), (24, "f8")]:
+        with subtests.test(bits=bits):
+            model = SensorModel(bits=bits)
+            half = 2 ** (bits - 1)
+            steps = np.arange(-half, half, max(1, bits**3 // 7)) * model.step
+            assert (steps.astype(np.float32) == steps).all() == (stored == "f4")
+            assert storage_precision(model) == stored

@@ -6,13 +6,14 @@ from midair.physics import SKINS, TOUCH_CHANNELS, SkinMotion, Tissue, skin_compl
 SLOW = 2 * np.pi * 0.5
 
 
-@pytest.mark.parametrize("k", [60.0, 300.0, 2000.0])
-def test_slow_changes_press_a_half_space_as_statics_say(k):
-    # Boussinesq: u = (1 - nu) p / (mu k).
-    still = Tissue(viscosity=0.0)
-    assert skin_compliance(still, k, SLOW) == pytest.approx(1 / (2 * still.stiffness * k), rel=1e-3)
-    squeezed = Tissue(viscosity=0.0, poisson=0.3)
-    assert skin_compliance(squeezed, k, SLOW) == pytest.approx(0.7 / (squeezed.stiffness * k), rel=1e-3)
+def test_slow_changes_press_a_half_space_as_statics_say(subtests):
+    for k in [60.0, 300.0, 2000.0]:
+        with subtests.test(k=k):
+            # Boussinesq: u = (1 - nu) p / (mu k).
+            still = Tissue(viscosity=0.0)
+            assert skin_compliance(still, k, SLOW) == pytest.approx(1 / (2 * still.stiffness * k), rel=1e-3)
+            squeezed = Tissue(viscosity=0.0, poisson=0.3)
+            assert skin_compliance(squeezed, k, SLOW) == pytest.approx(0.7 / (squeezed.stiffness * k), rel=1e-3)
 
 
 def test_the_surface_wave_of_a_half_space_is_rayleighs():
@@ -40,16 +41,17 @@ def test_an_even_pressure_on_a_layer_squeezes_it_as_an_oedometer_does():
     assert kept == pytest.approx(1e-6 / (3 * 15e3), rel=1e-2)
 
 
-@pytest.mark.parametrize(("depth", "micrometres"), [(None, 16.7), (20e-3, 13.3), (10e-3, 10.0), (5e-3, 5.2)], ids=str)
-def test_a_disc_of_5_mm_and_100_pa_presses_as_another_program_found(depth, micrometres):
-    # u = p a integral of H(k) J1(k a) dk in the middle; half space: p a / (2 mu).
-    from scipy.special import j1
+def test_a_disc_of_5_mm_and_100_pa_presses_as_another_program_found(subtests):
+    for depth, micrometres in [(None, 16.7), (20e-3, 13.3), (10e-3, 10.0), (5e-3, 5.2)]:
+        with subtests.test(depth=depth):
+            # u = p a integral of H(k) J1(k a) dk in the middle; half space: p a / (2 mu).
+            from scipy.special import j1
 
-    tissue, radius = Tissue(viscosity=0.0, poisson=0.495 if depth else 0.5, depth=depth), 5e-3
-    step = 1.0
-    k = np.arange(step / 2, 20e3, step)
-    moved = 100 * radius * step * (skin_compliance(tissue, k, SLOW).real * j1(k * radius)).sum()
-    assert 1e6 * moved == pytest.approx(micrometres, abs=0.1)
+            tissue, radius = Tissue(viscosity=0.0, poisson=0.495 if depth else 0.5, depth=depth), 5e-3
+            step = 1.0
+            k = np.arange(step / 2, 20e3, step)
+            moved = 100 * radius * step * (skin_compliance(tissue, k, SLOW).real * j1(k * radius)).sum()
+            assert 1e6 * moved == pytest.approx(micrometres, abs=0.1)
 
 
 def test_a_layer_agrees_with_its_equations_solved_as_they_stand():

@@ -1,7 +1,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from tests.palms import palm_path
 
@@ -56,27 +55,31 @@ def test_a_focus_on_the_aim_stays_a_focus_on_the_moved_palm() -> None:
             assert np.abs(off - off[0]).max() < 1e-6
 
 
-@pytest.mark.parametrize(("before", "kept"), [(1e-2, False), (4e-4, True)])
-def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turned_palm(before, kept) -> None:
+def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turned_palm(subtests) -> None:
     """Two soft spots; the pressure is computed by the exact transfer matrix at points between those of the fit."""
-    array, palm = TransducerArray.autd3(), ControlGrid(rows=16, columns=16, pitch=11e-3 / 3)
-    centre, turned = middle_of(palm), hand(seed=3)
-    pose = replace(pose_of(turned, 4), centre=centre[None] + [[5e-3, 5e-3, 5e-3]])
-    matrix = transfer_matrix(palm, array, acoustics=AIR)
-    away = [np.linalg.norm(palm.position - centre - each, axis=1) for each in ((-9e-3, -6e-3, 0), (9e-3, 3e-3, 0))]
-    phase = np.angle(np.exp(-((np.array(away) / 6e-3) ** 2)).sum(axis=0) @ matrix.conj())[None]
-    there = transfer_matrix(on_the_palm(palm.position, centre, pose)[0], array, acoustics=AIR)
-    steered = phase + steering_phase(array, AIR.medium, centre, pose)
-    fit = PalmFit(array, AIR, palm)
-    fit.move(replace(pose, centre=pose.centre - [[before, 0, 0]]))
-    fit.move(pose)
-    assert (fit.pose is not pose) == kept
-    fitted = steered + np.angle(fit(phase, steered))
-    wanted, *felt = (
-        np.abs(np.exp(1j * each) @ at.T) ** 2 for each, at in ((phase, matrix), (steered, there), (fitted, there))
-    )
-    lost, left = (float(np.linalg.norm(each - wanted) / np.linalg.norm(wanted)) for each in felt)
-    assert left < 0.7 * lost < 0.3
+    for before, kept in [(1e-2, False), (4e-4, True)]:
+        with subtests.test(before=before):
+            array, palm = TransducerArray.autd3(), ControlGrid(rows=16, columns=16, pitch=11e-3 / 3)
+            centre, turned = middle_of(palm), hand(seed=3)
+            pose = replace(pose_of(turned, 4), centre=centre[None] + [[5e-3, 5e-3, 5e-3]])
+            matrix = transfer_matrix(palm, array, acoustics=AIR)
+            away = [
+                np.linalg.norm(palm.position - centre - each, axis=1) for each in ((-9e-3, -6e-3, 0), (9e-3, 3e-3, 0))
+            ]
+            phase = np.angle(np.exp(-((np.array(away) / 6e-3) ** 2)).sum(axis=0) @ matrix.conj())[None]
+            there = transfer_matrix(on_the_palm(palm.position, centre, pose)[0], array, acoustics=AIR)
+            steered = phase + steering_phase(array, AIR.medium, centre, pose)
+            fit = PalmFit(array, AIR, palm)
+            fit.move(replace(pose, centre=pose.centre - [[before, 0, 0]]))
+            fit.move(pose)
+            assert (fit.pose is not pose) == kept
+            fitted = steered + np.angle(fit(phase, steered))
+            wanted, *felt = (
+                np.abs(np.exp(1j * each) @ at.T) ** 2
+                for each, at in ((phase, matrix), (steered, there), (fitted, there))
+            )
+            lost, left = (float(np.linalg.norm(each - wanted) / np.linalg.norm(wanted)) for each in felt)
+            assert left < 0.7 * lost < 0.3
 
 
 def test_a_palm_in_its_solved_place_is_not_steered() -> None:
@@ -110,16 +113,17 @@ def test_the_aim_is_where_the_pressure_changes() -> None:
     assert np.abs(aims[300] - places[1]).max() < 3e-3
 
 
-@pytest.mark.parametrize("splits", [(), (37, 40)])
-def test_the_pressure_on_a_moving_palm_is_that_at_every_moment(splits: tuple[int, ...]) -> None:
-    path, rng, steps = hand(duration=0.02), np.random.default_rng(1), 160
-    phase = focus_phase(ARRAY, SOLVED, acoustics=AIR) + rng.standard_normal(ARRAY.count)
-    q = np.exp(1j * (phase + np.cumsum(0.02 * rng.standard_normal((steps, ARRAY.count)), axis=0)))
-    moving = MovingSpread(GRID.position, ARRAY, AIR, solved=SOLVED, path=path, rate=8000.0)
-    parts = np.split(np.arange(steps), splits)
-    found = np.concatenate([moving.pressure(q[part], int(part[0])) for part in parts])
-    poses = poses_at(path, np.arange(1, steps + 1) / 8000.0)
-    points = on_the_palm(GRID.position, SOLVED, poses)
-    some = range(0, steps, 9)
-    exact = [radiation_pressure(np.abs(transfer_matrix(points[at], ARRAY) @ q[at]), AIR.medium) for at in some]
-    assert np.linalg.norm(found[::9] - exact) < 1e-3 * np.linalg.norm(exact)
+def test_the_pressure_on_a_moving_palm_is_that_at_every_moment(subtests) -> None:
+    for splits in [(), (37, 40)]:
+        with subtests.test(splits=splits):
+            path, rng, steps = hand(duration=0.02), np.random.default_rng(1), 160
+            phase = focus_phase(ARRAY, SOLVED, acoustics=AIR) + rng.standard_normal(ARRAY.count)
+            q = np.exp(1j * (phase + np.cumsum(0.02 * rng.standard_normal((steps, ARRAY.count)), axis=0)))
+            moving = MovingSpread(GRID.position, ARRAY, AIR, solved=SOLVED, path=path, rate=8000.0)
+            parts = np.split(np.arange(steps), splits)
+            found = np.concatenate([moving.pressure(q[part], int(part[0])) for part in parts])
+            poses = poses_at(path, np.arange(1, steps + 1) / 8000.0)
+            points = on_the_palm(GRID.position, SOLVED, poses)
+            some = range(0, steps, 9)
+            exact = [radiation_pressure(np.abs(transfer_matrix(points[at], ARRAY) @ q[at]), AIR.medium) for at in some]
+            assert np.linalg.norm(found[::9] - exact) < 1e-3 * np.linalg.norm(exact)

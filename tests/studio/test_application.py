@@ -257,19 +257,21 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_invalid_request_gets_an_error_message(talk, case):
-    said, words = REFUSED[case]
-    talk.socket.send_text(json.dumps({"alive": True}))
-    answer = talk.say({"id": 5, **said})
-    assert words in answer["error"]
-    assert "ok" not in answer
+def test_invalid_request_gets_an_error_message(subtests, talk):
+    for case in REFUSED:
+        with subtests.test(case=case):
+            said, words = REFUSED[case]
+            talk.socket.send_text(json.dumps({"alive": True}))
+            answer = talk.say({"id": 5, **said})
+            assert words in answer["error"]
+            assert "ok" not in answer
 
 
-@pytest.mark.parametrize("text", ["[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}'])
-def test_malformed_message_is_ignored(talk, text):
-    talk.socket.send_text(text)
-    assert talk.order("play", "stop")["ok"] is True
+def test_malformed_message_is_ignored(subtests, talk):
+    for text in ["[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}']:
+        with subtests.test(text=text):
+            talk.socket.send_text(text)
+            assert talk.order("play", "stop")["ok"] is True
 
 
 @pytest.mark.parametrize("text", ["", "x", "[" * 100_000, '{"a":' * 50_000])

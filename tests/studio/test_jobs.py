@@ -96,23 +96,3 @@ def test_running_and_waiting_jobs_are_cancelled_and_the_next_gets_a_new_process(
     assert watch.ended["deadly"][0] == "failed"
     assert "ended" in watch.ended["deadly"][2]
     assert watch.ended["after death"] == ("done", 2, "")
-
-
-@pytest.mark.long
-def test_job_reports_rate_and_remaining_time():
-    jobs = Jobs(lambda _: None)
-    jobs._next = lambda: None  # nothing is started
-    job = jobs.add("work", add_one, 0, room="reproduce")
-    job.state, job.stage, job.done, job.total, job.stage_began = "runs", "solving", 100, 400, 10.0
-    told = job.as_dict(12.0)
-    assert (told["rate"], told["left_s"]) == (50.0, 6.0)
-
-
-def test_a_waiting_job_is_cancelled_once():
-    watch = Watch()
-    jobs = Jobs(watch.changed)
-    jobs._next = lambda: None  # nothing is started
-    waiting = jobs.add("waiting", add_one, 0, ended=watch.done)
-    assert jobs.cancel(waiting.number)
-    assert not jobs.cancel(waiting.number)
-    assert watch.ended == {"waiting": ("cancelled", None, "")}

@@ -12,9 +12,8 @@ def begin(talk, *, alive=True):
     return talk.order("live", "begin", admission=3)["error"]
 
 
-@pytest.mark.parametrize(
-    ("order", "given", "words"),
-    [
+def test_invalid_live_order_gets_an_error_message(subtests, talk):
+    for order, given, words in [
         ("begin", {"admission": 1}, "just checked"),
         ("turn", {"share": 0.5}, "start it first"),
         ("turn", {"share": 1.5}, "less than or equal to 1"),
@@ -27,10 +26,9 @@ def begin(talk, *, alive=True):
         ("check", {"sensor": "/etc/passwd"}, "match pattern"),
         ("check", {"sensor": "virtual:towel", "calibration": "../other.h5"}, "leads out"),
         ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),
-    ],
-)
-def test_invalid_live_order_gets_an_error_message(talk, order, given, words):
-    assert words in talk.order("live", order, **given)["error"]
+    ]:
+        with subtests.test(order=order):
+            assert words in talk.order("live", order, **given)["error"]
 
 
 @pytest.mark.usefixtures("talk")

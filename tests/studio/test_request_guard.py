@@ -58,9 +58,10 @@ def test_own_page_is_allowed(keys):
     assert headers[b"x-content-type-options"] == b"nosniff"
 
 
-@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "[::1]"])
-def test_this_computer_has_three_names(keys, name):
-    assert asked(keys, host=f"{name}:{PORT}", cookie=cookie(keys))[0] == 200
+def test_this_computer_has_three_names(subtests, keys):
+    for name in ["127.0.0.1", "localhost", "[::1]"]:
+        with subtests.test(name=name):
+            assert asked(keys, host=f"{name}:{PORT}", cookie=cookie(keys))[0] == 200
 
 
 REFUSED = {
@@ -85,18 +86,20 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_other_pages_get_403_even_with_the_cookie(keys, case):
-    assert asked(keys, cookie=cookie(keys), **REFUSED[case])[0] == 403
+def test_other_pages_get_403_even_with_the_cookie(subtests, keys):
+    for case in REFUSED:
+        with subtests.test(case=case):
+            assert asked(keys, cookie=cookie(keys), **REFUSED[case])[0] == 403
 
 
-@pytest.mark.parametrize("given", ["", "midair-8123=", "midair-8123=wrong", "midair-8124={}", "session={}", "a=b; =;;"])
-def test_request_with_a_wrong_cookie_is_refused(keys, given):
-    headers = {"cookie": given.format(keys.session)} if given else {}
-    status, _, body = asked(keys, **headers)
-    assert status == 403
-    assert b"open the link" in body
-    assert asked(keys, kind="websocket", origin=OURS, **headers)[0] == 403
+def test_request_with_a_wrong_cookie_is_refused(subtests, keys):
+    for given in ["", "midair-8123=", "midair-8123=wrong", "midair-8124={}", "session={}", "a=b; =;;"]:
+        with subtests.test(given=given):
+            headers = {"cookie": given.format(keys.session)} if given else {}
+            status, _, body = asked(keys, **headers)
+            assert status == 403
+            assert b"open the link" in body
+            assert asked(keys, kind="websocket", origin=OURS, **headers)[0] == 403
 
 
 def test_own_post_and_websocket_are_allowed(keys):
@@ -121,10 +124,11 @@ def test_the_link_works_for_five_minutes(keys):
     assert asked(keys, path="/enter", query=query)[0] == 403
 
 
-@pytest.mark.parametrize("query", ["", "key=", "key=wrong", "key=a&key=b"])
-def test_wrong_key_is_refused(keys, query):
-    keys.link()
-    assert asked(keys, path="/enter", query=query)[0] == 403
+def test_wrong_key_is_refused(subtests, keys):
+    for query in ["", "key=", "key=wrong", "key=a&key=b"]:
+        with subtests.test(query=query):
+            keys.link()
+            assert asked(keys, path="/enter", query=query)[0] == 403
 
 
 def test_key_stays_valid_after_a_wrong_key_or_a_foreign_host(keys):

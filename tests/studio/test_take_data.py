@@ -83,22 +83,20 @@ def test_facts_have_all_properties_for_the_page(scene):
     assert said["drive"]["settings"]["mapping"] == "slow-bias"
 
 
-@pytest.mark.parametrize(
-    ("settings", "options"),
-    [
+def test_settings_are_described_as_options_and_python(subtests):
+    for settings, options in [
         (MODES["best"](), "--mode best"),
         (MODES["paper"]().but(method="live", level="auto"), "--mode paper --method live --level auto"),
         (MODES["quick"]().but(gain=1.5, decouple=False), "--mode quick --gain 1.5 --no-decouple"),
         (MODES["best"]().but(guard=None, rate=2000.0), "--mode best --rate 2000Hz --guard 0mm"),
         (MODES["paper"]().but(grid=ControlGrid(height=0.18)), "--mode paper --height 180mm"),
         (MODES["paper"]().but(ramp=0.001), ""),
-    ],
-)
-def test_settings_are_described_as_options_and_python(settings, options):
-    told = describe_settings(settings)
-    assert told["options"] == options
-    assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
-    assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
+    ]:
+        with subtests.test(settings=settings):
+            told = describe_settings(settings)
+            assert told["options"] == options
+            assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
+            assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
 
 
 def test_sound_is_the_sum_of_the_cells_at_one_level(scene, tmp_path):

@@ -55,26 +55,24 @@ def test_focus_is_at_its_target():
         assert abs(column - (6 * 16 + 8)) < 10
 
 
-@pytest.mark.parametrize("simulated", [True, False])
-def test_simulated_films_are_marked(simulated):
-    shown = focus() if simulated else show_recording(recording())
-    picture = Film(shown, side=64).picture(0)
-    red = (np.asarray(picture) == (255, 123, 114)).all(axis=2)
-    assert red.any() == simulated
+def test_simulated_films_are_marked(subtests):
+    for simulated in [True, False]:
+        with subtests.test(simulated=simulated):
+            shown = focus() if simulated else show_recording(recording())
+            picture = Film(shown, side=64).picture(0)
+            red = (np.asarray(picture) == (255, 123, 114)).all(axis=2)
+            assert red.any() == simulated
 
 
-@pytest.mark.parametrize(
-    ("shown", "maps"),
-    [
+def test_every_view_can_be_filmed(subtests):
+    for shown, maps in [
         (show_target(focus_target()), 1),
         (show_drive(focus_drive()), 1),
         (focus(), 2),
         (show_comparison(pressure(), pressure()), 2),
-    ],
-    ids=["target", "drive", "drive and target", "comparison"],
-)
-def test_every_view_can_be_filmed(shown, maps):
-    assert Film(shown, side=64).picture(0).width == 14 + maps * 78 + 88
+    ]:
+        with subtests.test(shown=shown):
+            assert Film(shown, side=64).picture(0).width == 14 + maps * 78 + 88
 
 
 def test_too_long_a_gif_is_refused_before_the_work(tmp_path):

@@ -37,12 +37,15 @@ def test_files_for_the_browser_are_small():
     assert sum(path.stat().st_size for path in WEB.iterdir()) < 80_000
 
 
-@pytest.mark.parametrize("part", ["view.js", "transport.js", "page.js", "widget.js", "all"])
-def test_scripts_are_modules_without_mistakes(part):
-    text = one_module("widget.js") if part == "all" else (WEB / part).read_text(encoding="utf-8")
-    checked = subprocess.run([*node(), "--check", "--input-type=module"], input=text, capture_output=True, text=True)
-    assert checked.stderr == ""
-    assert part != "all" or "import " not in re.sub(r"/\*.*?\*/|//.*", "", text, flags=re.DOTALL)
+def test_scripts_are_modules_without_mistakes(subtests):
+    for part in ["view.js", "transport.js", "page.js", "widget.js", "all"]:
+        with subtests.test(part=part):
+            text = one_module("widget.js") if part == "all" else (WEB / part).read_text(encoding="utf-8")
+            checked = subprocess.run(
+                [*node(), "--check", "--input-type=module"], input=text, capture_output=True, text=True
+            )
+            assert checked.stderr == ""
+            assert part != "all" or "import " not in re.sub(r"/\*.*?\*/|//.*", "", text, flags=re.DOTALL)
 
 
 def test_page_refers_to_no_other_address():

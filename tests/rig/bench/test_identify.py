@@ -173,13 +173,14 @@ def heard(sensor, test=RHYTHM, skip=lambda: False):
     return identity
 
 
-@pytest.mark.parametrize("test", [RHYTHM, TapTest()], ids=["in rhythm", "one by one"])
-def test_a_permuted_sensor_is_put_right(test, tapped):
-    identity = heard(sensor_of(tapped), test)
-    assert identity.channel == ORDER
-    assert identity.sound
-    right = RemappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
-    assert heard(right, test).in_order
+def test_a_permuted_sensor_is_put_right(subtests, tapped):
+    for test in [RHYTHM, TapTest()]:
+        with subtests.test(test=test):
+            identity = heard(sensor_of(tapped), test)
+            assert identity.channel == ORDER
+            assert identity.sound
+            right = RemappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
+            assert heard(right, test).in_order
 
 
 def test_a_cut_wire_with_noise_is_dead(tapped):

@@ -21,12 +21,13 @@ def test_frames_sound_at_an_even_pace_whatever_the_jitter_of_their_stamps():
     assert (instants % TICK == 0).all()
 
 
-@pytest.mark.parametrize("ppm", [-200, 200])
-def test_follows_a_sensor_whose_clock_is_another(ppm):
-    taken = 10**9 + np.round(np.arange(20000) * MS * (1 + ppm * 1e-6)).astype(int)
-    table = Timetable(MS, 6 * MS)
-    instants = np.array([table.instant(number, int(at)) for number, at in enumerate(taken)])
-    assert np.abs(instants - taken - 6 * MS)[1000:].max() < 4 * TICK
+def test_follows_a_sensor_whose_clock_is_another(subtests):
+    for ppm in [-200, 200]:
+        with subtests.test(ppm=ppm):
+            taken = 10**9 + np.round(np.arange(20000) * MS * (1 + ppm * 1e-6)).astype(int)
+            table = Timetable(MS, 6 * MS)
+            instants = np.array([table.instant(number, int(at)) for number, at in enumerate(taken)])
+            assert np.abs(instants - taken - 6 * MS)[1000:].max() < 4 * TICK
 
 
 def test_lost_frames_leave_their_place_and_a_long_pause_begins_anew():
@@ -47,12 +48,13 @@ def test_realtime_request_reports_refusals_and_disables_the_garbage_collector():
     assert done.stdout.split() == ["False", "True"]
 
 
-@pytest.mark.parametrize("rate", [900.0, 1000.0, 1010.0])
-def test_a_sensor_s_rate_is_measured_without_its_pauses_and_lost_frames(rate):
+def test_a_sensor_s_rate_is_measured_without_its_pauses_and_lost_frames(subtests):
     """20 s with 3 ms of jitter; 500 frames are lost, and once the sensor pauses without counting."""
-    rng, meter = np.random.default_rng(1), RateMeter()
-    for number in range(round(20 * rate)):
-        if not 4000 <= number < 4500:
-            pause = 0.7 if number >= 8000 else 0.0
-            meter.add(number, 100.0 + number / rate + pause + rng.uniform(0, 3e-3))
-    assert meter.frames / meter.span == pytest.approx(rate, rel=1e-3)
+    for rate in [900.0, 1000.0, 1010.0]:
+        with subtests.test(rate=rate):
+            rng, meter = np.random.default_rng(1), RateMeter()
+            for number in range(round(20 * rate)):
+                if not 4000 <= number < 4500:
+                    pause = 0.7 if number >= 8000 else 0.0
+                    meter.add(number, 100.0 + number / rate + pause + rng.uniform(0, 3e-3))
+            assert meter.frames / meter.span == pytest.approx(rate, rel=1e-3)

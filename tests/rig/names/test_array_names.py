@@ -25,9 +25,8 @@ from midair.solvers import solve
 ARRAY = TransducerArray.autd3()
 
 
-@pytest.mark.parametrize(
-    ("name", "simulated"),
-    [
+def test_names_of_arrays(subtests):
+    for name, simulated in [
         ("autd3", False),
         ("autd3:eth0", False),
         ("autd3:emulator", True),
@@ -43,19 +42,18 @@ ARRAY = TransducerArray.autd3()
         ("pyautd3:remote:127.0.0.1:8080", False),
         ("pyautd3:audit", True),
         ("pyautd3:nop", True),
-    ],
-)
-def test_names_of_arrays(name, simulated):
-    array = array_named(name)
-    assert array.simulated is simulated
-    assert array.gated
-    assert array.array.same_as(ARRAY)
+    ]:
+        with subtests.test(name=name):
+            array = array_named(name)
+            assert array.simulated is simulated
+            assert array.gated
+            assert array.array.same_as(ARRAY)
 
 
-@pytest.mark.parametrize("name", ["", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"])
-def test_unknown_names(name):
-    with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
-        array_named(name)
+def test_unknown_names(subtests):
+    for name in ["", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"]:
+        with subtests.test(name=name), pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
+            array_named(name)
 
 
 STORED = TransducerArray.autd3(columns=1, rows=1)
@@ -109,18 +107,16 @@ def test_a_check_is_kept_until_the_array_is_measured_again():
     ).described(best_mode())
 
 
-@pytest.mark.parametrize(
-    ("day", "temperature", "height", "said"),
-    [
+def test_age_and_what_changed_are_said(subtests):
+    for day, temperature, height, said in [
         ("2026-11-20", 22.4, 0.21, "3 days old"),
         ("2026-11-22T10:00", 22.0, 0.2, "1 day old"),
         ("", 25.0, 0.2, "of unknown age, measured at 22 °C, this air has 25 °C"),
         ("2026-11-20", 22.0, 0.15, "3 days old, measured at a height of 200 mm, the palm is at 150 mm"),
-    ],
-)
-def test_age_and_what_changed_are_said(day, temperature, height, said):
-    medium = Medium.at(temperature=temperature)
-    assert calibration_age(known(day=day), today=date(2026, 11, 23), medium=medium, height=height) == said
+    ]:
+        with subtests.test(day=day):
+            medium = Medium.at(temperature=temperature)
+            assert calibration_age(known(day=day), today=date(2026, 11, 23), medium=medium, height=height) == said
 
 
 def test_a_rig_and_every_solve_for_it_take_the_stored_calibration(tmp_path):

@@ -12,9 +12,8 @@ from midair.model import PalmPath, SensorGrid, SensorWiring, TrackerPlacement
 from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_sensor, split_name
 
 
-@pytest.mark.parametrize(
-    ("name", "parts"),
-    [
+def test_names_come_apart(subtests):
+    for name, parts in [
         ("lsl:Skin", ("lsl", "Skin", {})),
         ("lsl:Skin?unit=V&counter=16", ("lsl", "Skin", {"unit": "V", "counter": "16"})),
         ("serial:/dev/ttyUSB0?baud=2000000", ("serial", "/dev/ttyUSB0", {"baud": "2000000"})),
@@ -25,27 +24,24 @@ from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_senso
         ("audio:USB (hw:1,0)?rate=1000", ("audio", "USB (hw:1,0)", {"rate": "1000"})),
         ("lsl:a?b?unit=V", ("lsl", "a?b", {"unit": "V"})),
         ("lsl:x?source_id=a=b", ("lsl", "x", {"source_id": "a=b"})),
-    ],
-)
-def test_names_come_apart(name, parts):
-    assert split_name(name) == parts
+    ]:
+        with subtests.test(name=name):
+            assert split_name(name) == parts
 
 
-@pytest.mark.parametrize(
-    ("name", "complaint"),
-    [
+def test_options_that_make_no_sense_are_one_clear_line(subtests):
+    for name, complaint in [
         ("lsl:Skin?units=V", "expected the options unit, .*source_id, counter, search, got units"),
         ("lsl:Skin?baud=3", "got baud"),
         ("lsl:Skin?unit=mV", "option unit: expected V, count, Pa, got 'mV'"),
         ("audio:USB?channels=none", "option channels: .*, got 'none'"),
         ("audio:USB?rate=-1", "option rate: expected above 0 Hz, got -1 Hz"),
         ("serial:COM3?baud=0", "option baud: expected above 0, got 0"),
-    ],
-)
-def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
-    with pytest.raises(InputError, match=complaint) as told:
-        source_sensor(name)
-    assert "\n" not in str(told.value)
+    ]:
+        with subtests.test(name=name):
+            with pytest.raises(InputError, match=complaint) as told:
+                source_sensor(name)
+            assert "\n" not in str(told.value)
 
 
 class NoSource(SensorOptions):

@@ -39,11 +39,12 @@ def test_a_virtual_array_has_the_drive_s_own_air(drive):
     assert (found.said, found.warns) == ("air: 22 °C, 50 % humidity, the drive's own", False)
 
 
-@pytest.mark.parametrize("temperature", [20.0, 24.0])
-def test_two_degrees_are_near_enough(drive, temperature):
-    found = check_air(drive, Medium.at(temperature=temperature), never)
-    assert not found.warns
-    assert f"the room has {temperature:g} °C" in found.said
+def test_two_degrees_are_near_enough(subtests, drive):
+    for temperature in [20.0, 24.0]:
+        with subtests.test(temperature=temperature):
+            found = check_air(drive, Medium.at(temperature=temperature), never)
+            assert not found.warns
+            assert f"the room has {temperature:g} °C" in found.said
 
 
 @pytest.mark.parametrize("temperature", [19.9, 24.1, 30.0])

@@ -34,14 +34,15 @@ def test_the_window_forgets_and_the_highest_does_not():
     assert levels.highest[0] == pytest.approx(3, rel=0.01)
 
 
-@pytest.mark.parametrize("block", [1, 7, 50, 2000])
-def test_clipping_at_a_known_limit(block):
-    samples = np.clip(1.3 * np.sin(2 * np.pi * 50 * TIME), -1, 1)[:, None] * np.array([1.0, 0.9])
-    levels, events = heard(samples, block, full_scale=1.0)
-    assert levels.clipped.tolist() == [int((np.abs(samples[:, 0]) >= 1).sum()), 0]
-    assert levels.clipping.tolist() == [True, False]
-    assert {event[:2] for event in events} == {("clipped", 0)}
-    assert events[0][2] == int(np.abs(samples[:, 0]).argmax()) or block > 1
+def test_clipping_at_a_known_limit(subtests):
+    for block in [1, 7, 50, 2000]:
+        with subtests.test(block=block):
+            samples = np.clip(1.3 * np.sin(2 * np.pi * 50 * TIME), -1, 1)[:, None] * np.array([1.0, 0.9])
+            levels, events = heard(samples, block, full_scale=1.0)
+            assert levels.clipped.tolist() == [int((np.abs(samples[:, 0]) >= 1).sum()), 0]
+            assert levels.clipping.tolist() == [True, False]
+            assert {event[:2] for event in events} == {("clipped", 0)}
+            assert events[0][2] == int(np.abs(samples[:, 0]).argmax()) or block > 1
 
 
 def test_clipping_at_an_unknown_limit():
@@ -96,10 +97,11 @@ def test_rest_follows_a_slow_drift_and_not_a_touch():
     assert flags(held).nonzero()[0].tolist() == list(range(1000, 3000))
 
 
-@pytest.mark.parametrize("block", [1, 13, 50])
-def test_noise_below_the_level_is_no_touch(block):
-    samples = np.random.default_rng(0).normal(5, 0.1, (2000, 4, 4))
-    assert not flags(samples, level=1.0, block=block).any()
+def test_noise_below_the_level_is_no_touch(subtests):
+    for block in [1, 13, 50]:
+        with subtests.test(block=block):
+            samples = np.random.default_rng(0).normal(5, 0.1, (2000, 4, 4))
+            assert not flags(samples, level=1.0, block=block).any()
 
 
 @given(st.integers(0, 30), st.lists(st.integers(0, 20), max_size=20))
@@ -124,12 +126,13 @@ def watched(ppm, seconds, *, jitter=0.0, seed=0, every=0.05):
     return watch
 
 
-@pytest.mark.parametrize("ppm", [-250.0, 0.0, 37.0])
-def test_without_delays_the_drift_is_exact(ppm):
-    drift = watched(ppm, 20).drift()
-    assert drift is not None
-    assert drift.ppm == pytest.approx(ppm, abs=1e-3)
-    assert drift.certain == (ppm != 0)
+def test_without_delays_the_drift_is_exact(subtests):
+    for ppm in [-250.0, 0.0, 37.0]:
+        with subtests.test(ppm=ppm):
+            drift = watched(ppm, 20).drift()
+            assert drift is not None
+            assert drift.ppm == pytest.approx(ppm, abs=1e-3)
+            assert drift.certain == (ppm != 0)
 
 
 def test_no_drift_in_the_first_seconds():

@@ -298,20 +298,18 @@ def test_names_count_on_and_never_fill_a_gap(tmp_path):
     assert take_name(tmp_path, "towel-flat") == tmp_path / "towel-flat-100.h5"
 
 
-@pytest.mark.parametrize(
-    ("subject", "stem"),
-    [
+def test_stems_are_fit_for_a_file_name(subtests):
+    for subject, stem in [
         (Subject(), "recording"),
         (Subject(object="Brush, soft"), "brush_soft"),
         (Subject(surface="flat"), "flat"),
         (Subject(object="Bürste/Ä", surface="../.."), "bürste_ä"),
         (Subject(object="a" * 500), "a" * 60),
         (Subject(object="タオル", surface="1.5 mm"), "タオル-1.5_mm"),
-    ],
-)
-def test_stems_are_fit_for_a_file_name(subject, stem):
-    assert subject.stem == stem
-    assert Path(subject.stem).name == subject.stem
+    ]:
+        with subtests.test(subject=subject):
+            assert subject.stem == stem
+            assert Path(subject.stem).name == subject.stem
 
 
 def test_a_name_for_one_take_and_a_stem_for_several(tmp_path):

@@ -23,9 +23,10 @@ def folder(tmp_path):
     return StudioFolder.at(inside)
 
 
-@pytest.mark.parametrize("name", ["take.h5", "below/other.h5", "again.h5"])
-def test_files_inside_the_folder_are_found(folder, name):
-    assert folder.find(name).read_bytes() == b"x"
+def test_files_inside_the_folder_are_found(subtests, folder):
+    for name in ["take.h5", "below/other.h5", "again.h5"]:
+        with subtests.test(name=name):
+            assert folder.find(name).read_bytes() == b"x"
 
 
 OUTSIDE = {
@@ -45,10 +46,10 @@ OUTSIDE = {
 }
 
 
-@pytest.mark.parametrize("case", OUTSIDE)
-def test_names_that_lead_out_are_refused(folder, case):
-    with pytest.raises(InputError):
-        folder.find(OUTSIDE[case])
+def test_names_that_lead_out_are_refused(subtests, folder):
+    for case in OUTSIDE:
+        with subtests.test(case=case), pytest.raises(InputError):
+            folder.find(OUTSIDE[case])
 
 
 def test_missing_file_is_reported(folder):
@@ -92,10 +93,10 @@ def test_upload_above_the_limit_is_refused_and_leaves_no_file(folder):
     assert sorted(os.listdir(folder.path)) == before
 
 
-@pytest.mark.parametrize("name", ["page.html", "run.py", "take", "take.h5.exe"])
-def test_only_recordings_can_be_uploaded(folder, name):
-    with pytest.raises(InputError, match="expected a recording"):
-        asyncio.run(folder.receive(name, sent(b"x")))
+def test_only_recordings_can_be_uploaded(subtests, folder):
+    for name in ["page.html", "run.py", "take", "take.h5.exe"]:
+        with subtests.test(name=name), pytest.raises(InputError, match="expected a recording"):
+            asyncio.run(folder.receive(name, sent(b"x")))
 
 
 def test_a_new_folder_is_made_and_a_file_is_refused_as_one(tmp_path):
