@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from .names import stage_named as stage_named
     from .names import transducers_of as transducers_of
     from .opening import OpenRig as OpenRig
+    from .opening import frame_rig as frame_rig
     from .opening import open_rig as open_rig
     from .play_lease import LeaseToken as LeaseToken
     from .play_lease import PlayLease as PlayLease
@@ -110,8 +111,10 @@ if TYPE_CHECKING:
     from .remote import FramePlayer as FramePlayer
     from .remote import serve as serve
     from .remote import serve_adaptics as serve_adaptics
+    from .session import Cleared as Cleared
     from .session import Played as Played
     from .session import PlayObserver as PlayObserver
+    from .session import Session as Session
     from .session import play as play
     from .session import play_pressure as play_pressure
     from .signals import END_SIGNALS as END_SIGNALS

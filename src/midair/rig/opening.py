@@ -4,12 +4,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice
-from midair.errors import InputError
+from midair.devices import ArrayDevice, ExposureChoices, ImmediateArray, SensorDevice
+from midair.errors import DeviceStateError, InputError
 from midair.model import ArrayCalibration, Drive, TransducerArray
 from midair.physics import Transducers
 from midair.rig.names import KeptCalibration, VirtualRig, array_calibration_for, array_named, sensor_named
-from midair.rig.playing import PlaySettings
+from midair.rig.playing import PlaySettings, immediate_array
 from midair.settings import Settings
 from midair.targets import sensor_from_provenance
 
@@ -40,6 +40,18 @@ class OpenRig:
     def transducers(self) -> TransducerArray:
         """Transducers to solve for: those of the model, or as they were measured."""
         return self.array.array if self.measured is None else self.measured.known.applied(self.array.array)
+
+    @property
+    def by_frames(self) -> bool:
+        """Whether the array plays single frames, each at its instant."""
+        return isinstance(self.array, ImmediateArray)
+
+    @property
+    def frames(self) -> ImmediateArray:
+        """The array, if it plays single frames; DeviceStateError if not."""
+        if not isinstance(self.array, ImmediateArray):
+            raise DeviceStateError(f"{self.array.name}: expected an array that plays single frames; see frame_rig")
+        return self.array
 
     def listening(self) -> SensorDevice:
         """The sensor; InputError if there is none."""
@@ -115,6 +127,16 @@ def open_rig(
         listens.calibration = chosen.calibration
     measured = array_calibration_for(chosen.device, chosen.array_calibration)
     return OpenRig(array=real, sensor=listens, settings=chosen, measured=measured)
+
+
+def frame_rig(settings: PlaySettings, rate: float, *, hold: float | None = None) -> OpenRig:
+    """Make a rig of an array that plays single frames at a rate in Hz, without a sensor: to follow a palm, or live.
+
+    `hold` as in `ImmediateArray`. Raises UnknownDeviceError if the array takes no single frames.
+    """
+    array = immediate_array(settings, rate, hold=hold)
+    measured = array_calibration_for(settings.device, settings.array_calibration)
+    return OpenRig(array=array, sensor=None, settings=settings, measured=measured)
 
 
 def _virtual_rig(chosen: PlaySettings, drive: Drive | None) -> VirtualRig:

@@ -1,33 +1,43 @@
 """One session of playing: open the array, state the air, check, follow, play, re-record and report.
 
-The command line and Python play by it, and differ in what they show of its events.
+Command line, Python, loop, calibration, studies, servers and the studio play by it, and differ in what they show of its
+events.
 """
 
 from contextlib import nullcontext
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from midair.array_types import Array
-from midair.devices import ArrayDevice, ExposureClearance, ImmediateArray, PlayReport, check_exposure
-from midair.errors import InputError
+from midair.devices import (
+    ArrayDevice,
+    ExposureChoices,
+    ExposureClearance,
+    PlayReport,
+    SensorDevice,
+    Tracker,
+    check_exposure,
+)
+from midair.errors import DeviceStateError, InputError
 from midair.files import OpenedTake, check_memory_for, load_solution, load_target
-from midair.model import AmplitudeFrames, Drive, PressureFrames, Progress, Solution, TransducerArray
+from midair.model import AmplitudeFrames, Drive, PressureFrames, Progress, Recording, Solution, TransducerArray
 from midair.physics import Exposure
 from midair.rig.names import open_tracker
-from midair.rig.opening import OpenRig, open_rig
+from midair.rig.opening import OpenRig, frame_rig, open_rig
+from midair.rig.play_lease import LeaseToken, PlayLease, under_lease
 from midair.rig.playing import (
-    FollowedPlay,
     PlaySettings,
     SolvedAhead,
     check_air,
     clear_followed,
     correct_air_of_file,
+    default_exposure,
     follow_as_set,
     grid_of,
-    immediate_array,
     play_cleared,
     play_followed,
     rerecord,
@@ -44,10 +54,10 @@ class PlayObserver:
     def note(self, text: str, *, warns: bool = False) -> None:
         """State one line: on the air, the array's calibration, or a palm that is followed."""
 
-    def cleared(self, array: ArrayDevice | ImmediateArray, drive: Drive, clearance: ExposureClearance) -> None:
+    def cleared(self, array: ArrayDevice, drive: Drive, clearance: ExposureClearance) -> None:
         """Show the verdict of the exposure check, before anything sounds."""
 
-    def opened(self, array: ArrayDevice | ImmediateArray) -> None:
+    def opened(self, array: ArrayDevice) -> None:
         """Show that an array is open, of which only now is known whether it is simulated."""
 
 
@@ -76,6 +86,174 @@ class Played:
     def __repr__(self) -> str:
         heard = "nothing listened" if self.take is None else f"heard: {self.take.recording!r}"
         return f"<Played {self.drive.frames} frames at {self.drive.rate:g} Hz, exposure {self.outcome}, {heard}>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cleared:
+    """A drive that passed the exposure check of a session, and how to play it."""
+
+    drive: Drive
+    """The drive that was checked, before any attenuation."""
+    clearance: ExposureClearance
+    settings: PlaySettings
+    """Settings of the playback; replace those that the check does not depend on, such as the participant."""
+    followed: tuple[str, ...] = ()
+    """When a simulated palm was followed, one line each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Session:
+    """Checks drives for the array of a rig, and plays those that are cleared; the rig must be entered to play."""
+
+    rig: OpenRig
+    observer: PlayObserver = field(default_factory=PlayObserver)
+    tracker: Tracker | None = None
+    """Open tracker of the palm that is followed; opened for each play if None."""
+
+    @classmethod
+    def on(cls, array: ArrayDevice, sensor: SensorDevice | None, exposure: ExposureChoices | None) -> "Session":
+        """Session on open devices; default exposure limits if None."""
+        settings = PlaySettings(exposure=exposure or default_exposure())
+        return cls(rig=OpenRig(array=array, sensor=sensor, settings=settings))
+
+    def read(self, file: Path) -> Drive:
+        """The drive of a file: in lazy frames, or in memory for an array that takes all frames at once."""
+        drive, array = load_solution(file, streamed=True).drive, self.rig.array
+        if array.streams:
+            return drive
+        # Phases, and the driver's copy of them.
+        advice = "cut it, or play it on AUTD3 units"
+        check_memory_for(2 * drive.phase.nbytes, f"{file}, to be played on {array.name}", advice)
+        return load_solution(file).drive
+
+    def note_calibration(self, drive: Drive) -> None:
+        """State the stored calibration of a real array, and whether the drive was solved for it."""
+        kept = self.rig.measured
+        if kept is None:
+            return
+        if drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
+            device = self.rig.settings.device
+            self.observer.note(
+                "array calibration: this drive was solved without that of this array: "
+                f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}",
+                warns=True,
+            )
+        else:
+            self.observer.note(f"array calibration: {kept.described(Settings.of(drive.provenance) or Settings())}")
+
+    def in_air(self, drive: Drive, chosen: PlaySettings, file: Path | None, *, correct: bool = False) -> Drive:
+        """State the air of the room, and return the drive, corrected for it if asked; `file` has its target."""
+        room, array = chosen.exposure.room, self.rig.array
+        if correct:
+            if room is None or file is None:
+                raise InputError("correct_air: expected the file of a drive and the air of the room, got none")
+            own, drive = drive.acoustics.medium, correct_air_of_file(drive, file, room)
+            self.observer.note(f"air: phases corrected from {own} to {room}")
+
+        def target() -> AmplitudeFrames | None:
+            return None if file is None else load_target(file, streamed=True)
+
+        found = check_air(drive, room, target, simulated=array.simulated and not array.gated)
+        self.observer.note(found.said, warns=found.warns)
+        return drive
+
+    def clear(self, drive: Drive, settings: PlaySettings | None = None, *, endless: bool = False) -> Cleared:
+        """Check the exposure of a drive, for any pose if a palm is followed; `endless` is that of `check_exposure`.
+
+        The virtual array plays the drive as it would sound along the poses. Raises ExposureError if the drive exceeds
+        the profile without an override, MismatchError if it was solved for another array, InputError if this rig cannot
+        follow a palm.
+        """
+        chosen, array = settings or self.rig.settings, self.rig.array
+        followed = list[str]()
+        if chosen.follow is None or (array.simulated and not array.gated and not self.rig.by_frames):
+
+            def follow(line: str) -> None:
+                followed.append(line)
+                self.observer.note(line)
+
+            drive, chosen = follow_as_set(drive, chosen, follow)
+            clearance = check_exposure(drive, array, chosen.exposure, repeats=chosen.repeats, endless=endless)
+        elif self.rig.by_frames:
+            clearance = clear_followed(drive, array, chosen, grid_of(drive), endless=endless)
+        else:
+            raise InputError(
+                "follow: expected the virtual rig or the name of an array, got an open rig with a real array"
+            )
+        self.observer.cleared(array, drive, clearance)
+        return Cleared(drive=drive, clearance=clearance, settings=chosen, followed=tuple(followed))
+
+    def play(
+        self,
+        cleared: Cleared,
+        *,
+        source: str | Path,
+        progress: Progress | None = None,
+        lease: tuple[PlayLease, LeaseToken] | None = None,
+        tail: float = 0.02,
+    ) -> Played:
+        """Play a cleared drive, under a lease if there is one, and re-record it if the rig has a sensor.
+
+        `tail` is the recording time in s after the last frame. Raises StoppedError as soon as the lease ends, and the
+        errors of `ArrayDevice.play`.
+        """
+        array, sensor, chosen, clearance = self.rig.array, self.rig.sensor, cleared.settings, cleared.clearance
+        array.cooling, array.participant = chosen.cooling, chosen.participant
+        told: Any = {"outcome": clearance.outcome, "exposure": clearance.exposure}
+        how: Any = {"source": source, "progress": progress}
+        with nullcontext() if lease is None else under_lease(array, *lease):
+            if clearance.box is not None:
+                return self._follow(cleared, how, told)
+            told |= {"drive": clearance.check_for(array), "followed": cleared.followed}
+            how |= {"delay": chosen.delay, "room": chosen.exposure.room}
+            if sensor is None:
+                return Played(**told, report=play_cleared(clearance, array, **how))
+            if chosen.delay and sensor.simulated:
+                raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
+            heard = rerecord(clearance, array, sensor, tail=tail, **how)
+            return Played(**told, take=OpenedTake(recording=heard, calibration=sensor.calibration))
+
+    def _follow(self, cleared: Cleared, how: Any, told: Any) -> Played:
+        """Play frame by frame, each steered to the palm."""
+        followed, chosen, drive = list[str](), cleared.settings, cleared.drive
+
+        def report(line: str) -> None:
+            followed.append(line)
+            self.observer.note(line)
+
+        name = tracker_name(chosen.follow, chosen.tracker_latency)
+        with nullcontext(self.tracker) if self.tracker is not None else open_tracker(name) as tracker:
+            array, clearance, grid = self.rig.frames, cleared.clearance, grid_of(drive)
+            done = play_followed(drive, array, tracker, chosen, clearance, grid, report=report, **how)
+        return Played(**told, drive=drive, report=done.report, followed=tuple(followed), reaction=done.reaction)
+
+    def rerecord(
+        self, drive: Drive, *, source: str | Path = "loop", progress: Progress | None = None, tail: float = 0.02
+    ) -> Recording:
+        """Check a drive, play it once and return its re-recording by the sensor of the rig."""
+        self.rig.listening()
+        cleared = self.clear(drive, self.rig.settings.but(repeats=1, delay=0.0, follow=None, tracker_latency=None))
+        played = self.play(cleared, source=source, progress=progress, tail=tail)
+        if played.take is None:
+            raise DeviceStateError(f"{self.rig.array.name}: expected a re-recording, got none")
+        return played.take.recording
+
+    def play_ahead(
+        self,
+        solving: SolvedAhead,
+        *,
+        source: str | Path,
+        progress: Progress | None = None,
+        lease: tuple[PlayLease, LeaseToken] | None = None,
+    ) -> Played:
+        """Play a pressure while it is solved, as soon as no gap will follow; `solving` is entered."""
+        array = self.rig.array
+        check = bool if lease is None else partial(lease[0].check, lease[1], array.name)
+        ready = solving.in_time(self.observer.note, check)
+        cleared = Cleared(drive=ready.check_for(array), clearance=ready, settings=self.rig.settings)
+        played = self.play(cleared, source=source, progress=progress, lease=lease)
+        whole = solving.finish()
+        return replace(played, outcome=whole.outcome, exposure=whole.exposure, error=np.concatenate(solving.error))
 
 
 def play(
@@ -126,156 +304,32 @@ def play(
     if not isinstance(what, Solution | str | Path):
         check_type(what, "drive", Drive)
     changes = {name: value for name, value in changes.items() if value is not None}
-    session = _Session(
-        what=what.drive if isinstance(what, Solution) else what if isinstance(what, Drive) else Path(what),
-        source=source or ("python" if isinstance(what, Solution | Drive) else what),
-        correct_air=correct_air,
-        observer=observer or PlayObserver(),
-        progress=progress,
-    )
-    if isinstance(rig, OpenRig):
-        given = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
-        if given:
-            raise InputError(f"play on an open rig: expected settings of a playback, got {given[0]}; see open_rig")
-        return session.on_rig(rig, (settings or rig.settings).but(**changes), entered=True)
-    wanted = (settings or PlaySettings()).but(**changes | ({} if rig is None else {"device": rig}))
-    if wanted.device != "virtual" and wanted.follow is not None:
-        return session.following(wanted)
-    drive = session.drive() if wanted.device == "virtual" else None
-    return session.on_rig(open_rig(drive=drive, settings=wanted), wanted, entered=False)
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Session:
-    what: Drive | Path
-    source: str | Path
-    correct_air: bool
-    observer: PlayObserver
-    progress: Progress | None
-
-    _read: Drive | None = None
-
-    def drive(self) -> Drive:
-        """The drive; that of a file in lazy frames."""
-        if self._read is None:
-            self._read = self.what if isinstance(self.what, Drive) else load_solution(self.what, streamed=True).drive
-        return self._read
-
-    def on_rig(self, rig: OpenRig, chosen: PlaySettings, *, entered: bool) -> Played:
-        """Play on a rig, whose devices are opened after the check unless they are `entered`."""
-        array, followed = rig.array, list[str]()
-        emulated = array.simulated and not array.gated
-        if chosen.follow is not None and not emulated:
-            raise InputError(
-                "follow: expected the virtual rig or the name of an array, got an open rig with a real array"
-            )
-        # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
-        with array.reserved():
-            drive = self._readable(array)
-            self._note_calibration(rig, drive)
-            drive = self._noted_air(drive, chosen, simulated=emulated)
-
-            def follow(line: str) -> None:
-                followed.append(line)
-                self.observer.note(line)
-
-            if emulated:
-                drive, chosen = follow_as_set(drive, chosen, follow)
-            array.cooling, array.participant = chosen.cooling, chosen.participant
-            clearance = check_exposure(drive, array, chosen.exposure, repeats=chosen.repeats)
-            self.observer.cleared(array, drive, clearance)
-            with nullcontext() if entered else rig:
-                self.observer.opened(array)
-                how = {"source": self.source, "progress": self.progress}
-                return replace(_play(clearance, rig, chosen, **how), followed=tuple(followed))
-
-    def following(self, chosen: PlaySettings) -> Played:
-        """Play on a real array or an emulator, frame by frame, each steered to a palm."""
-        drive = self.what if isinstance(self.what, Drive) else load_solution(self.what).drive
-        array, grid, followed = immediate_array(chosen, drive.rate), grid_of(drive), list[str]()
-        array.cooling, array.participant = chosen.cooling, chosen.participant
-
-        def report(line: str) -> None:
-            followed.append(line)
-            self.observer.note(line)
-
-        with array, open_tracker(tracker_name(chosen.follow, chosen.tracker_latency)) as tracker:
-            drive = self._noted_air(drive, chosen)
-            clearance = clear_followed(drive, array, chosen, grid)
-            self.observer.cleared(array, drive, clearance)
-            self.observer.opened(array)
-            done: FollowedPlay = play_followed(
-                drive,
-                array,
-                tracker,
-                chosen,
-                clearance,
-                grid,
-                source=self.source,
-                report=report,
-                progress=self.progress,
-            )
-        return Played(
-            drive=drive,
-            outcome=clearance.outcome,
-            exposure=clearance.exposure,
-            report=done.report,
-            followed=tuple(followed),
-            reaction=done.reaction,
-        )
-
-    def _readable(self, array: ArrayDevice) -> Drive:
-        """The drive, in memory for an array that takes all frames at once."""
-        drive = self.drive()
-        if array.streams or isinstance(self.what, Drive):
-            return drive
-        # Phases, and the driver's copy of them.
-        advice = "cut it, or play it on AUTD3 units"
-        check_memory_for(2 * drive.phase.nbytes, f"{self.what}, to be played on {array.name}", advice)
-        return load_solution(self.what).drive
-
-    def _note_calibration(self, rig: OpenRig, drive: Drive) -> None:
-        """State the stored calibration of a real array, and whether the drive was solved for it."""
-        kept = rig.measured
-        if kept is None:
-            return
-        if drive.provenance.last("solve").get("array_calibration") != kept.known.identifier:
-            device = rig.settings.device
-            self.observer.note(
-                "array calibration: this drive was solved without that of this array: "
-                f"{device} has one of {kept.known.date or 'unknown date'}; use midair solve --device {device}",
-                warns=True,
-            )
+    given = what.drive if isinstance(what, Solution) else what if isinstance(what, Drive) else Path(what)
+    file = given if isinstance(given, Path) else None
+    entered = isinstance(rig, OpenRig)
+    if entered:
+        named = [one.name for one in fields(PlaySettings) if one.name in changes and "playback" not in one.metadata]
+        if named:
+            raise InputError(f"play on an open rig: expected settings of a playback, got {named[0]}; see open_rig")
+        opened, chosen = rig, (settings or rig.settings).but(**changes)
+    else:
+        chosen = (settings or PlaySettings()).but(**changes | ({} if rig is None else {"device": rig}))
+        drive = given if isinstance(given, Drive) else load_solution(given, streamed=True).drive
+        virtual = chosen.device == "virtual"
+        if chosen.follow is not None and not virtual:
+            opened = frame_rig(chosen, drive.rate)
         else:
-            self.observer.note(f"array calibration: {kept.described(Settings.of(drive.provenance) or Settings())}")
-
-    def _noted_air(self, drive: Drive, chosen: PlaySettings, *, simulated: bool = False) -> Drive:
-        """The drive, corrected for the air of the room if asked; the air is stated."""
-        room, file = chosen.exposure.room, self.what if isinstance(self.what, Path) else None
-        if self.correct_air:
-            if room is None or file is None:
-                raise InputError("correct_air: expected the file of a drive and the air of the room, got none")
-            own, drive = drive.acoustics.medium, correct_air_of_file(drive, file, room)
-            self.observer.note(f"air: phases corrected from {own} to {room}")
-
-        def target() -> AmplitudeFrames | None:
-            return None if file is None else load_target(file, streamed=True)
-
-        found = check_air(drive, room, target, simulated=simulated)
-        self.observer.note(found.said, warns=found.warns)
-        return drive
-
-
-def _play(clearance: ExposureClearance, rig: OpenRig, chosen: PlaySettings, **how: Any) -> Played:
-    """Play a cleared drive on an open rig, and re-record it if that has a sensor."""
-    known: Any = {"drive": clearance.check_for(rig.array), "outcome": clearance.outcome, "exposure": clearance.exposure}
-    how |= {"delay": chosen.delay, "room": chosen.exposure.room}
-    if rig.sensor is None:
-        return Played(**known, report=play_cleared(clearance, rig.array, **how))
-    if chosen.delay and rig.sensor.simulated:
-        raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
-    heard = rerecord(clearance, rig.array, rig.sensor, **how)
-    return Played(**known, take=OpenedTake(recording=heard, calibration=rig.sensor.calibration))
+            opened = open_rig(drive=drive if virtual else None, settings=chosen)
+    session = Session(rig=opened, observer=observer or PlayObserver())
+    # Reserved before a long drive is read and checked: `midair stop` works, and no other program gets the units.
+    with opened.array.reserved():
+        drive = given if isinstance(given, Drive) else session.read(given)
+        session.note_calibration(drive)
+        cleared = session.clear(session.in_air(drive, chosen, file, correct=correct_air), chosen)
+        with nullcontext() if entered else opened:
+            session.observer.opened(opened.array)
+            name = source or ("python" if file is None else file)
+            return session.play(cleared, source=name, progress=progress)
 
 
 def play_pressure(
@@ -297,15 +351,13 @@ def play_pressure(
     drive to write, complete or not at all; `observer` gets one line if this computer is too slow to begin at once.
     `source`, `progress` and the errors are those of `play`; InputError as in `SolvedAhead`.
     """
-    shown = observer or PlayObserver()
+    session = Session(rig=rig, observer=observer or PlayObserver())
     # Without a placement the numbers are those of `midair solve`, to the last digit.
     transducers = one if (one := TransducerArray.autd3()).same_as(rig.array.array) else rig.array.array
     if rig.measured is not None:
-        shown.note(f"array calibration: {rig.measured.described(settings)}")
+        session.observer.note(f"array calibration: {rig.measured.described(settings)}")
         transducers, settings, pressure = rig.measured.applied(transducers, settings, pressure)
     solving = SolvedAhead(pressure, transducers, rig.array, settings, rig.settings, path)
     with signals_end_the_program(), solving, rig:
-        shown.opened(rig.array)
-        played = _play(solving.in_time(shown.note), rig, rig.settings, source=source, progress=progress)
-        whole = solving.finish()
-        return replace(played, outcome=whole.outcome, exposure=whole.exposure, error=np.concatenate(solving.error))
+        session.observer.opened(rig.array)
+        return session.play_ahead(solving, source=source, progress=progress)

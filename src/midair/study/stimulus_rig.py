@@ -5,9 +5,9 @@ import select
 import signal
 import sys
 from collections.abc import Callable, Generator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from time import monotonic
 from types import FrameType
 from typing import Any
@@ -15,25 +15,25 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import ExposureChoices, ExposureClearance, ImmediateArray, PlayReport, VirtualArray, check_exposure
+from midair.devices import ExposureChoices, VirtualArray
 from midair.errors import InputError
-from midair.files import load_solution, load_target, printable
-from midair.model import Drive, Medium, Progress, TransducerArray
+from midair.files import load_solution, printable
+from midair.model import Medium, TransducerArray
 from midair.rig import (
     END_SIGNALS,
+    Cleared,
+    OpenRig,
+    PlayObserver,
     PlaySettings,
+    Session,
     array_named,
-    check_air,
-    clear_followed,
     default_exposure,
-    grid_of,
+    frame_rig,
     handle_signals,
-    immediate_array,
     open_tracker,
-    play_followed,
     tracker_name,
 )
-from midair.study.design import Plan, Question, Stimulus
+from midair.study.design import Plan, Question
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
@@ -110,11 +110,14 @@ def open_stimulus_rig(
     check_digests(folder.path, plan.drives, plan.design.stimuli)
     with ExitStack() as stack:
         markers = stack.enter_context(open_markers(plan, serial=serial))
-        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, console, follow))
-        presenter.array.participant = study_code(folder, participant) if participant else ""
-        rig = _marked(presenter, markers, console)
-        about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None, **rig.about}
-        rig = replace(rig, simulated=presenter.array.simulated, about=about)
+        settings = (follow or PlaySettings()).but(
+            exposure=replace(exposure or default_exposure(), room=room),
+            participant=study_code(folder, participant) if participant else "",
+        )
+        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, settings, console))
+        rig, device = _marked(presenter, markers, console), presenter.session.rig.array
+        about: dict[str, Any] = {"array": device.name, "noise_dbfs": None, **rig.about}
+        rig = replace(rig, simulated=device.simulated, about=about)
         if plan.design.noise is None or noise == "none":
             yield rig
             return
@@ -157,71 +160,59 @@ def study_code(folder: StudyFolder, participant: int) -> str:
     return f"{folder.path.resolve().name}/{participant}"
 
 
+class _ConsoleNotes(PlayObserver):
+    """Prints the notes of a session for the experimenter."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self.about = ""
+        """Beginning of each line."""
+
+    def note(self, text: str, *, warns: bool = False) -> None:
+        """Print the line."""
+        self._console.print(plain_text(self.about + text), style="yellow" if warns else None)
+
+
 @contextmanager
 def _array_presenter(
-    array: str,
-    folder: StudyFolder,
-    plan: Plan,
-    by_hand: Presenter,
-    exposure: ExposureChoices | None,
-    room: Medium | None,
-    console: Console,
-    follow: PlaySettings | None,
+    array: str, folder: StudyFolder, plan: Plan, by_hand: Presenter, settings: PlaySettings, console: Console
 ) -> Generator[ArrayPresenter]:
-    choices = replace(exposure or default_exposure(), room=room)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
     lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
-    single: ImmediateArray | None = None
-    if follow is not None:
-        if array == "virtual":
-            raise InputError(
-                "--follow: expected --array autd3 or autd3:INTERFACE, got virtual, above which no palm moves"
-            )
-        rates = {drive.rate for drive in lasting}
-        if len(rates) > 1:
-            raise InputError(
-                f"--follow: expected drives of one frame rate, got {', '.join(f'{r:g}' for r in rates)} Hz"
-            )
-        follow = follow.but(device=array, exposure=choices)
-        device = single = immediate_array(follow, max(rates, default=1000.0))
-    else:
+    rates = {drive.rate for drive in lasting}
+    if settings.follow is None:
         device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
+        rig = OpenRig(array=device, sensor=None, settings=settings)
+    elif array == "virtual":
+        raise InputError("--follow: expected --array autd3 or autd3:INTERFACE, got virtual, above which no palm moves")
+    elif len(rates) > 1:
+        raise InputError(f"--follow: expected drives of one frame rate, got {', '.join(f'{r:g}' for r in rates)} Hz")
+    else:
+        rig = frame_rig(settings.but(device=array), max(rates, default=1000.0))
+    name, notes = tracker_name(settings.follow, settings.tracker_latency), _ConsoleNotes(console)
+    with rig, open_tracker(name) if name else nullcontext() as tracker:
+        session = Session(rig=rig, observer=notes, tracker=tracker)
 
-    @lru_cache(maxsize=32)
-    def admitted_share(source: str, share: float) -> tuple[Drive, ExposureClearance]:
-        drive = load_solution(folder.path / source).drive
-        # Radiation pressure is proportional to the square of the sound pressure, which is proportional to the level.
-        drive = drive if share == 1 else replace(drive, level=drive.level * share**0.5)
-        if follow is not None:
-            return drive, clear_followed(drive, device, follow, grid_of(drive))
-        return drive, check_exposure(drive, device, choices)
+        @lru_cache(maxsize=32)
+        def cleared_share(source: str, share: float) -> Cleared:
+            drive = load_solution(folder.path / source).drive
+            # Radiation pressure is proportional to the square of the sound pressure, hence to that of the level.
+            return session.clear(drive if share == 1 else replace(drive, level=drive.level * share**0.5))
 
-    def admitted(stimulus: Stimulus) -> ExposureClearance:
-        return admitted_share(stimulus.source, stimulus.share)[1]
-
-    with ExitStack() as stack:
-        stack.enter_context(device)
-        followed = None
-        if follow is not None and single is not None:
-            tracker = stack.enter_context(open_tracker(tracker_name(follow.follow, follow.tracker_latency)))
-
-            def play_following(stimulus: Stimulus, source: str, progress: Progress) -> PlayReport:
-                drive, cleared = admitted_share(stimulus.source, stimulus.share)
-                how: Any = {"source": source, "report": console.print, "progress": progress}
-                return play_followed(drive, single, tracker, follow, cleared, grid_of(drive), **how).report
-
-            followed = play_following
-        silence = max((drive.frames / drive.rate for drive in lasting), default=0.0)
         presenter = ArrayPresenter(
-            array=device, admitted=admitted, by_hand=by_hand, room=room, silence_s=silence, followed=followed
+            session=session,
+            cleared=lambda stimulus: cleared_share(stimulus.source, stimulus.share),
+            by_hand=by_hand,
+            silence_s=max((drive.frames / drive.rate for drive in lasting), default=0.0),
         )
         presenter.check(plan.design.stimuli)
         for path in dict.fromkeys(folder.path / one.source for one in drives):
-            air = check_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
-            console.print(plain_text(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
+            notes.about = f"{path.name}: "
+            session.in_air(load_solution(path).drive, settings, path)
+        notes.about = ""
         for one in drives:
-            if (admission := admitted(one)).outcome == "attenuated":
-                console.print(plain_text(f"{one.source}: exposure {admission.verdict()}"), style="yellow")
+            if (found := presenter.cleared(one).clearance).outcome == "attenuated":
+                notes.note(f"{one.source}: exposure {found.verdict()}", warns=True)
         yield presenter
 
 

@@ -12,7 +12,7 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce
-from midair.rig import OpenRig, PlaySettings, VirtualRig, default_exposure, rerecord
+from midair.rig import OpenRig, PlaySettings, Session, VirtualRig, default_exposure, rerecord
 from midair.rig.correction.iteration import no_progress, play_pass
 from midair.settings import Settings
 
@@ -107,14 +107,10 @@ def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
 
 
 def play_pass_with_tail(rig, tail=0.3):
-    import midair.rig.correction.iteration as passes
-
-    kept = passes.rerecord
-    passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)
-    try:
+    kept = Session.rerecord
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Session, "rerecord", lambda *arguments, **others: kept(*arguments, tail=tail, **others))
         return play_pass(original(), original(), rig, SETTINGS, "pass", no_progress)
-    finally:
-        passes.rerecord = kept
 
 
 @pytest.mark.long

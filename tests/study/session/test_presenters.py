@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.devices import VirtualArray, autd3_array, check_exposure
+from midair.devices import VirtualArray, autd3_array
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
-from midair.rig import default_exposure
+from midair.rig import Session
 from midair.study.design.question import Stimulus
 from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, SilentPresenter
 
@@ -24,10 +24,8 @@ def drive(array=ARRAY):
 
 def presenter(device, load, told):
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
-    choices = default_exposure()
-    return ArrayPresenter(
-        array=device, admitted=lambda one: check_exposure(load(one.source), device, choices), by_hand=by_hand
-    )
+    session = Session.on(device, None, None)
+    return ArrayPresenter(session=session, cleared=lambda one: session.clear(load(one.source)), by_hand=by_hand)
 
 
 def test_array_plays_drives_and_experimenter_presents_objects():

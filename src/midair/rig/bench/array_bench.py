@@ -5,6 +5,7 @@ A tracker is placed by a palm that is held where the array marks places by a foc
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,6 @@ from midair.devices import (
     SensorDevice,
     Tracker,
     amplitude_of,
-    check_exposure,
     read_frames,
 )
 from midair.errors import DeviceError, InputError, RateError
@@ -59,7 +59,7 @@ from midair.physics import (
     transfer_matrix,
 )
 from midair.rig.correction import Stage, no_progress
-from midair.rig.playing import default_exposure, play_cleared, rerecord
+from midair.rig.session import Session
 from midair.validation import length
 
 FINE = 8
@@ -102,8 +102,7 @@ def calibrate_by_beam(
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_position(sensor.grid, cell, setting), acoustics)
-        admission = check_exposure(drive, array, exposure or default_exposure())
-        recording = rerecord(admission, array, sensor, source="beam calibration")
+        recording = Session.on(array, sensor, exposure).rerecord(drive, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
         lag = find_lag(flat[:, cell], np.repeat(expected, steps))
         output.append(tone_amplitudes(flat, sensor.rate, plan, lag=lag))
@@ -258,15 +257,13 @@ def _recorded(
         acoustics=acoustics,
         provenance=Provenance(source=f"codes of {array.name}"),
     )
-    admission = check_exposure(drive, array, session.exposure or default_exposure())
     model = ArrayField(
         array=nominal, codes=codes, acoustics=acoustics, calibration=known, height=height, rate=sensor.rate
     )
     silence = record_silence(sensor, duration=_SILENCE)
     check_silence(silence.samples.reshape(silence.frames, -1), model, session.warn)
-    recording = rerecord(
-        admission, array, sensor, source="array calibration", tail=0.1, progress=session.stage("play codes")
-    )
+    how: Any = {"source": "array calibration", "tail": 0.1, "progress": session.stage("play codes")}
+    recording = Session.on(array, sensor, session.exposure).rerecord(drive, **how)
     samples = recording.samples.reshape(recording.frames, -1)
     if sensor.full_scale is not None:
         clipped = float((np.abs(samples[:, list(codes.cells)]) >= 0.999 * sensor.full_scale).mean())
@@ -371,13 +368,13 @@ def calibrate_tracker(
     ExposureError if the focus exceeds the profile, DeviceError if the palm is not held still for a minute or the
     tracker sends nothing, InputError if the places are collinear or do not fit; `fit_tracker`.
     """
-    held: list[Array] = []
+    held, session = list[Array](), Session.on(array, None, exposure)
     for at, place in enumerate(PLACES):
-        admission = check_exposure(_focus(array, place, top, acoustics or Acoustics()), array, exposure)
+        cleared = session.clear(_focus(array, place, top, acoustics or Acoustics()))
         say(at)
         said = tracker.clock()
         for _ in range(ROUNDS):
-            play_cleared(admission, array, source="calibrate tracker")
+            session.play(cleared, source="calibrate tracker")
             seen = tracker.poses(since=max(said, tracker.clock() - 1.0))
             if seen is None or len(seen.time) < STEADY:
                 continue

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, commanded_pressure, sine_amplitude
-from midair.devices import check_exposure
 from midair.dsp import filter_response, strongest_window
 from midair.errors import InputError
 from midair.evaluate import apply_band_twice, compare
@@ -25,7 +24,7 @@ from midair.physics import (
 from midair.pipeline import calibrated_pressure, check_size, compensate_pressure, map_pressure, required_lead
 from midair.rig.correction.iteration import Pass, Stage, no_progress, play_pass, run_iterations
 from midair.rig.opening import OpenRig, open_rig
-from midair.rig.playing import rerecord
+from midair.rig.session import Session
 from midair.settings import MODES, Mode, Settings
 from midair.targets import add_lead, remove_lead
 from midair.validation import check_type, one_of
@@ -152,9 +151,7 @@ def beam_test(rig: OpenRig, settings: Settings, *, top: float = 100.0, progress:
         rate=settings.target.rate,
         acoustics=settings.acoustics,
     )
-    admission = check_exposure(drive, rig.array, rig.exposure)
-    recording = rerecord(admission, rig.array, sensor, progress=progress)
-    heard = calibrated_pressure(recording, sensor.calibration, settings)
+    heard = calibrated_pressure(Session(rig=rig).rerecord(drive, progress=progress), sensor.calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = sine_amplitude(signal, heard.rate, frequency=frequency, parts=6)
     # Half peak to peak, as in `sine_amplitude`, of the cell's reading: a cell is wider than the focus.

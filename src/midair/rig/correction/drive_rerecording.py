@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.devices import check_exposure
 from midair.errors import InputError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
@@ -14,7 +13,7 @@ from midair.pipeline import calibrated_pressure
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.names import VirtualRig
-from midair.rig.playing import default_exposure, rerecord
+from midair.rig.session import Session
 from midair.settings import Settings
 from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
 
@@ -117,8 +116,7 @@ def rerecord_drive(
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        admission = check_exposure(drive, array, default_exposure())
-        recording = rerecord(admission, array, sensor, progress=stage("play and re-record"))
+        recording = Session.on(array, sensor, None).rerecord(drive, progress=stage("play and re-record"))
         calibration = sensor.calibration
     chain = rig.array_device().chain
     lead = (asked.frames - original.frames) // 2 / original.rate

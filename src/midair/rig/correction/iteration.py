@@ -13,13 +13,12 @@ import numpy as np
 from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.correct import IterativeCorrection, MinimumNorm, measured_response
-from midair.devices import check_exposure
 from midair.evaluate import Comparison, advance, compare, find_delay
 from midair.model import PressureFrames, Progress, Recording
 from midair.physics import SensorModel, cell_weights, focus_amplitude, radiation_pressure
 from midair.pipeline import Reproduction, calibrated_pressure, reproduce, resample_pressure
 from midair.rig.opening import OpenRig
-from midair.rig.playing import rerecord
+from midair.rig.session import Session
 from midair.settings import Settings
 from midair.targets import precompensate
 
@@ -73,9 +72,8 @@ def play_pass(
     """
     made = made or reproduce(asked, rig.transducers, settings, progress=stage(f"solve, {name}"))
     progress = stage(f"play and re-record, {name}")
-    admission = check_exposure(made.solution.drive, rig.array, rig.exposure)
     sensor = rig.listening()
-    rerecorded = rerecord(admission, rig.array, sensor, progress=progress, room=rig.exposure.room)
+    rerecorded = Session(rig=rig).rerecord(made.solution.drive, progress=progress)
     # A simulated sensor records the drive's first frame at time 0, and was at rest before.
     virtual = sensor.simulated
     heard = resample_pressure(

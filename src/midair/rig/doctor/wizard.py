@@ -1,6 +1,6 @@
 """Check a real array on the first day: wiring, dead transducers, heat, air, placement and sound at the ears.
 
-Everything sounds inside `play_cleared` only, so that an error, Ctrl-C, a signal or `midair stop` leaves silence.
+Everything sounds inside a `Session` only, so that an error, Ctrl-C, a signal or `midair stop` leaves silence.
 """
 
 import json
@@ -20,7 +20,6 @@ from midair.devices import (
     ArrayDevice,
     ExposureChoices,
     SensorDevice,
-    check_exposure,
     make_state_folder,
     measure_exposure,
     state_folder,
@@ -31,7 +30,7 @@ from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, Transduce
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 from midair.rig.bench import tone_answers
 from midair.rig.doctor.checkup import Check, broken, missing, ok, report_findings
-from midair.rig.playing import play_cleared, rerecord
+from midair.rig.session import Session
 
 RATE = 1000.0
 """Frame rate of the drives in Hz; the sensor's rate must be a multiple."""
@@ -162,7 +161,7 @@ def _recorded(phase: Array, level: Array, array: ArrayDevice, sensor: SensorDevi
         acoustics=_acoustics(choices),
         provenance=Provenance(source="doctor --wizard"),
     )
-    recording = rerecord(check_exposure(drive, array, choices), array, sensor, source="doctor --wizard", tail=0.1)
+    recording = Session.on(array, sensor, choices).rerecord(drive, source="doctor --wizard", tail=0.1)
     return recording.samples.reshape(recording.frames, -1)
 
 
@@ -297,14 +296,15 @@ def _wiring_by_ear(
     array: ArrayDevice, ask: Ask, choices: ExposureChoices, units: list[int], drives: list[Drive]
 ) -> Check:
     """Let one unit click at a time; the person names it."""
-    heard: list[str | None] = []
+    heard = list[str | None]()
+    session = Session.on(array, None, replace(choices, attenuate=choices.override is None))
     for drive in drives:
-        admission = check_exposure(drive, array, replace(choices, attenuate=choices.override is None))
-        level = 0.0 if admission.drive is None else float(admission.drive.level.max())
+        cleared = session.clear(drive)
+        level = float(cleared.clearance.check_for(array).level.max())
         question = f"clicks at {level:.2g} of full drive: which unit? {units[0]} to {units[-1]}, n: none, r: again: "
         answer: str | None = "r"
         while answer == "r":
-            play_cleared(admission, array, source=drive.provenance.source)
+            session.play(cleared, source=drive.provenance.source)
             answer = _one_of(ask, question, "n", "r", *map(str, units))
         heard.append(answer)
     if None in heard:

@@ -8,7 +8,6 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import ArrayDevice, ExposureClearance, PlayReport
 from midair.errors import (
     DeviceError,
     InputError,
@@ -17,8 +16,7 @@ from midair.errors import (
     StoppedError,
     UnknownDeviceError,
 )
-from midair.model import Medium, Progress
-from midair.rig import play_cleared
+from midair.rig import Cleared, Session
 from midair.study.design import MaskingNoise, Stimulus
 from midair.study.event_markers import EventMarkers
 
@@ -137,19 +135,15 @@ class ExperimenterPresenter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayPresenter:
-    """Plays drives on an open array and passes real objects to the experimenter."""
+    """Plays drives in a session on an open array and passes real objects to the experimenter."""
 
-    array: ArrayDevice
-    admitted: Callable[[Stimulus], ExposureClearance]
-    """Returns the drive of a stimulus with its exposure clearance for this array."""
+    session: Session
+    cleared: Callable[[Stimulus], Cleared]
+    """Returns the drive of a stimulus with its clearance by this session."""
     by_hand: Presenter
     """Presenter of real objects and texts."""
-    room: Medium | None = None
-    """Air for the log of played drives; None if unknown."""
     silence_s: float = 0.0
     """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
-    followed: Callable[[Stimulus, str, Progress], PlayReport] | None = None
-    """Plays a stimulus, named so in the log, while it follows a palm; None to play without."""
     ended: Event = field(default_factory=Event)
     """Set when silence is requested."""
 
@@ -161,7 +155,7 @@ class ArrayPresenter:
         for stimulus in stimuli:
             if stimulus.kind == "drive":
                 try:
-                    self.admitted(stimulus)
+                    self.cleared(stimulus)
                 except InputError as wrong:
                     raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
@@ -172,12 +166,8 @@ class ArrayPresenter:
             self.ended.wait(self.silence_s)
         elif stimulus.kind == "drive":
             share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            if self.followed is not None:
-                report = self.followed(stimulus, stimulus.source + share, self._go_on)
-            else:
-                admission = self.admitted(stimulus)
-                report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
-            if report.gap:
+            played = self.session.play(self.cleared(stimulus), source=stimulus.source + share, progress=self._go_on)
+            if (report := played.report) is not None and report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
                     "silence; close other programs"
@@ -188,12 +178,12 @@ class ArrayPresenter:
     def _go_on(self, done: int, total: int) -> None:
         """Raise StoppedError if silence was requested."""
         if self.ended.is_set():
-            raise StoppedError(f"{self.array.name}: stopped after {done} of {total} frames")
+            raise StoppedError(f"{self.session.rig.array.name}: stopped after {done} of {total} frames")
 
     def silence(self) -> None:
         """Silence the array, then instruct the experimenter."""
         self.ended.set()
-        self.array.silence()
+        self.session.rig.array.silence()
         self.by_hand.silence()
 
 
