@@ -40,7 +40,7 @@ from midair.files import save_palm_path
 from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
-from midair.rig import PlaySettings, default_exposure, remote
+from midair.rig import OpenRig, Session, default_exposure, opening, remote
 from midair.rig.remote import MESSAGES
 
 ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
@@ -51,7 +51,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "remote.md").read_text(encoding="ut
 @pytest.fixture
 def served(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
-    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    monkeypatch.setattr(opening, "immediate_array", lambda *_, **__: virtual_immediate(units=units))
     with closing(Here(tmp_path, units)) as one:
         yield one
 
@@ -222,7 +222,7 @@ def test_hostile_messages_make_no_sound_and_few_lines(request, kind, count):
 @pytest.fixture
 def designed(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
-    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    monkeypatch.setattr(opening, "immediate_array", lambda *_, **__: virtual_immediate(units=units))
     with closing(Here(tmp_path, units, serve=partial(remote.serve_adaptics, port=0))) as one:
         yield one
 
@@ -263,7 +263,7 @@ def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
     rows = np.column_stack([time_, 1e-4 * time_, 2e-4 * time_, 0.2 + 0 * time_, still])
     save_palm_path(PalmPath.from_rows(rows), tmp_path / "palm.csv")
     units = VirtualUnits(kept=1000)
-    monkeypatch.setattr(remote.server, "immediate_array", lambda *_: virtual_immediate(units=units))
+    monkeypatch.setattr(opening, "immediate_array", lambda *_, **__: virtual_immediate(units=units))
     how = {"serve": partial(remote.serve_adaptics, port=0), "follow": f"replay:{tmp_path / 'palm.csv'}"}
     with closing(Here(tmp_path, units, **how)) as one, one.client() as client:
 
@@ -287,7 +287,7 @@ def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_lev
     """A pattern is not known ahead, and plays without an end: 128 frames of it were a duty of .0004."""
     array = virtual_immediate(units=VirtualUnits(kept=1))
     with array, array.drives_to_come() as (quiet, begin):
-        player = remote.player.FramePlayer(array, PlaySettings(), quiet, begin)
+        player = remote.player.FramePlayer(Session(rig=OpenRig(array=array, sensor=None)), quiet, begin)
         cleared = remote.adaptics.Stream(player, 50.0, None, print)._admission
     assert cleared.exposure.duty == pytest.approx(cleared.level, rel=0.05)
     assert cleared.level > 0.1

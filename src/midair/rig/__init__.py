@@ -92,16 +92,9 @@ if TYPE_CHECKING:
     from .playing import FollowRules as FollowRules
     from .playing import PlaySettings as PlaySettings
     from .playing import SolvedAhead as SolvedAhead
-    from .playing import check_air as check_air
-    from .playing import clear_followed as clear_followed
     from .playing import correct_air_of_file as correct_air_of_file
     from .playing import default_exposure as default_exposure
-    from .playing import follow_as_set as follow_as_set
-    from .playing import follow_simulated as follow_simulated
     from .playing import grid_of as grid_of
-    from .playing import immediate_array as immediate_array
-    from .playing import play_cleared as play_cleared
-    from .playing import play_followed as play_followed
     from .playing import rerecord as rerecord
     from .playing import tracker_name as tracker_name
     from .prepare import pressure_of as pressure_of

@@ -232,7 +232,7 @@ class Session:
     ) -> Recording:
         """Check a drive, play it once and return its re-recording by the sensor of the rig."""
         self.rig.listening()
-        cleared = self.clear(drive, self.rig.settings.but(repeats=1, delay=0.0, follow=None, tracker_latency=None))
+        cleared = self.clear(drive, self.rig.settings.but(repeats=1, delay=0.0))
         played = self.play(cleared, source=source, progress=progress, tail=tail)
         if played.take is None:
             raise DeviceStateError(f"{self.rig.array.name}: expected a re-recording, got none")
@@ -243,6 +243,7 @@ class Session:
         solving: SolvedAhead,
         *,
         source: str | Path,
+        settings: PlaySettings | None = None,
         progress: Progress | None = None,
         lease: tuple[PlayLease, LeaseToken] | None = None,
     ) -> Played:
@@ -250,7 +251,7 @@ class Session:
         array = self.rig.array
         check = bool if lease is None else partial(lease[0].check, lease[1], array.name)
         ready = solving.in_time(self.observer.note, check)
-        cleared = Cleared(drive=ready.check_for(array), clearance=ready, settings=self.rig.settings)
+        cleared = Cleared(drive=ready.check_for(array), clearance=ready, settings=settings or self.rig.settings)
         played = self.play(cleared, source=source, progress=progress, lease=lease)
         whole = solving.finish()
         return replace(played, outcome=whole.outcome, exposure=whole.exposure, error=np.concatenate(solving.error))

@@ -12,9 +12,8 @@ from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,9 +21,9 @@ from midair.array_types import Array
 from midair.devices import (
     Cooling,
     ExposureChoices,
+    ExposureClearance,
     PosePredictor,
     Tracker,
-    check_exposure,
     measure_exposure,
 )
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
@@ -32,24 +31,22 @@ from midair.files import load_solution, profile_named, save
 from midair.model import RATE, Acoustics, Medium
 from midair.physics import PoseBox, middle_of, pose_of
 from midair.rig import (
+    Cleared,
     FollowRules,
     FramePlayer,
+    OpenRig,
+    PlayObserver,
     PlaySettings,
+    Session,
     SolvedAhead,
     VirtualRig,
     array_named,
-    clear_followed,
     correct_air_of_file,
-    follow_simulated,
+    frame_rig,
     grid_of,
-    immediate_array,
     open_rig,
     open_tracker,
-    play_cleared,
-    play_followed,
-    rerecord,
     tracker_name,
-    under_lease,
 )
 from midair.studio.stop_port import StopPort
 from midair.studio.work import led_pressure
@@ -176,22 +173,28 @@ def run_player(
         pipe.serve(player.act)
 
 
+Checked = tuple[Session, Cleared | SolvedAhead, Path]
+"""What a check admitted: a drive that is cleared or being solved, the session that plays it, and its path."""
+
+
 @dataclass(slots=True, eq=False)
-class _Player:
+class _Player(PlayObserver):
     pipe: StudioPipe
     permit: Any
     device: str
     seed: int
     waits: Any = None
+    rig: OpenRig | None = None
+    """The open rig of a real array."""
     array: Any = None
+    """The array that may sound."""
     held: ExitStack = field(default_factory=ExitStack)
     solver: ExitStack = field(default_factory=ExitStack)
-    admitted: dict[int, Any] = field(default_factory=dict[int, Any])
-    """Clearance, path and exposure limits of each check by its number."""
+    checked: dict[int, Checked] = field(default_factory=dict[int, Checked])
+    """What each check admitted, by its number."""
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     palm: PalmWatch | None = None
-    followed: tuple[Any, PlaySettings] | None = None
     loops: FramePlayer | None = None
     """Plays a pattern in a loop."""
     number: int = 0
@@ -225,15 +228,20 @@ class _Player:
                     return True
                 case _:
                     # "let go": another process uses the array for a while.
-                    self.held.close()
-                    self.array = None
+                    self._close()
                     return True
         except LinkLostError:
             # Units that stopped answering are opened again for the next drive.
-            self.array = None
             with suppress(Exception):
-                self.held.close()
+                self._close()
             raise
+
+    def note(self, text: str, *, warns: bool = False) -> None:  # noqa: ARG002
+        """Send the line; the page of a palm gets those on following."""
+        if "follow: " not in text:
+            self.pipe.send("solves", text=text)
+        elif self.palm is not None:
+            self.palm.said.append(text)
 
     def silence(self) -> None:
         """Silence an open array, from any thread."""
@@ -247,136 +255,182 @@ class _Player:
         self.pipe.send("stopped")
 
     def _open(self) -> dict[str, Any]:
-        """Open the array if necessary and describe it; the virtual one is created again for each drive."""
+        """Open the array if necessary and describe it; the virtual one is created again for each check."""
         if self.device == "virtual":
             array = VirtualRig(seed=self.seed).array
             return {"units": "", "count": array.count, "simulated": True}
-        if self.array is None:
-            self.array = self.held.enter_context(array_named(self.device))
-        said = self.array.describe()
+        array = self._real_rig().array
+        said = array.describe()
         return {
             "units": "; ".join(f"{name}: {value}" for name, value in said.items()),
-            "count": self.array.array.count,
-            "simulated": self.array.simulated,
+            "count": array.array.count,
+            "simulated": array.simulated,
         }
+
+    def _real_rig(self) -> OpenRig:
+        if self.rig is None:
+            settings = PlaySettings(device=self.device)
+            self.rig = self.held.enter_context(OpenRig(array=array_named(self.device), sensor=None, settings=settings))
+            self.array = self.rig.array
+        return self.rig
+
+    def _close(self) -> None:
+        self.rig = self.array = None
+        self.held.close()
+
+    @contextmanager
+    def _opened(self, rig: OpenRig) -> Generator[None]:
+        """Inside, a rig is open and the only one; the array of the studio is open again afterwards."""
+        if self.rig is not None and rig.array is self.rig.array:
+            yield
+            return
+        self._close()
+        self.array = rig.array
+        try:
+            with rig:
+                yield
+        finally:
+            self.array = None
+            self._open()
 
     def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Check the exposure of a drive file on this array, and keep the clearance."""
-        path = Path(order["path"])
-        room: Any = order.get("room")
+        path, room = Path(order["path"]), cast("Medium | None", order.get("room"))
         self.solver.close()
+        settings = PlaySettings(device=self.device, exposure=_choices(order), repeats=order["repeats"], seed=self.seed)
         if order.get("solve"):
-            return self._admit_unsolved(order, path)
+            return self._admit_unsolved(order, path, settings)
         trial = order["path"], order.get("share", 1.0), room
         if order.get("keep") and trial in self.trials:
             return self.trials[trial]
         drive = load_solution(path).drive
-        if order.get("correct"):
+        if order.get("correct") and room is not None:
             drive = correct_air_of_file(drive, path, room)
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure is proportional to the square of the sound pressure, hence of the level.
             drive = replace(drive, level=drive.level * share**0.5)
         self._unfollow()
-        if self.device != "virtual" and self.array is None:
-            self._open()
-        array: Any = self.array if self.device != "virtual" else self._virtual(drive, room).array
+        follow, tracker = order.get("follow"), None
+        if follow:
+            settings = settings.but(follow=follow, tracker_latency=order.get("latency"))
+            tracker = open_tracker(tracker_name(follow, order.get("latency")))
+            centre = middle_of(grid_of(drive))
+            self.palm = PalmWatch(tracker, centre, lambda palm: self.pipe.send("palm", palm=palm))
         # The virtual array re-records what is felt while the poses of a file are followed, faster than in real time.
-        simulated, repeats, endless = True, order["repeats"], bool(order.get("loop"))
-        if follow := order.get("follow"):
-            tracker, grid = tracker_name(follow, order.get("latency")), grid_of(drive)
-            opened, simulated = open_tracker(tracker), self.device == "virtual" and follow.startswith("replay:")
-            self.palm = PalmWatch(opened, middle_of(grid), lambda palm: self.pipe.send("palm", palm=palm))
-            if simulated:
-                drive = follow_simulated(drive, tracker, grid, repeats=repeats, report=lambda _: None)
-                repeats = 1
-        choices = _choices(order)
+        if self.device == "virtual" and (not follow or follow.startswith("replay:")):
+            air = None if room is None else Acoustics(medium=room)
+            rig = open_rig(drive=drive, settings=settings.but(acoustics=air))
+        else:
+            rig = frame_rig(settings, drive.rate) if follow else replace(self._real_rig(), settings=settings)
+        session = Session(rig=rig, observer=self, tracker=tracker)
         try:
-            if simulated:
-                admission = check_exposure(drive, array, choices, repeats=repeats, endless=endless)
-            else:
-                how = PlaySettings(device=self.device, exposure=choices, repeats=repeats)
-                admission = clear_followed(drive, array, how, grid_of(drive), endless=endless)
-                self.followed = (drive, how)
+            cleared = session.clear(drive, endless=bool(order.get("loop")))
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies, so the exposure is measured again.
-            found = measure_exposure(drive, array.array, choices.profile, room=room)
+            found = measure_exposure(drive, rig.array.array, settings.exposure.profile, room=room)
             solved = round(drive.acoustics.medium.degrees, 2)
             return {"number": 0, "refused": str(wrong), "solved_c": solved, **exposed(found)}
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
-        self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
-        found = self._found(admission, repeats * drive.frames / drive.rate, drive.acoustics)
-        self.admitted[self.number] = (admission, path, choices)
+        self.checked = {number: one for number, one in self.checked.items() if number in kept}
+        duration = order["repeats"] * drive.frames / drive.rate
+        found = self._found(cleared.clearance, duration, drive.acoustics)
+        self.checked[self.number] = (session, cleared, path)
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
 
-    def _admit_unsolved(self, order: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    def _admit_unsolved(self, order: Mapping[str, Any], path: Path, how: PlaySettings) -> dict[str, Any]:
         """Begin to solve a take for this array; every part is checked ahead of its sound."""
         transducers, settings, pressure = led_pressure(order["solve"])
-        how = PlaySettings(device=self.device, exposure=_choices(order), repeats=order["repeats"])
         if self.device == "virtual":
             like = {"height": settings.target.grid.height, "cells": pressure.sensor, "band": settings.calibration.band}
-            array: Any = open_rig(settings=how.but(**like, acoustics=settings.acoustics, seed=self.seed)).array
+            air = settings.acoustics if how.exposure.room is None else Acoustics(medium=how.exposure.room)
+            rig = open_rig(settings=how.but(**like, acoustics=air))
         else:
-            self._open()
-            array = self.array
-        solving = SolvedAhead(pressure, transducers, array, settings, how, path)
-        admission = self.solver.enter_context(solving).first_part()
+            rig = replace(self._real_rig(), settings=how)
+        solving = SolvedAhead(pressure, transducers, rig.array, settings, how, path)
+        clearance = self.solver.enter_context(solving).first_part()
         # The drive does not exist yet.
-        self.admitted = {self.number + 1: (solving, Path(order["solve"].take), how.exposure)}
-        found = self._found(admission, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
+        session = Session(rig=rig, observer=self)
+        self.checked = {self.number + 1: (session, solving, Path(order["solve"].take))}
+        found = self._found(clearance, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
         return found | {"verdict": f"first part: {found['verdict']}; each part is checked before it sounds"}
 
-    def _found(self, admission: Any, duration: float, solved: Acoustics) -> dict[str, Any]:
+    def _found(self, clearance: ExposureClearance, duration: float, solved: Acoustics) -> dict[str, Any]:
         """Return a clearance for the page, with the next number."""
         self.number += 1
         return {
             "number": self.number,
-            "outcome": admission.outcome,
-            "verdict": admission.verdict(),
-            "by": admission.by,
+            "outcome": clearance.outcome,
+            "verdict": clearance.verdict(),
+            "by": clearance.by,
             "duration_s": duration,
             "refused": "",
             "solved_c": round(solved.medium.degrees, 2),
-            **exposed(admission.exposure),
+            **exposed(clearance.exposure),
         }
 
     def _unfollow(self) -> bool:
         """Close the tracker, if there is one."""
-        palm, self.palm, self.followed = self.palm, None, None
+        palm, self.palm = self.palm, None
         if palm is not None:
             palm.close()
         return True
 
-    def _follow(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
-        """Play a drive frame by frame, each steered to the palm of the tracker."""
-        if self.palm is None or self.followed is None:
+    def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Play what was checked with a lease token; a virtual rig re-records it."""
+        kept = order.get("keep") or any(trial["number"] == order["admission"] for trial in self.trials.values())
+        found = self.checked.get(order["admission"]) if kept else self.checked.pop(order["admission"], None)
+        if found is None:
+            raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
+        session, what, path = found
+        if session.rig.by_frames and (self.palm is None or self.palm.tracker is not session.tracker):
             raise DeviceStateError("play: expected the tracker of the check, it is closed; check the exposure again")
-        (drive, how), tracker, leave = self.followed, self.palm.tracker, order["leave"]
-        self.held.close()
-        self.array = array = immediate_array(how, drive.rate)
-        array.participant = order.get("participant", "")
-        told: Any = {"source": path, "report": self.palm.said.append, "progress": self._progress(leave)}
-        try:
-            with array, under_lease(array, self.permit, leave):
-                done = play_followed(drive, array, tracker, how, admission, grid_of(drive), **told)
-        finally:
-            self.array = None
-            self._open()
-        return {"output": "", **asdict(done.report)}
+        with self.noise.over(order["masked"]):
+            if isinstance(what, SolvedAhead):
+                with self.solver:
+                    return self._sound(order, session, what, path)
+            if order.get("loop"):
+                return self._loop(order["leave"], path, what)
+            return self._sound(order, session, what, path)
 
-    def _loop(self, leave: Any, path: Path, choices: ExposureChoices) -> dict[str, Any]:
+    def _sound(
+        self, order: Mapping[str, Any], session: Session, what: Cleared | SolvedAhead, path: Path
+    ) -> dict[str, Any]:
+        leave, output, rig = order["leave"], order["output"], session.rig
+        if self.palm is not None:
+            self.palm.begin()
+        # A pause within the stimulus of a study would change it, so there hot units end the play.
+        own: Any = {"cooling": None, "participant": order.get("participant", "")}
+        if order.get("waits"):
+            own["cooling"] = Cooling(report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set)
+        how: Any = {"source": path, "lease": (self.permit, leave)}
+        rate = what.rate if isinstance(what, SolvedAhead) else what.drive.rate
+        with self._opened(rig):
+            how["progress"] = self._progress(leave, paced=0.0 if rig.sensor is None else rate)
+            if isinstance(what, SolvedAhead):
+                played = session.play_ahead(what, settings=rig.settings.but(**own), **how)
+            else:
+                played = session.play(replace(what, settings=what.settings.but(**own)), **how)
+        if played.report is not None:
+            return {"output": "", **asdict(played.report)}
+        if output and played.take is not None:
+            save(played.take.recording, Path(output), calibration=played.take.calibration)
+        return {"output": Path(output).name if output else "", "frames": played.drive.frames}
+
+    def _loop(self, leave: Any, path: Path, what: Cleared) -> dict[str, Any]:
         """Play a pattern again and again, until a StoppedError.
 
         Meanwhile, "change" draws a file in its place and checks its exposure; the next pass is the new one.
         """
-        self.held.close()
-        how = PlaySettings(device=self.device, exposure=choices)
-        self.array = array = immediate_array(how, RATE)
+        # A person answered for the pattern that was checked, not for a louder one.
+        up_to = what.clearance.exposure.excess + 0.01
+        rig = frame_rig(what.settings.but(repeats=1, exposure=replace(what.settings.exposure, up_to=up_to)), RATE)
+        array, pattern = rig.frames, path.with_name(path.name.replace(".drive.h5", ".toml"))
         try:
-            with array, array.drives_to_come() as (quiet, begin), ThreadPoolExecutor(1) as pool:
-                self.loops = player = FramePlayer(array, how, quiet, begin)
+            with self._opened(rig), array.drives_to_come() as (quiet, begin), ThreadPoolExecutor(1) as pool:
+                self.loops = player = FramePlayer(Session(rig=rig), quiet, begin)
                 player.permit = self.permit
-                file = player.load(path, None, False, {})["file"]
+                file = player.load(pattern, None, False, {})["file"]
                 playing = pool.submit(player.run)
                 player.triggers.put((player.loaded_file(file), 0, leave, False))
                 try:
@@ -389,80 +443,26 @@ class _Player:
                     player.triggers.put(None)
                 return playing.result() or {}
         finally:
-            self.array = self.loops = None
-            self._open()
+            self.loops = None
 
     def _during_a_loop(self, order: Mapping[str, Any]) -> Any:
         if order["do"] not in ("change", "unfollow"):
             raise DeviceStateError("play: expected an idle array, a pattern plays in a loop; press STOP")
         return self.act(order)
 
-    def _virtual(self, drive: Any, room: Medium | None) -> Any:
-        """Create a virtual rig with the array, cells, height and band of a drive, in its air or that of the room."""
-        return open_rig(drive=drive, acoustics=None if room is None else Acoustics(medium=room), seed=self.seed)
-
-    def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        """Play a checked drive with a lease token; a virtual rig re-records it."""
-        kept = order.get("keep") or any(trial["number"] == order["admission"] for trial in self.trials.values())
-        found = self.admitted.get(order["admission"]) if kept else self.admitted.pop(order["admission"], None)
-        if found is None:
-            raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
-        with self.noise.over(order["masked"]):
-            if not isinstance(found[0], SolvedAhead):
-                return self._let_sound(order, *found)
-            solving: SolvedAhead = found[0]
-            wait = partial(self.permit.check, order["leave"], self.device)
-            with self.solver:
-                ready = solving.in_time(lambda text: self.pipe.send("solves", text=text), wait)
-                report = self._let_sound(order, ready, *found[1:])
-                solving.finish()
-                return report
-
-    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path, choices: ExposureChoices) -> Any:
-        leave, output, room = order["leave"], order["output"], choices.room
-        if order.get("loop"):
-            # A person answered for the pattern that was checked, not for a louder one.
-            choices = replace(choices, up_to=admission.exposure.excess + 0.01)
-            return self._loop(leave, path.with_name(path.name.replace(".drive.h5", ".toml")), choices)
-        if self.palm is not None:
-            self.palm.begin()
-        if admission.box is not None:
-            return self._follow(order, admission, path)
-        if self.device != "virtual":
-            self.array.participant = order.get("participant", "")
-            # A pause within the stimulus of a study would change it, so there hot units end the play.
-            self.array.cooling = None
-            if order.get("waits"):
-                self.array.cooling = Cooling(
-                    report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set
-                )
-            with under_lease(self.array, self.permit, leave):
-                report = play_cleared(admission, self.array, source=path, progress=self._progress(leave), room=room)
-            return {"output": "", **asdict(report)}
-        with self._virtual(admission.drive, room) as rig:
-            sensor: Any = rig.sensor
-            self.array = rig.array
-            try:
-                with under_lease(rig.array, self.permit, leave):
-                    paced = self._progress(leave, paced=admission.drive.rate)
-                    heard = rerecord(admission, rig.array, sensor, source=path, progress=paced)
-            finally:
-                self.array = None
-        if output:
-            save(heard, Path(output), calibration=sensor.calibration)
-        return {"output": Path(output).name if output else "", "frames": admission.drive.frames}
-
     def _progress(self, leave: Any, paced: float = 0.0) -> Any:
         """Return a callback that reports progress; a virtual array is slowed down to real time."""
-        began, sent = time.monotonic(), [0.0]
+        began = sent = 0.0
 
         def progress(done: int, total: int) -> None:
+            nonlocal began, sent
+            began = began or time.monotonic()
             # The lease is checked as often as for the banks of a real array.
             while paced and time.monotonic() < began + done / paced:
                 self.permit.check(leave, "virtual")
                 time.sleep(0.002)
-            if time.monotonic() - sent[0] > 0.05 or done >= total:
-                sent[0] = time.monotonic()
+            if time.monotonic() - sent > 0.05 or done >= total:
+                sent = time.monotonic()
                 self.pipe.send("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
 
         return progress

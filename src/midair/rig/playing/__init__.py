@@ -1,11 +1,7 @@
 """Play cleared drives with a log entry, stop them on request, and re-record them."""
 
-from midair.devices import stop_playing as stop_playing
-
-from .air_check import AirCheck as AirCheck
 from .air_check import check_air as check_air
 from .air_check import correct_air_of_file as correct_air_of_file
-from .following import FollowedPlay as FollowedPlay
 from .following import Follower as Follower
 from .following import FollowRules as FollowRules
 from .following import clear_followed as clear_followed

@@ -52,7 +52,7 @@ class SolvedAhead:
                 "of these; use midair solve, and play the drive"
             )
         self._pressure, self._transducers, self._device, self._path = pressure, transducers, device, path
-        self._settings, self._playing, self._frames = settings, playing, 0
+        self._settings, self._playing, self._frames, self.rate = settings, playing, 0, settings.target.rate
         self._news, self._ends, self._open = SimpleQueue[None](), Event(), ExitStack()
         self._stream: ExposureStream | None = None
         self._arrived = [(time.monotonic(), 0)]

@@ -17,11 +17,9 @@ from midair.array_types import Array
 from midair.devices import (
     TICK,
     ExposureClearance,
-    ImmediateArray,
     Put,
     RawPose,
     Tracker,
-    check_exposure,
     divider,
     intensity_bytes,
     phase_bytes,
@@ -30,9 +28,10 @@ from midair.errors import InputError, SilentFramesError
 from midair.files import load_solution
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
-from midair.rig.names import array_calibration_for, tracker_options
+from midair.rig.names import tracker_options
 from midair.rig.play_lease import LeaseToken, PlayLease
-from midair.rig.playing import Follower, FollowRules, PlaySettings, clear_followed, grid_of, wait_until
+from midair.rig.playing import Follower, FollowRules, grid_of, wait_until
+from midair.rig.session import Session
 
 LEASE, FADE, WORD = 0.5, 0.005, 0.008
 """Times in s: without a sign of life until the client in control loses the array; of a change of the level from 0 to 1;
@@ -94,8 +93,9 @@ Trigger = tuple[Loaded, int, LeaseToken, bool]
 class FramePlayer:
     """Plays loaded drives inside `drives_to_come` of an array, in a thread that runs `run` until a trigger is None."""
 
-    def __init__(self, array: ImmediateArray, settings: PlaySettings, quiet: Put, begin: Any) -> None:
-        self.array, self.settings, self._begin = array, settings, begin
+    def __init__(self, session: Session, quiet: Put, begin: Any) -> None:
+        self.session, self.array, self.settings = session, session.rig.frames, session.rig.settings
+        self._begin, array = begin, self.array
         silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
         self._quiet = partial(self._put, quiet, silence, 0)
         self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
@@ -112,7 +112,7 @@ class FramePlayer:
         While the file plays, its next pass is the new one.
         """
         leave_realtime()
-        array, how, units = self.array, self.settings, self.array.placement.units
+        array, units = self.array, self.array.placement.units
         drawn = path.suffix in PATTERN_ENDINGS
         if values and not drawn:
             raise InputError(f"parameter: expected a pattern, got the drive {path.name}")
@@ -120,13 +120,13 @@ class FramePlayer:
         if not 100 <= drive.rate <= 8000 or drive.level.ndim > 1:
             expected = "100 to 8000 frames a second with one level for all transducers"
             raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
-        follower = None
+        follower, how = None, self.settings.but(follow="osc:" if follow else None, steer_only=True)
+        admission = self.session.clear(drive, how, endless=True).clearance
         if follow:
-            grid = grid_of(drive)
-            admission = clear_followed(drive, array, replace(how, steer_only=True), grid, endless=True)
-            follower = Follower(self.tracker, drive, grid, rules=FollowRules(fit=False), report=lambda _: None)
+            follower = Follower(
+                self.tracker, drive, grid_of(drive), rules=FollowRules(fit=False), report=lambda _: None
+            )
         else:
-            admission = check_exposure(drive, array, how.exposure, endless=True)
             drive = admission.check_for(array)
         phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
 
@@ -157,11 +157,7 @@ class FramePlayer:
 
     def aim(self) -> tuple[TransducerArray, Acoustics]:
         """The array, with its stored calibration, and the air for which drives are drawn."""
-        known, acoustics = (
-            array_calibration_for(self.settings.device),
-            Acoustics(medium=self.settings.exposure.room or Medium.at()),
-        )
-        return self.array.array if known is None else known.known.applied(self.array.array), acoustics
+        return self.session.rig.transducers, Acoustics(medium=self.settings.exposure.room or Medium.at())
 
     def loaded_file(self, file: str) -> Loaded:
         """A loaded file; InputError if it is not loaded."""

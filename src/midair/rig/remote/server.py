@@ -24,9 +24,11 @@ from midair.devices import RawPose
 from midair.errors import DeviceError, DeviceStateError, FileError, InputError, MidairError, MissingFileError
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
-from midair.rig.playing import PlaySettings, immediate_array
+from midair.rig.opening import frame_rig
+from midair.rig.playing import PlaySettings
 from midair.rig.remote.messages import read_json, read_osc
 from midair.rig.remote.player import LEASE, FramePlayer
+from midair.rig.session import Session
 from midair.rig.signals import signals_end_the_program
 
 LEAVES, AHEAD = 5.0, 1.0
@@ -329,13 +331,12 @@ def play_and_serve(
 ) -> None:
     """Run a server and the player of an array until Ctrl-C, `midair stop` or an error; then it is silent."""
     chosen = settings or PlaySettings()
-    array = immediate_array(chosen, RATE)
-    array.cooling, array.participant = chosen.cooling, chosen.participant
+    rig = frame_rig(chosen, RATE)
     with (
         signals_end_the_program(),
-        array,
-        array.drives_to_come() as (quiet, begin),
-        (player := FramePlayer(array, chosen, quiet, begin)).tracker,
+        rig,
+        rig.frames.drives_to_come() as (quiet, begin),
+        (player := FramePlayer(Session(rig=rig), quiet, begin)).tracker,
         ThreadPoolExecutor(1) as pool,
     ):
         playing = pool.submit(player.run)
