@@ -13,10 +13,11 @@ from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
+from midair.devices import PlayLease
 from midair.errors import DeviceError, DeviceStateError, MidairError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance
-from midair.rig import PlayLease, record
+from midair.rig import record
 from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
 from midair.studio.work import SolveRequest, solve_take
@@ -114,8 +115,9 @@ def test_the_exposure_is_checked_in_the_stated_air_and_phases_are_corrected_for_
     assert ears[1] == ears[0] + 12
     corrected = player.act(order | {"room": room, "correct": True})
     assert corrected["solved_c"] == 25.0
-    assert player.admitted[corrected["number"]][0].drive.acoustics.medium == room
-    assert player._virtual(player.admitted[corrected["number"]][0].drive, room).settings.acoustics.medium == room
+    session, cleared, _ = player.checked[corrected["number"]]
+    assert cleared.drive.acoustics.medium == room
+    assert session.rig.settings.acoustics.medium == room
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self, TextIO
 
-from midair import rig
+from midair import devices
 
 
 class Keys:
@@ -76,5 +76,5 @@ class Signals:
 def signals_noted() -> Generator[Signals]:
     """Note Ctrl-C, termination requests and a lost terminal instead of ending the program."""
     signals = Signals()
-    with rig.handle_signals((signal.SIGINT, *rig.END_SIGNALS), signals.catch):
+    with devices.handle_signals((signal.SIGINT, *devices.END_SIGNALS), signals.catch):
         yield signals

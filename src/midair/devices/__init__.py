@@ -37,19 +37,26 @@ if TYPE_CHECKING:
     from .interface import SensorDevice as SensorDevice
     from .reading import GapFiller as GapFiller
     from .reading import read_frames as read_frames
+    from .safety import END_SIGNALS as END_SIGNALS
+    from .safety import LeaseToken as LeaseToken
+    from .safety import PlayLease as PlayLease
     from .safety import Stopped as Stopped
+    from .safety import StopPort as StopPort
     from .safety import append_line as append_line
     from .safety import close_orders as close_orders
     from .safety import device_lock as device_lock
+    from .safety import handle_signals as handle_signals
     from .safety import make_state_folder as make_state_folder
     from .safety import open_stop_input as open_stop_input
     from .safety import ordered_at as ordered_at
     from .safety import playing_now as playing_now
     from .safety import process_start_time as process_start_time
     from .safety import read_log as read_log
+    from .safety import signals_end_the_program as signals_end_the_program
     from .safety import state_folder as state_folder
     from .safety import stop_on_input as stop_on_input
     from .safety import stop_playing as stop_playing
+    from .safety import under_lease as under_lease
     from .safety import uptime as uptime
     from .sensors import Chunk as Chunk
     from .sensors import Decimated as Decimated

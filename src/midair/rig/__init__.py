@@ -86,9 +86,6 @@ if TYPE_CHECKING:
     from .opening import OpenRig as OpenRig
     from .opening import frame_rig as frame_rig
     from .opening import open_rig as open_rig
-    from .play_lease import LeaseToken as LeaseToken
-    from .play_lease import PlayLease as PlayLease
-    from .play_lease import under_lease as under_lease
     from .playing import FollowRules as FollowRules
     from .playing import PlaySettings as PlaySettings
     from .playing import SolvedAhead as SolvedAhead
@@ -110,9 +107,6 @@ if TYPE_CHECKING:
     from .session import Session as Session
     from .session import play as play
     from .session import play_pressure as play_pressure
-    from .signals import END_SIGNALS as END_SIGNALS
-    from .signals import handle_signals as handle_signals
-    from .signals import signals_end_the_program as signals_end_the_program
     from .takes import Companion as Companion
     from .takes import Drift as Drift
     from .takes import Levels as Levels

@@ -17,10 +17,14 @@ from midair.devices import (
     ArrayDevice,
     ExposureChoices,
     ExposureClearance,
+    LeaseToken,
+    PlayLease,
     PlayReport,
     SensorDevice,
     Tracker,
     check_exposure,
+    signals_end_the_program,
+    under_lease,
 )
 from midair.errors import DeviceStateError, InputError
 from midair.files import OpenedTake, check_memory_for, load_solution, load_target
@@ -28,7 +32,6 @@ from midair.model import AmplitudeFrames, Drive, PressureFrames, Progress, Recor
 from midair.physics import Exposure
 from midair.rig.names import open_tracker
 from midair.rig.opening import OpenRig, frame_rig, open_rig
-from midair.rig.play_lease import LeaseToken, PlayLease, under_lease
 from midair.rig.playing import (
     PlaySettings,
     SolvedAhead,
@@ -43,7 +46,6 @@ from midair.rig.playing import (
     rerecord,
     tracker_name,
 )
-from midair.rig.signals import signals_end_the_program
 from midair.settings import Settings
 from midair.validation import check_type
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import Cooling, amplitude_of
+from midair.devices import Cooling, PlayLease, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.model import RATE, ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
@@ -27,7 +27,6 @@ from midair.rig import (
     LiveSettings,
     LiveTake,
     LoopStarted,
-    PlayLease,
     array_calibration_for,
     live,
     live_clearance,

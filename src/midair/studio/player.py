@@ -23,6 +23,7 @@ from midair.devices import (
     ExposureChoices,
     ExposureClearance,
     PosePredictor,
+    StopPort,
     Tracker,
     measure_exposure,
 )
@@ -48,7 +49,6 @@ from midair.rig import (
     open_tracker,
     tracker_name,
 )
-from midair.studio.stop_port import StopPort
 from midair.studio.work import led_pressure
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones

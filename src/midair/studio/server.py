@@ -10,8 +10,8 @@ from collections.abc import Callable
 import uvicorn
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from midair.devices import signals_end_the_program
 from midair.errors import DeviceError, InputError
-from midair.rig import signals_end_the_program
 from midair.studio.application import Studio, StudioPlan
 from midair.studio.folders import folder_of_session
 from midair.studio.studio_state import LARGEST_ORDER

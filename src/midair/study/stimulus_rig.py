@@ -15,12 +15,11 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import ExposureChoices, VirtualArray
+from midair.devices import END_SIGNALS, ExposureChoices, VirtualArray, handle_signals
 from midair.errors import InputError
 from midair.files import load_solution, printable
 from midair.model import Medium, TransducerArray
 from midair.rig import (
-    END_SIGNALS,
     Cleared,
     OpenRig,
     PlayObserver,
@@ -29,7 +28,6 @@ from midair.rig import (
     array_named,
     default_exposure,
     frame_rig,
-    handle_signals,
     open_tracker,
     tracker_name,
 )

@@ -32,7 +32,7 @@ import sys
 import numpy as np
 from midair.devices import Cooling, autd3_array
 from midair.model import Drive, Placement
-from midair.rig.signals import signals_end_the_program
+from midair.devices import signals_end_the_program
 from tests.simulators.exposure_override import clear_any_exposure
 
 placement = Placement.grid(columns=1, rows=1)

@@ -1,8 +1,11 @@
-"""Safety: one program per device, a log, a channel through which another terminal stops playback, a guard process."""
+"""Safety: locks, the stop channel, hardware stop, the STOP of pages, leases, signals and the log of playback."""
 
 from .lock_files import append_line as append_line
 from .lock_files import make_state_folder as make_state_folder
 from .lock_files import state_folder as state_folder
+from .play_lease import LeaseToken as LeaseToken
+from .play_lease import PlayLease as PlayLease
+from .play_lease import under_lease as under_lease
 from .play_log import Ending as Ending
 from .play_log import close_orders as close_orders
 from .play_log import exposed as exposed
@@ -12,6 +15,9 @@ from .play_log import log_order as log_order
 from .play_log import log_pause as log_pause
 from .play_log import read_log as read_log
 from .play_log import sound_left as sound_left
+from .signals import END_SIGNALS as END_SIGNALS
+from .signals import handle_signals as handle_signals
+from .signals import signals_end_the_program as signals_end_the_program
 from .stop_channel import Stopped as Stopped
 from .stop_channel import ordered_at as ordered_at
 from .stop_channel import playing_now as playing_now
@@ -22,3 +28,4 @@ from .stop_guard import StopGuard as StopGuard
 from .stop_guard import device_lock as device_lock
 from .stop_guard import open_stop_input as open_stop_input
 from .stop_guard import stop_on_input as stop_on_input
+from .stop_port import StopPort as StopPort

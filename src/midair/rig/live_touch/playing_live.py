@@ -4,12 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from midair.devices import Cooling, ExposureClearance, check_exposure_level
+from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease, check_exposure_level
 from midair.model import RATE
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.process import array_for
 from midair.rig.live_touch.session import LiveSession
-from midair.rig.play_lease import LeaseToken, PlayLease
 
 
 def live(

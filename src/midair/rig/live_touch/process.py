@@ -18,6 +18,8 @@ from midair.devices import (
     Chunk,
     Cooling,
     ImmediateArray,
+    LeaseToken,
+    PlayLease,
     SensorDevice,
     Source,
     Stream,
@@ -34,7 +36,6 @@ from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names import VirtualRig, array_calibration_for, open_tracker, sensor_named
-from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import PlaySettings, immediate_array, tracker_name
 from midair.settings import Settings
 from midair.solvers import one_blas_thread

@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.devices import LeaseToken, PlayLease
 from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Placement, Provenance
@@ -20,7 +21,6 @@ from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
 from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, RingShape, TouchRing
-from midair.rig.play_lease import LeaseToken, PlayLease
 
 
 class LiveTake:

@@ -23,6 +23,7 @@ from midair.devices import (
     divider,
     intensity_bytes,
     phase_bytes,
+    signals_end_the_program,
     virtual_immediate,
 )
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
@@ -30,7 +31,6 @@ from midair.model import ControlGrid, Drive, PalmPath, Progress
 from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase
 from midair.rig.names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
-from midair.rig.signals import signals_end_the_program
 from midair.settings import Settings
 
 

@@ -4,10 +4,16 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SensorDevice, read_frames
+from midair.devices import (
+    ArrayDevice,
+    ExposureClearance,
+    PlayReport,
+    SensorDevice,
+    read_frames,
+    signals_end_the_program,
+)
 from midair.errors import MismatchError
 from midair.model import Medium, Progress, Recording
-from midair.rig.signals import signals_end_the_program
 
 
 def play_cleared(

@@ -17,6 +17,8 @@ from midair.array_types import Array
 from midair.devices import (
     TICK,
     ExposureClearance,
+    LeaseToken,
+    PlayLease,
     Put,
     RawPose,
     Tracker,
@@ -29,7 +31,6 @@ from midair.files import load_solution
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
 from midair.rig.names import tracker_options
-from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import Follower, FollowRules, grid_of, wait_until
 from midair.rig.session import Session
 

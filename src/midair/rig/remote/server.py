@@ -20,7 +20,7 @@ from websockets.asyncio.server import Request, Response, ServerConnection, broad
 from websockets.asyncio.server import serve as serve_websockets
 from websockets.exceptions import ConnectionClosed
 
-from midair.devices import RawPose
+from midair.devices import RawPose, signals_end_the_program
 from midair.errors import DeviceError, DeviceStateError, FileError, InputError, MidairError, MissingFileError
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
@@ -29,7 +29,6 @@ from midair.rig.playing import PlaySettings
 from midair.rig.remote.messages import read_json, read_osc
 from midair.rig.remote.player import LEASE, FramePlayer
 from midair.rig.session import Session
-from midair.rig.signals import signals_end_the_program
 
 LEAVES, AHEAD = 5.0, 1.0
 """Times in s: without a sign of life until any client has left; longest time that a dated message waits."""

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from midair.devices import LeaseToken, PlayLease
 from midair.errors import (
     DeviceStateError,
     ExposureError,
@@ -24,7 +25,7 @@ from midair.files import DEFAULT_PROFILE
 from midair.model import HEIGHTS, Medium
 from midair.physics import MOST_PROTECTION
 from midair.processes import shared_event
-from midair.rig import LeaseToken, PlayLease, PlaySettings
+from midair.rig import PlaySettings
 from midair.settings import EARS, Mode
 from midair.studio.player import run_player
 from midair.studio.room_air import RoomAir, degrees_of

@@ -9,9 +9,9 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import RawArray
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
-from midair.devices import ArrayDevice, uptime
+from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 
 Refusal = Literal["stopped", "expired", "disarmed"]
@@ -154,8 +154,20 @@ class PlayLease:
         self._fields[_INDEX[word]] = value
 
 
+class SilencedArray(Protocol):
+    """What a lease needs of an array, see `ArrayDevice`."""
+
+    name: str
+
+    def allowing(self, check: Callable[[], None] | None) -> None:
+        """Set what is called before every frame."""
+
+    def silence(self) -> None:
+        """Stop all sound."""
+
+
 @contextmanager
-def under_lease(array: ArrayDevice, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
+def under_lease(array: SilencedArray, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
     """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of

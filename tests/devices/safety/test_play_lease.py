@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from tests.waiting import Clock, wait_until
 
-from midair.devices import VirtualArray, check_exposure
+from midair.devices import PlayLease, VirtualArray, check_exposure, under_lease
 from midair.errors import DeviceStateError, InputError, StoppedError
 from midair.model import Drive, TransducerArray
-from midair.rig import PlayLease, default_exposure, under_lease
+from midair.rig import default_exposure
 
 
 @pytest.fixture

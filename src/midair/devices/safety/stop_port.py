@@ -1,7 +1,4 @@
-"""The player's own port for STOP: a page reaches it even when the studio's server hangs.
-
-It imports only the standard library, so that it answers before the rest of the player is loaded.
-"""
+"""The player's own port for STOP: a page reaches it even when the studio's server hangs."""
 
 import socket
 import threading

@@ -2,7 +2,7 @@ import os
 import signal
 import threading
 
-from midair.rig import END_SIGNALS, handle_signals
+from midair.devices import END_SIGNALS, handle_signals
 
 
 def test_a_signal_goes_to_the_handler_inside_and_to_the_old_one_outside():

@@ -4,7 +4,7 @@ import urllib.request
 
 import pytest
 
-from midair.studio.stop_port import StopPort
+from midair.devices import StopPort
 
 ORIGIN = "http://127.0.0.1:8123"
 
