@@ -125,7 +125,8 @@ def attacks(count: int, steps: int, rng: np.random.Generator, room: Medium | Non
                     "descended, phases": descended(seen, target, starts, steps, levels=False),
                 }.items():
                     true = loudest_near(place, aim, drive, medium, room)
-                    found = measure_exposure(drive, ARRAY, PROFILE, room=room).level[:, PROFILE.places.index(place)]
+                    found = measure_exposure(drive, ARRAY, PROFILE, room=room, alone=True).level
+                    found = found[:, PROFILE.places.index(place)]
                     missed.setdefault(way, []).append((true - found).max())
         for way, each in missed.items():
             print(
@@ -220,7 +221,7 @@ def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
             true = np.concatenate(
                 [loudest_near(place, point, _frame(drive, row), air, room) for row, point in enumerate(points)]
             )
-            over.append(measure_exposure(drive, ARRAY, PROFILE, room=room).level[:, number] - true)
+            over.append(measure_exposure(drive, ARRAY, PROFILE, room=room, alone=True).level[:, number] - true)
         over = np.concatenate(over)
         print(f"{len(over)} foci at the {place.name}: reported minus true {over.min():+.2f} to {over.max():+.2f} dB")
 
@@ -241,7 +242,7 @@ def natural(*, frames: int = 300, loudest: int = 2) -> None:
         drives[f"{name}, {1e3 * height:.0f} mm"] = solve(target, ARRAY, method="fast", level="auto").drive
     for number, place in enumerate(PROFILE.places[:2]):
         for label, drive in drives.items():
-            level = measure_exposure(drive, ARRAY, PROFILE).level[:, number]
+            level = measure_exposure(drive, ARRAY, PROFILE, alone=True).level[:, number]
             q = sounding(drive)[np.argsort(level)[-loudest:]]
             true = max(loudest_in(place, q, Medium.at(temperature=each)).max() for each in range(14, 31, 2))
             print(f"{place.name}, {label}: reported minus true {level.max() - true:+.2f} dB", flush=True)
@@ -288,7 +289,7 @@ def safe(thing: str, levels: list[float], data: Path) -> None:
 
 def true_ears(drive: Drive, spread: TransducerSpread | None, *, loudest: int = 24, seed: int = 0) -> float:
     """Level in dB at the louder ear: direct sum over loud frames in dry air of 14, 22, 30 °C; true arrays at 14 °C."""
-    chosen = np.argsort(measure_exposure(drive, ARRAY, PROFILE).level[:, :2].max(axis=1))[-loudest:]
+    chosen = np.argsort(measure_exposure(drive, ARRAY, PROFILE, alone=True).level[:, :2].max(axis=1))[-loudest:]
     q, degrees = sounding(drive)[chosen], (14, 22, 30)
     if spread is not None:
         transducers = VirtualRig(seed=seed, spread=spread).array_device().chain.transducers

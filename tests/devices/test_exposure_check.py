@@ -129,8 +129,8 @@ def test_phases_are_measured_as_the_firmware_rounds_them(steps):
         measure_exposure(told, ARRAY, PROFILE, steps=steps).level,
         check_exposure(told, Rounds(ARRAY), CHOICES).exposure.level,
     ):
-        assert found == pytest.approx(sounds, abs=1e-3)
-    assert abs(exposure(told, PROFILE, acoustics=airs).level - sounds).max() > 0.05
+        assert found == pytest.approx(sounds, abs=2e-3)
+    assert abs(exposure(told, PROFILE, acoustics=airs).level - sounds).max() > 0.02
 
 
 def test_an_override_needs_a_name():

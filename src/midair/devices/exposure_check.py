@@ -11,6 +11,7 @@ from math import ceil
 from typing import Any, Literal, Protocol, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, intensity_bytes, phase_bytes
@@ -25,6 +26,7 @@ from midair.physics import (
     airs_of_room,
     exposure,
     exposure_excess,
+    frames_at_once,
     greatest_exposure,
     heat_so_far,
 )
@@ -107,6 +109,8 @@ class ExposureClearance:
     """Poses to which frames that come later may be steered; None if they may not be steered."""
     solved: Array | None = None
     """Centre of the palm that they were solved for, shape (3,), in m."""
+    louder: float = 0.0
+    """Level of the loudest moment above that of the loudest frame alone, in dB, for frames that are steered."""
     steps: int = PHASE_STEPS
     """Phase steps per turn of the device."""
     later: "Callable[[], ExposureClearance] | None" = None
@@ -170,8 +174,9 @@ class ExposureClearance:
     def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
         """Clear frames that were steered to these poses; None for silent ones.
 
-        Unless the device has no sound, each frame is measured in the air of the room, or bounded by those beside it
-        (`exposure_excess`), and weakened if it exceeds the profile, or the excess for which a person is responsible.
+        Unless the device has no sound, each frame is measured alone in the air of the room, or bounded by those beside
+        it (`exposure_excess`), and weakened if it exceeds the profile, or the excess for which a person is responsible.
+        Moments while frames arrive are as much louder than frames alone as those of the drive as it was solved.
         Raises ExposureError if a pose is outside the box, or a frame above the cleared level.
         """
         if self.box is None or self.solved is None:
@@ -192,7 +197,7 @@ class ExposureClearance:
         excess = exposure_excess(
             played, self.exposure.profile, self.exposure.airs, steps=self.steps, stride=max(1, round(1e-3 * own.rate))
         )
-        loud = (excess := excess - answered) > 0
+        loud = (excess := excess + self.louder - answered) > 0
         if not loud.any():
             return own
         # Rounded down to the firmware's steps; a tenth of a decibel covers the rounding of the search.
@@ -231,7 +236,8 @@ def measure_exposure(
     repeats: int = 1,
     steps: int = PHASE_STEPS,
     room: Medium | None = None,
-    heat: Callable[[Drive], tuple[Array, float]] | None = None,
+    heat: Callable[[Drive], tuple[Array, float]] | tuple[Array, float] | None = None,
+    **when: Any,
 ) -> Exposure:
     """Exposure on a given array; the source strength and air that the drive's file states are ignored.
 
@@ -239,20 +245,24 @@ def measure_exposure(
     firmware's steps.
 
     `repeats` is the number of consecutive repeats, 1 or more, `steps` that of phase steps per turn of the device,
-    `room` as in `ExposureChoices`; `heat` returns duty and warming, given the drive as it is played. Raises
-    MismatchError if the drive is for another array, InputError if its speed of sound is outside the range of air.
+    `room` as in `ExposureChoices`; `heat` returns duty and warming, given the drive as it is played; `earlier`, `ends`
+    and `alone` are those of `exposure`. Raises MismatchError if the drive is for another array, InputError if its speed
+    of sound is outside the range of air.
     """
+    _check_drive(drive, array)
+    own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
+    airs = airs_of_room(room, profile.places, array)
+    found = heat(own) if callable(heat) else heat
+    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps, heat=found, **when)
+
+
+def _check_drive(drive: Drive, array: TransducerArray) -> None:
     drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
         raise MismatchError(
             f"drive: expected one for {array.name} ({array.count} transducers), got one for "
             f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
         )
-    own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
-    airs = airs_of_room(room, profile.places, array)
-    return exposure(
-        own, profile, repeats=repeats, acoustics=airs, steps=steps, heat=None if heat is None else heat(own)
-    )
 
 
 def check_exposure(
@@ -305,6 +315,7 @@ class ExposureStream:
         self._drive = replace(first, phase=cast("Array", self.phase), level=cast("Array", level), array=device.array)
         airs = airs_of_room(choices.room, choices.profile.places, device.array)
         self._heat = heat_so_far(frames, choices.profile, airs, repeats=repeats)
+        self._beside = frames_at_once(first, choices.profile, airs)
         self._measured: list[Exposure] = []
         self.add(first)
 
@@ -313,20 +324,21 @@ class ExposureStream:
         done = self.phase.there
         if part.rate != self._drive.rate:
             raise MismatchError(f"parts: expected all at {self._drive.rate:g} Hz, got one at {part.rate:g} Hz")
+        _check_drive(part, self._device.array)
         phase = phase_bytes(part, 1)[:, 0]
         level = part.level if self._level_steps is None else intensity_bytes(part, 1)[:, 0]
         scaled = level if self._level_steps is None else level / self._level_steps
         # The steps are checked that will sound.
         own = replace(part, phase=phase / _TURN, level=scaled)
-        found = measure_exposure(
-            own,
-            self._device.array,
-            self._choices.profile,
-            repeats=self._repeats,
-            steps=self._device.steps_a_turn,
-            room=self._choices.room,
-            heat=lambda played: self._heat.add(self._with_earlier(played, done)),
-        )
+        known = self._followed_by(own, done)
+        heat = self._heat.add(replace(known, level=each_frame(known.level, actual_level)))
+        earlier, ends = min(done, self._beside), known.frames == len(self.phase)
+        found = self._part(known, np.arange(done - earlier, known.frames), heat, earlier=earlier, ends=ends)
+        if ends and self._repeats > 1:
+            # The first frames sound beside the last ones, at the end of the drive.
+            around = np.arange(-self._beside, self._beside) % known.frames
+            again = self._part(known, around, heat, earlier=self._beside, ends=False)
+            found = replace(found, level=np.concatenate([found.level[:-1], [np.maximum(found.level[-1], again.peak)]]))
         if found.excess > 0:
             _decide(_joined([*self._measured, found]), self._device, self._choices)
         # Phases come last: with them a frame is there.
@@ -339,11 +351,17 @@ class ExposureStream:
         self._level.fail(error)
         self.phase.fail(error)
 
-    def _with_earlier(self, part: Drive, done: int) -> Drive:
-        """The frames that passed, followed by a part, all at the levels that sound."""
-        phase = concatenate_lazy([self.phase[:done], part.phase])
-        earlier = each_frame(self._level[:done], actual_level) if done else part.level[:0]
-        return replace(part, phase=phase, level=concatenate_lazy([earlier, part.level]))
+    def _followed_by(self, part: Drive, done: int) -> Drive:
+        """The frames that passed, followed by a part."""
+        phase, level = self.phase[:done], self._level[:done]
+        phase, level = concatenate_lazy([phase, part.phase]), concatenate_lazy([level, part.level])
+        return replace(part, phase=phase, level=level)
+
+    def _part(self, known: Drive, frames: NDArray[np.intp], heat: tuple[Array, float], **when: Any) -> Exposure:
+        """Exposure to some frames; the heat is that of all."""
+        some = replace(known, phase=np.asarray(known.phase[frames]), level=np.asarray(known.level[frames]))
+        found = _measured(some, self._device, self._choices, 1, heat=heat, **when)
+        return replace(found, repeats=self._repeats)
 
     def clearance(self) -> ExposureClearance:
         """Permission to play all frames, with the exposure of those up to now; a read waits until its frames passed."""
@@ -387,19 +405,20 @@ def check_exposure_steered(
 ) -> ExposureClearance:
     """Check a drive whose frames will be steered to the poses of a box while it plays.
 
-    The drive is measured as it was solved, and `samples`: some of its frames, steered to poses of the box. Every frame
-    is measured again once it was steered, by `ExposureClearance.steered`, before it sounds. The heat is that of the
-    drive as it was solved.
+    The drive is measured as it was solved, and `samples` alone: some of its frames, steered to poses of the box. Every
+    frame is measured again once it was steered, by `ExposureClearance.steered`, before it sounds. The heat is that of
+    the drive as it was solved.
 
     `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
     errors are those of `check_exposure`.
     """
     _check_repeats(repeats)
     own = _measured(drive, device, choices, _passes(drive, repeats, endless))
-    others = _measured(samples, device, choices, 1)
+    louder = max(0.0, own.sound_excess - _measured(drive, device, choices, 1, alone=True).sound_excess)
+    others = _measured(samples, device, choices, 1, alone=True)
     found = replace(
         own,
-        level=np.concatenate([own.level, others.level + UNSAMPLED]),
+        level=np.concatenate([own.level, others.level + UNSAMPLED + louder]),
         air=np.concatenate([own.air, others.air]),
         pressure=max(own.pressure, others.pressure),
     )
@@ -411,7 +430,7 @@ def check_exposure_steered(
     # The clearance states what will be played; no factor ends above the limit for its last bit.
     found = found if factor == 1 else found.weakened(min(factor * (1 - 1e-9), level / float(most[0])))
     cleared = _clearance(device, choices, found, outcome, level=level, factor=factor)
-    return replace(cleared, box=box, solved=solved, steps=device.steps_a_turn, _key=_KEY)
+    return replace(cleared, box=box, solved=solved, louder=louder, steps=device.steps_a_turn, _key=_KEY)
 
 
 def check_exposure_level(
@@ -438,10 +457,10 @@ def check_exposure_level(
     return _clearance(device, choices, found, outcome, level=level)
 
 
-def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int) -> Exposure:
+def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int, **rest: Any) -> Exposure:
     """Exposure on the device's array, in the air of the room."""
     return measure_exposure(
-        drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room
+        drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room, **rest
     )
 
 

@@ -5,6 +5,7 @@ from .exposure_level import UNLIKE as UNLIKE
 from .exposure_level import Exposure as Exposure
 from .exposure_level import exposure as exposure
 from .exposure_level import exposure_excess as exposure_excess
+from .exposure_level import frames_at_once as frames_at_once
 from .exposure_level import greatest_exposure as greatest_exposure
 from .exposure_level import heat_so_far as heat_so_far
 from .exposure_level import level_if_unlike as level_if_unlike

@@ -217,10 +217,9 @@ def power_of(field: Single) -> Single:
 def drive_parts(
     drive: Drive, frames: slice | NDArray[np.intp], space: Workspace, *, steps: int | None = None
 ) -> tuple[Single, Array]:
-    """Some frames as float32 (3, frame, transducer), and their level (frame, 1) or (frame, transducer).
+    """Some frames as float32 (3, frame, transducer), and the highest level of each, shape (frame,).
 
-    A level common to all transducers of a frame is not yet included in the parts. `steps` rounds phases to that many
-    steps per turn.
+    `steps` rounds phases to that many steps per turn.
     """
     phase = np.asarray(drive.phase[frames])
     level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
@@ -236,10 +235,9 @@ def drive_parts(
         angle *= 2 * np.pi / steps
     np.cos(angle, out=parts[0])
     np.sin(angle, out=parts[1])
-    if level.shape[1] > 1:
-        parts[:2] *= level.astype(np.float32)
+    parts[:2] *= level.astype(np.float32)
     np.add(parts[0], parts[1], out=parts[2])
-    return parts, level
+    return parts, level.max(axis=1)
 
 
 Complex = NDArray[np.complex64]
@@ -260,7 +258,7 @@ class Points:
     along: Single | None
 
     def power(self, shaped: Single, space: Workspace) -> Single:
-        """Squared magnitude at the loudest point, shape (frame,), in Pa2, of shapes (parts, frame, plane, shape)."""
+        """Squared magnitude, shape (frame, point), in Pa2, of shapes (parts, frame, plane, shape)."""
         kept = shaped[:, :, self.planes]
         two, frames, planes, shapes = kept.shape
         points = self.across.shape[1]
@@ -270,7 +268,7 @@ class Points:
             np.matmul(part.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
             field = np.matmul(self.along, field, out=space.array("there", two, frames, len(self.along), points))
-        return power_of(field.reshape(two, frames, -1)).max(axis=1)
+        return power_of(field.reshape(two, frames, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -293,8 +291,30 @@ class FieldByModes:
         power = np.empty(planes.shape[1], np.float32)
         for first in range(0, len(power), FEW):
             few = slice(first, first + FEW)
-            power[few] = np.max([each.power(planes[:, few], space) for each in self.points], axis=0)
+            power[few] = np.max([each.power(planes[:, few], space).max(axis=1) for each in self.points], axis=0)
         return np.sqrt(power).reshape(-1, self.airs).T
+
+    def weights(self) -> Array:
+        """Weights of modes, (mode,), in Pa: the norm of weighted modes is at least the magnitude at any point and air.
+
+        They make this bound low for modes as strong as those of unrelated transducers. Found like an optimal design, by
+        multiplicative steps for the share of each point (Silvey, Titterington & Torsney 1978, Communications in
+        Statistics 7, 1379).
+        """
+        count, space = len(self.modes), Workspace()
+        modes = np.stack([np.eye(count), np.zeros((count, count)), np.eye(count)]).astype(np.float32)
+        shaped = np.empty((2, count, self.shapes.width), np.float32)
+        self.shapes.into(shaped, modes, space)
+        planes = shaped.reshape(2, count, self.airs, self.planes, -1)
+        airs = [each.power(planes[:, :, air], space).copy() for air in range(self.airs) for each in self.points]
+        power, strength = np.concatenate(airs, axis=1), (np.abs(self.modes) ** 2).sum(axis=1)
+        squares, at_points = np.ones(count), np.ones(power.shape[1])
+        share = at_points / len(at_points)
+        for _ in range(30):
+            squares = np.sqrt(power @ share / strength)
+            at_points = (1 / squares) @ power
+            share *= at_points / (share @ at_points)
+        return np.asarray(np.sqrt(squares * at_points.max()), np.float64)
 
 
 def field_by_modes(

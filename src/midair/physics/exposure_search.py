@@ -55,16 +55,26 @@ class PointSearch:
 
     modes: Complex  # From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)
     ceiling: Array  # Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together
+    delay: Array  # When the sound of each transducer arrives, after that of the first, shape (transducer,), in s
     airs: int  # Number of airs
     left_out: float = 0.0  # 0; see `CubeSearch.left_out`
+
+    @property
+    def weights(self) -> Array:
+        """Like `CubeSearch.weights`."""
+        return np.full(len(self.modes), self.allowed)
+
+    @property
+    def allowed(self) -> float:
+        """Factor for what is between the airs; none is needed between points, each of which counts alone."""
+        return 10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Like `CubeSearch.loudest`, for the points alone."""
         field = space.array("there", 2, *modes.shape[1:])
         field[:] = modes[:2]
         power = power_of(field).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
-        # No allowance between points, since each counts alone, but between airs.
-        return np.sqrt(power).astype(np.float64) * (10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0)
+        return np.sqrt(power).astype(np.float64) * self.allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,7 +84,14 @@ class CubeSearch:
     field: FieldByModes  # From the modes of the drive to the pressure at all points
     modes: Complex  # From the drive to its modes, shape (mode, transducer)
     ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
+    delay: Array  # Like `PointSearch.delay`, at the middle of the cube
+    weights: Array  # The norm of weighted modes is at least their `loudest`, shape (mode,)
     left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
+
+    @property
+    def airs(self) -> int:
+        """Number of airs."""
+        return self.field.airs
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
@@ -115,11 +132,9 @@ class Searches:
         own = np.split(modes, np.cumsum([len(each.modes) for each in self.each])[:-1], axis=2)
         return np.stack([each.loudest(its, space) for each, its in zip(self.each, own, strict=True)], axis=2)
 
-    def at_levels(self, found: Array, level: Array) -> Array:
-        """Amplitudes of `loudest` (frame, place) at the levels of `drive_parts`, with `left_out`, in Pa."""
-        if level.shape[1] == 1:
-            return level * np.minimum(found + self.left_out, self.ceiling.sum(axis=0))
-        return np.minimum(found + level.max(axis=1, keepdims=True) * self.left_out, level @ self.ceiling)
+    def bounded(self, found: Array, level: Array) -> Array:
+        """Amplitudes of `loudest` (frame, place) with `left_out`, in Pa; `level` as in `drive_parts`, (frame,)."""
+        return np.minimum(found + level[:, None] * self.left_out, level[:, None] * self.ceiling.sum(axis=0))
 
 
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
@@ -157,7 +172,11 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
-            return CubeSearch(field=field, modes=field.modes, ceiling=alone, left_out=field.left_out)
+            weights = 10 ** (ALLOWANCE / 20) * field.weights()
+            delay = _delay(np.array(place.position), array, airs)
+            return CubeSearch(
+                field=field, modes=field.modes, ceiling=alone, delay=delay, weights=weights, left_out=field.left_out
+            )
         step, tried = 0.85 * step, 2 * tried
 
 
@@ -173,7 +192,18 @@ def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
 def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSearch:
     """The search of some points, shape (point, 3), in m."""
     field = np.concatenate([transfer_matrix(points, array, acoustics=air) for air in airs])
-    return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0), airs=len(airs))
+    return PointSearch(
+        modes=field.astype(np.complex64),
+        ceiling=np.abs(field).max(axis=0),
+        delay=_delay(points.mean(axis=0), array, airs),
+        airs=len(airs),
+    )
+
+
+def _delay(point: Array, array: TransducerArray, airs: Airs) -> Array:
+    """Time of arrival from each transducer after the first, in the middle one of some airs, (transducer,), in s."""
+    path = np.linalg.norm(point - array.position, axis=1)
+    return np.asarray((path - path.min()) / airs[len(airs) // 2].medium.speed, np.float64)
 
 
 def searched_points(place: Place, array: TransducerArray, airs: Airs) -> Array:
