@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1871,
     "settings streaming .": 2612,
-    "physics": 2815,
+    "physics": 3105,
     "recordings targets correct evaluate": 4078,
     "calibration": 3107,
     "solvers": 5075,
