@@ -22,7 +22,7 @@ from midair.devices import check_exposure
 from midair.dsp import band_energies, resample
 from midair.errors import InputError
 from midair.evaluate import THIRD_OCTAVES
-from midair.evaluate.perception import OCTAVE_BANDS
+from midair.evaluate.spectra import OCTAVE_BANDS
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
