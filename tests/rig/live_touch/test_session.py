@@ -15,7 +15,7 @@ from tests.drives import log
 from tests.waiting import wait_until
 
 import midair
-from midair.devices import Cooling, ExposureChoices, stop_on_input, stop_playing
+from midair.devices import ExposureChoices, stop_on_input, stop_playing
 from midair.errors import DeviceError, ExposureError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 
@@ -135,30 +135,6 @@ def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp
     assert any(any(datagram[-249:]) for at, _, code, datagram in tap.frames() if code == 0x16 and at > cooled)
     entries = map(json.loads, (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines())
     assert [each["event"] for each in entries] == ["play", "pause", "continue", "end"]
-
-
-@pytest.mark.slow
-def test_live_drops_frames_while_units_are_too_hot_and_continues(tap):
-    told = []
-    cooling = Cooling(report=told.append)
-    with midair.live(
-        "virtual:brush", f"autd3:{tap.address}", exposure=ANSWERED, cooling=cooling, duration=8.0
-    ) as session:
-        session.wait(1.0)
-        tap.hot = range(65536)
-        until = time.monotonic() + 5
-        while not told and time.monotonic() < until:
-            session.wait(0.05)
-        tap.hot = ()
-        session.wait()
-    assert [text.partition(";")[0].partition(" after")[0] for text in told] == [
-        "array: expected units that are not too hot, got units 0, 1, 2, 3 too hot",
-        "units have cooled",
-    ]
-    counts = session.statistics
-    assert 900 < counts.hot < 4000
-    assert counts.played > 2000
-    assert counts.plain()["hot"] == counts.hot
 
 
 @pytest.mark.slow
