@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3107,
     "solvers": 5075,
     "files": 4635,
-    "devices": 7994,
+    "devices": 7975,
     "rig": 9438,
     "patterns datasets": 1775,
     "view figures": 2100,

@@ -71,12 +71,10 @@ if TYPE_CHECKING:
     from .trackers import DAMPED_VELOCITY as DAMPED_VELOCITY
     from .trackers import MotionModel as MotionModel
     from .trackers import PosePredictor as PosePredictor
-    from .trackers import PoseSource as PoseSource
     from .trackers import RawPose as RawPose
     from .trackers import ReplaySource as ReplaySource
     from .trackers import Tracker as Tracker
     from .trackers import TrackerOptions as TrackerOptions
-    from .trackers import TrackerStatus as TrackerStatus
     from .trackers import osc_messages as osc_messages
     from .virtual import VirtualArray as VirtualArray
     from .virtual import VirtualSensor as VirtualSensor

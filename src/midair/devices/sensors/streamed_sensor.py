@@ -17,13 +17,12 @@ from midair.validation import within
 
 
 class Reader:
-    """Buffers chunks of a started source up to `limit` bytes; beyond it the newest chunks are dropped and counted.
+    """Buffers chunks of a started source up to `limit` bytes; beyond it the newest chunks are dropped.
 
     `pull` is called from the reader's thread only.
     """
 
     def __init__(self, source: Source, rate: float, *, limit: float) -> None:
-        self.dropped = 0
         self._source, self._rate, self._limit = source, rate, limit
         self._waiting: deque[Chunk] = deque()
         self._held = 0
@@ -75,7 +74,6 @@ class Reader:
     def _put(self, chunk: Chunk) -> None:
         with self._changed:
             if self._held + chunk.samples.nbytes > self._limit:
-                self.dropped += len(chunk)
                 return
             self._waiting.append(chunk)
             self._held += chunk.samples.nbytes

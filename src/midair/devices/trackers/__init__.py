@@ -5,8 +5,6 @@ from .prediction import DAMPED_VELOCITY as DAMPED_VELOCITY
 from .prediction import MotionModel as MotionModel
 from .prediction import PosePredictor as PosePredictor
 from .prediction import ReplaySource as ReplaySource
-from .tracker import PoseSource as PoseSource
 from .tracker import RawPose as RawPose
 from .tracker import Tracker as Tracker
 from .tracker import TrackerOptions as TrackerOptions
-from .tracker import TrackerStatus as TrackerStatus

@@ -2,10 +2,10 @@
 
 import time
 from collections import deque
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.devices.arrays import OUTCOMES, ImmediateArray, ImmediateUnits, SilencerChoice, silencer_named
@@ -227,7 +227,7 @@ class VirtualArray(ArrayDevice):
             ),
         )
         self._skin, self.palm = skin, palm
-        self._path: _Path | None = None
+        self._air: Acoustics | None = None
         self._open = False
         self._now = TransducerState.silent(array.count)
 
@@ -246,30 +246,28 @@ class VirtualArray(ArrayDevice):
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
         acoustics = self.acoustics or Acoustics(medium=drive.acoustics.medium)
-        if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
-            matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
-            spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
-            moving = None if self.palm is None else self._moving(self._skin, self.palm, acoustics)
-            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread, moving=moving)
-        path = self._path
+        skin = self._skin
+        if skin is not None and self._air != acoustics:
+            self._matrix = transfer_matrix(skin.points, self.array, acoustics=acoustics)
+            self._pressure = self._propagation(skin, acoustics)
+            self._air = acoustics
         silencer, chain = silencer_named(self.silencer, drive.rate), self.chain
         if self.silencer != "off":
             chain = replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
-        steps = 1 if self._skin is None else steps_per_frame(drive.rate, self._skin.rate)
-        if self._skin is not None and delay:
-            self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
+        steps = 1 if skin is None else steps_per_frame(drive.rate, skin.rate)
+        if skin is not None and delay:
+            skin.press(np.zeros((round(delay * drive.rate) * steps, skin.points.count)))
         total = drive.frames * repeats
         for before in range(0, total, drive.frames):
-            if chain.hold == "ideal" and path is not None:
-                pressure = simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics)
-                path.skin.press(pressure)
+            if chain.hold == "ideal" and skin is not None:
+                skin.press(simulate(drive, self._matrix, chain=chain, rate=skin.rate, acoustics=acoustics))
             done, moment = 0, before * steps
             for q, now in radiate(drive, chain, steps, start=self._now):
                 with self.sounding():
                     self._now = now
                 done += len(q) // steps
-                if chain.hold == "step" and path is not None:
-                    path.skin.press(path.pressure(q, moment))
+                if chain.hold == "step" and skin is not None:
+                    skin.press(self._pressure(q, moment))
                 moment += len(q)
                 if progress:
                     progress(before + done, total)
@@ -283,7 +281,11 @@ class VirtualArray(ArrayDevice):
         """Close the array."""
         self._open = False
 
-    def _moving(self, skin: VirtualSkin, palm: PalmPath, acoustics: Acoustics) -> MovingSpread:
+    def _propagation(self, skin: VirtualSkin, acoustics: Acoustics) -> Callable[[Waves, int], Array]:
+        """Function from waves and their first step in a play to the pressure on the points of the skin."""
+        if self.palm is None:
+            still = Spread.of(self._matrix, acoustics.medium, None, self.chain.precision)
+            return lambda q, _: still.pressure(q)
         if self.chain.hold == "ideal":
             raise InputError("virtual array: expected frames that are held for a palm that moves, got an ideal hold")
         return MovingSpread(
@@ -291,25 +293,10 @@ class VirtualArray(ArrayDevice):
             self.array,
             acoustics,
             solved=middle_of(skin.points),
-            path=palm,
+            path=self.palm,
             rate=skin.rate,
             precision=self.chain.precision,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Path:
-    """Propagation from the array to the skin."""
-
-    skin: VirtualSkin
-    acoustics: Acoustics
-    matrix: NDArray[np.complex128]
-    spread: Spread
-    moving: MovingSpread | None = None
-
-    def pressure(self, q: Waves, first: int) -> NDArray[np.float64]:
-        """Pressure on the points of the skin from step `first` of a play on."""
-        return self.spread.pressure(q) if self.moving is None else self.moving.pressure(q, first)
+        ).pressure
 
 
 class VirtualUnits(ImmediateUnits):
