@@ -15,14 +15,11 @@ import numpy as np
 from benchmarks.clock import load
 from midair.errors import InputError
 from midair.study import (
-    Psychometric,
     d_prime_choice,
     d_prime_same_different,
     d_prime_yes_no,
     equivalence,
     f_measure,
-    fit_psychometric,
-    limits_over_people,
     paired_t,
     proportion_correct,
     wilson,
@@ -31,7 +28,6 @@ from midair.study.statistics import (
     Interval,
     d_prime_limits,
     f_limits,
-    fit_threshold,
     macro_f_limits,
     share_limits,
     two_answers_limits,
@@ -144,41 +140,6 @@ def of_two_answers(rng: np.random.Generator, studies: int, people: int, trials: 
         say(f"d' of {name} over people: {people} people x {trials} and {trials} trials, {d}", inside)
 
 
-def of_thresholds(studies: int, seed: int) -> None:
-    """Thresholds of one function from trials, and of people who differ."""
-    rng = np.random.default_rng(seed)
-    for shape, guess, slope in (("weibull", 0.5, 2.0), ("weibull", 1 / 3, 3.0), ("logistic", 0.0, 3.0)):
-        levels = LEVELS if shape == "weibull" else np.linspace(-0.5, 2.5, 8)
-        true = Psychometric(threshold=1, slope=slope, guess=guess, lapse=0.02, shape=shape)
-        for trials in (40, 80, 160, 400):
-            inside: list[bool | None] = []
-            for _ in range(studies):
-                right = rng.binomial(trials // 8, true.probability(levels))
-                try:
-                    options = {"guess": guess, "shape": shape, "draws": 0}
-                    found = fit_psychometric(levels, right, np.full(8, trials // 8), rng=rng, **options)
-                    inside.append(found.threshold_low <= 1 <= found.threshold_high)
-                except InputError:
-                    inside.append(None)
-            say(f"threshold from trials: {shape}, guess {guess:.2f}, {trials} trials", inside)
-    for people, spread in ((5, 0.2), (5, 0.4), (10, 0.4), (20, 0.4)):
-        many = _right(rng, 100_000, 20, spread).sum(axis=0)
-        near = fit_psychometric(LEVELS, many[:, 0], many[:, 1], rng=rng, guess=0.5, shape="weibull", draws=0).function
-        inside = []
-        for _ in range(studies):
-            found = limits_over_people(
-                lambda p, near=near: fit_threshold(LEVELS, *p.sum(axis=0).T, guess=0.5, shape="weibull", near=near),
-                _right(rng, people, 10, spread),
-                scale="positive",
-            )
-            inside.append(bool(found.low <= near.threshold <= found.high))
-        say(f"threshold over people: {people} people x 80 trials, sd of log {spread}", inside)
-        found = [
-            limits_over_people(_geometric, np.exp(rng.normal(0, spread, people)), scale="positive") for _ in inside
-        ]
-        say(f"geometric mean of {people} thresholds", [bool(one.low <= 1 <= one.high) for one in found])
-
-
 def of_trials(studies: int, seed: int) -> None:
     """Confidence limits for independent trials of one observer."""
     rng = np.random.default_rng(seed)
@@ -221,7 +182,6 @@ COVERAGE: dict[str, Callable[[int, int], None]] = {
     "people": over_people,
     "trials": of_trials,
     "ratings": of_ratings,
-    "thresholds": of_thresholds,
 }
 """Coverage studies by name."""
 

@@ -24,9 +24,6 @@ PLAN = """
 name = "felt"
 participants = 8
 seed = 3
-[analysis]
-strength = "percent"
-guess = 0.05
 [exclusions]
 fastest_s = 0.2
 slowest_s = 8
@@ -107,19 +104,14 @@ def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
     assert all(row["note"] for row in rows if row["participant"] not in people)
     assert [counts[who] for who in sorted(people)] == [50, 45, 43]
 
-    # The psychometric function has no catch trials.
-    data = data_of_study(folder)
-    assert data.thresholds.equals(thresholds_of(plan, sessions))
-    assert len(data.strengths) == len(analysed) - sum(
-        row["role"] == "catch" and row["scored"] for row in answers_table(plan, sessions).to_dict("records")
-    )
+    assert data_of_study(folder).thresholds.equals(thresholds_of(plan, sessions))
     for kind, read in (("csv", read_csv), ("bids", read_bids)):
         study_app(["export", str(folder.path), str(tmp_path / kind), "--format", kind], result_action="return_value")
         assert trials(read(tmp_path / kind)) == analysed
 
 
 @pytest.mark.long
-def test_the_posterior_finds_the_step_of_a_consistent_person(folder):
+def test_the_fit_finds_the_step_of_a_consistent_person(folder):
     table = thresholds_of(folder.plan(), folder.sessions()).set_index("participant")
     assert np.all((table["threshold"].dropna() > 3) & (table["threshold"].dropna() < 10))
     assert np.all(table["low"].dropna() < table["threshold"].dropna())

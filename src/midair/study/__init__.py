@@ -72,7 +72,6 @@ from .statistics import PowerTest as PowerTest
 from .statistics import Psychometric as Psychometric
 from .statistics import PsychometricFit as PsychometricFit
 from .statistics import Sensitivity as Sensitivity
-from .statistics import ThresholdModel as ThresholdModel
 from .statistics import bayes_factor as bayes_factor
 from .statistics import chance_macro_f as chance_macro_f
 from .statistics import confusion_matrix as confusion_matrix
@@ -84,6 +83,7 @@ from .statistics import f_measure as f_measure
 from .statistics import fit_psychometric as fit_psychometric
 from .statistics import holm as holm
 from .statistics import limits_over_people as limits_over_people
+from .statistics import next_level as next_level
 from .statistics import paired_t as paired_t
 from .statistics import pairwise as pairwise
 from .statistics import participants_for as participants_for

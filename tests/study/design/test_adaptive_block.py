@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import Psychometric, Staircase, proportion_correct
+from midair.study import Staircase, proportion_correct
 from midair.study.design.adaptive_block import next_stimulus, scored_history, thresholds_of
 from midair.study.design.plan import draw_plan, stimulus_levels
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.session_state import GivenAnswer, SessionState, answers_table, excluded_participants, replay
-from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
+from midair.study.design.study_design import Block, Design, Exclusions, Extra
 from midair.study.findings.analysis import analyse
 from midair.study.findings.study_data import data_of_answers
 from midair.study.session.event_log import read_events
@@ -61,7 +61,7 @@ def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive):
     plan = draw_plan(design(adaptive, trials=120))
     table = thresholds_of(plan, [session(plan, n, tmp_path / f"{n}") for n in range(1, 9)])
     right = float(proportion_correct(np.exp(np.log(table["threshold"]).mean()), alternatives=2))
-    assert right == pytest.approx(0.5 + 0.5 * (1 - np.exp(-1)), abs=0.07)
+    assert right == pytest.approx(0.75, abs=0.07)
 
 
 @pytest.mark.long
@@ -155,7 +155,7 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
 
 @pytest.mark.long
 def test_thresholds_reach_the_report(tmp_path):
-    analysed = replace(design("quest+", trials=120), analysis=Analysis(strength="strength"))
+    analysed = design("quest+", trials=120)
     # As in the template `detection`: trials at the strongest level tell lapses from a flat slope.
     strongest = Extra(role="attention", stimuli=("s4.0left", "s4.0right"), repetitions=30)
     analysed = replace(analysed, blocks=(replace(analysed.blocks[0], extras=(strongest,)),))
@@ -163,22 +163,30 @@ def test_thresholds_reach_the_report(tmp_path):
     sessions = [session(plan, n, tmp_path / f"{n}") for n in range(1, 7)]
     data = data_of_answers(answers_table(plan, sessions), analysed.analysis, thresholds=thresholds_of(plan, sessions))
     report = analyse(data, draws=200)
-    function = next(one for one in report.findings if one.title == "Psychometric function")
-    assert "over people" in function.words
-    assert function.table["answers"].sum() == 6 * (120 + 60)
     adaptive = next(one for one in report.findings if one.title == "Thresholds of adaptive blocks")
     assert len(adaptive.table) == 6
-    assert (adaptive.table["sd"] > 0).all()
-    stated = float(function.words.split()[1])
+    assert (adaptive.table["trials"] == 120 + 60).all()
+    assert (adaptive.table["low"] < adaptive.table["threshold"]).all()
+    # 75 % correct answers at d' of 1 times the strength over the middle one.
     blocks = np.exp(np.log(adaptive.table["threshold"]).mean())
-    assert stated == pytest.approx(blocks, rel=0.2)
+    assert float(proportion_correct(blocks, alternatives=2)) == pytest.approx(0.75, abs=0.05)
+
+
+def test_levels_of_constant_stimuli_have_thresholds_too(tmp_path):
+    made = design("", trials=12)
+    plan = draw_plan(made)
+    assert all(trial.stimulus for trial in plan.trials)
+    table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
+    assert table["method"].tolist() == ["constant"]
+    assert table["trials"][0] == 12 * 18
+    assert STRENGTHS[0] < table["threshold"][0] < STRENGTHS[-1]
 
 
 def test_a_short_staircase_is_refused(tmp_path):
     plan = draw_plan(design("staircase", trials=4))
     table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
     assert np.isnan(table["threshold"][0])
-    assert table["note"][0].startswith("refused: the answers determine it only to")
+    assert table["note"][0].startswith("refused: ")
 
 
 def with_answers(plan, number, answer, **how):
@@ -196,7 +204,7 @@ def with_answers(plan, number, answer, **how):
 def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     """Thresholds use the scored rows of the answers table, whatever the rule that excludes an answer."""
     rules = Exclusions(fastest_s=0.2, timeouts=0.5, unfinished=True)
-    plan = draw_plan(replace(design("quest+", trials=120), exclusions=rules, analysis=Analysis(strength="strength")))
+    plan = draw_plan(replace(design("quest+", trials=120), exclusions=rules))
     whole = session(plan, 1, tmp_path / "1")
     begun = session(plan, 6, tmp_path / "6")
     late = session(plan, 7, tmp_path / "7")
@@ -220,7 +228,6 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
         (scored["participant"] == who).sum() for who in ("sub-01", "sub-07")
     ]
     data = data_of_answers(answers, plan.design.analysis, thresholds=table)
-    assert len(data.strengths) == table["trials"].sum()
     found = {one.title: one.words for one in analyse(data, draws=20).findings}
     assert found["Participants"].startswith("SIMULATED: no person was asked. 2 participant(s), 210 answers")
     assert found["Thresholds of adaptive blocks"].startswith("Median of 2 thresholds")
@@ -244,15 +251,16 @@ def test_staircase_by_hand():
 
 
 def test_staircase_converges_to_79_percent_correct():
+    from scipy.special import ndtr
+
     rng = np.random.default_rng(0)
-    true = Psychometric(threshold=0, slope=1, shape="normal")
     found = []
     for _ in range(40):
         state = Staircase(level=2, steps=(0.5, 0.2, 0.1))
         while len(state.turned) < 24:
-            state = state.answered(rng.random() < true.probability(state.level))
+            state = state.answered(rng.random() < ndtr(state.level))
         found.append(state.threshold(last=20))
-    assert np.mean(true.probability(found)) == pytest.approx(0.5 ** (1 / 3), abs=0.02)
+    assert np.mean(ndtr(found)) == pytest.approx(0.5 ** (1 / 3), abs=0.02)
 
 
 def test_staircase_stays_within():

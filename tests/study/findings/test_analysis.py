@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -6,7 +8,7 @@ from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
-from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns, simulation_of
+from midair.study.findings.study_data import data_of_answers, data_of_columns, simulation_of
 from midair.study.tables import legend_of, read_csv
 
 PEOPLE = ["1"] * 4
@@ -226,13 +228,11 @@ def test_every_column_of_a_table_is_explained(reports):
         assert {name for name, _ in legend_of(one)} == set(one.table.columns), one.title
 
 
-def test_participants_count_threshold_answers_and_exclusions():
-    strengths = pd.DataFrame(
-        {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5, "lapse_most": 0.1}
-    )
+def test_participants_that_the_plan_excludes_are_named():
     excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
-    words = found(analyse(StudyData(strengths=strengths, excluded=excluded), draws=50), "Participants").words
-    assert words.startswith("2 participant(s), 3 answers analysed")
+    data = data_of_columns(choices(people=2), **NAMES)
+    words = found(analyse(replace(data, excluded=excluded), draws=50), "Participants").words
+    assert words.startswith("2 participant(s), 48 answers analysed")
     assert "The plan excludes c." in words
 
 

@@ -11,7 +11,7 @@ from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers
 from midair.study.design.question import Question, QuestionKind, Stimulus
 from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
 from midair.study.findings.analysis import question_findings
-from midair.study.findings.rating_findings import adaptive, psychometric
+from midair.study.findings.rating_findings import adaptive
 from midair.study.findings.study_data import StudyData, data_of_answers
 from midair.study.session import InstantClock, Session, SilentPresenter, read_events
 from midair.study.tables import legend_of
@@ -139,50 +139,16 @@ def test_answers_without_a_correct_one_are_no_false_alarms():
     assert "55 of 60 answered 'yes' when it was correct, 10 of 60 when it was wrong" in found.words
 
 
-LEVELS = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
-
-
-def answers(people, trials, *, threshold=1.0, slope=2.0, guess=0.5, seed=0):
-    """Answers with the share 1 - (1 - guess) exp(-(level / threshold)^slope) correct: one Weibull function."""
-    rng = np.random.default_rng(seed)
-    level = np.tile(np.repeat(LEVELS, trials), people)
-    right = rng.random(len(level)) < 1 - (1 - guess) * np.exp(-((level / threshold) ** slope))
-    who = np.repeat([f"p{number}" for number in range(people)], trials * len(LEVELS))
-    columns = {"participant": who, "level": level, "correct": right.astype(float)}
-    return StudyData(strengths=pd.DataFrame({**columns, "guess": np.full(len(level), guess)}).assign(lapse_most=0.05))
-
-
-def number_after(words, text):
-    return float(words.split(text)[1].split()[0].rstrip(",.;"))
-
-
-def test_a_known_threshold_is_found():
-    (found,) = psychometric(answers(8, 60), rng=np.random.default_rng(1))
-    # the Weibull function's threshold is where 1 - .5 / e = 82 % are right
-    assert number_after(found.words, "Threshold ") == pytest.approx(1.0, abs=0.12)
-    low, high = number_after(found.words, "over people "), number_after(found.words.split("over people")[1], " to ")
-    assert low < 1.0 < high
-    assert "The Weibull function fits the answers" in found.words
-    assert found.table["answers"].tolist() == [480] * 5
-    assert found.table["share"].tolist() == pytest.approx((found.table["right"] / 480).tolist())
-
-
-def test_one_person_has_limits_from_trials_only():
-    (found,) = psychometric(answers(1, 100), rng=np.random.default_rng(1))
-    assert "from trials" in found.words
-    assert "over people" not in found.words
-
-
-def test_a_poor_fit_is_reported():
-    data = answers(1, 200)
-    wrong = np.where(data.strengths["level"] == 1.0, 0.0, data.strengths["correct"])
-    worse = StudyData(strengths=data.strengths.assign(correct=wrong))
-    (found,) = psychometric(worse, rng=np.random.default_rng(1))
-    assert "does NOT fit" in found.words
-
-
 def threshold_words(values, strongest=100.0):
-    table = pd.DataFrame({"participant": range(len(values)), "block": "x", "threshold": values, "strongest": strongest})
+    table = pd.DataFrame(
+        {
+            "participant": range(len(values)),
+            "block": "x",
+            "method": "quest+",
+            "threshold": values,
+            "strongest": strongest,
+        }
+    )
     (found,) = adaptive(StudyData(thresholds=table))
     assert found.table is table
     return found.words
@@ -225,7 +191,13 @@ LIMITS = re.compile(r"thresholds: (.+?) \(95 % limits over people (.+?) to (.+?)
 
 def test_blocks_are_not_people():
     table = pd.DataFrame(
-        {"participant": ["a", "b"] * 2, "block": ["x", "x", "y", "y"], "threshold": [0.5, 2.0, 40, 10], "strongest": 50}
+        {
+            "participant": ["a", "b"] * 2,
+            "block": ["x", "x", "y", "y"],
+            "method": "quest+",
+            "threshold": [0.5, 2.0, 40, 10],
+            "strongest": 50,
+        }
     )
     (found,) = adaptive(StudyData(thresholds=table))
     assert "Block x: median of 2 thresholds: 1 (no limits" in found.words
@@ -233,4 +205,4 @@ def test_blocks_are_not_people():
 
 
 def test_no_findings_without_thresholds():
-    assert psychometric(StudyData(), rng=np.random.default_rng(0)) == adaptive(StudyData()) == []
+    assert adaptive(StudyData()) == []

@@ -67,7 +67,7 @@ class Staircase:
 
 
 def stimulus_levels(design: Design, block: Block) -> tuple[list[tuple[str, ...]], Array]:
-    """Stimuli of an adaptive block grouped by strength from weak to strong, and the strengths.
+    """Stimuli of a block with a strength grouped by strength from weak to strong, and the strengths.
 
     Within a group, stimuli are sorted by their correct answers, so that the same index means the same side at every
     strength. Raises InputError if a strength is not a number above 0.
@@ -265,7 +265,8 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
 
     Each participant has an independent random stream: a larger number of participants does not change the others'
     trials. Pairs in either order become two stimuli, see `both_orders`. Raises InputError if a participant who always
-    gives the same answer would always be correct in an adaptive block, or the plan has more than `MOST_TRIALS` trials.
+    gives the same answer would always be correct in a block with a strength, or the plan has more than `MOST_TRIALS`
+    trials.
     """
     whole = _expand_pairs(design)
     trials_each = sum(
@@ -279,7 +280,7 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
             f"{trials_each} trials each; reduce participants or repetitions"
         )
     for block in whole.blocks:
-        if block.adaptive:
+        if block.strength:
             check_sides(whole, block)
     trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _draw_session(whole, number))
     return Plan(design=whole, trials=trials, drives=dict(drives or {}))

@@ -34,12 +34,8 @@ class Analysis:
     """Between-subject factors of the R script: questions of the form, or columns with one level per participant."""
     incomplete: Incomplete = "leave out"
     foils: UnpresentedAnswers = "wrong"
-    strength: str = ""
-    """Factor with numeric levels for which a psychometric function is fitted to correct answers; no fit if empty."""
-    guess: float = 0.5
-    """Guess rate of the psychometric function: 1/m with m alternatives."""
     lapse_most: float = 0.15
-    """Largest lapse rate in the fits of thresholds and of the psychometric function."""
+    """Largest lapse rate in the fits of thresholds."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F between conditions."""
 
@@ -149,8 +145,8 @@ class Block:
     adaptive: Adaptive = ""
     """Method that chooses the stimuli from the answers to the first question."""
     strength: str = ""
-    """Factor with the numeric stimulus strength of an adaptive block. If several stimuli share a strength (left and
-    right), the plan draws each equally often."""
+    """Factor with the numeric stimulus strength of a block whose thresholds are estimated. If several stimuli of an
+    adaptive block share a strength (left and right), the plan draws each equally often."""
     extras: tuple[Extra, ...] = ()
     """Catch trials, anchors and attention checks."""
     criterion: Criterion | None = None
@@ -167,8 +163,8 @@ class Block:
     def __post_init__(self) -> None:
         one_of(self.order, BlockOrder, f"block {self.name!r}: order")
         one_of(self.adaptive, Adaptive, f"block {self.name!r}: adaptive")
-        if bool(self.adaptive) != bool(self.strength) or (self.adaptive and len(self.stimuli) < 3):
-            raise InputError(f"block {self.name!r}: expected adaptive, strength and three stimuli or more, or neither")
+        if (self.adaptive and not self.strength) or (self.strength and len(self.stimuli) < 3):
+            raise InputError(f"block {self.name!r}: expected three stimuli or more with a strength, as adaptive needs")
         if not self.stimuli or self.repetitions < 1 or self.longest_run < 0 or self.rest_s < 0:
             raise InputError(
                 f"block {self.name!r}: expected stimuli, repetitions of 1 or more, longest_run and rest_s of 0 or more"
@@ -323,7 +319,7 @@ class Design:
     def _check_analysis(self, questions: list[str]) -> None:
         chosen = (self.analysis.choice,) if self.analysis.choice else ()
         _known((*chosen, *self.analysis.rated), questions, "analysis: questions")
-        named = (self.analysis.condition, self.analysis.strength, *self.analysis.within, *self.analysis.only)
+        named = (self.analysis.condition, *self.analysis.within, *self.analysis.only)
         truths = (question.truth for question in self.questions)
         _known(tuple(name for name in (*named, *truths) if name), list(self.factors), "factors")
         _known(self.analysis.between, [*self.form, *self.factors], "analysis: between")

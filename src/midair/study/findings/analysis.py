@@ -20,7 +20,7 @@ from midair.study.findings.choice_findings import (
     interval_words,
     limits_words,
 )
-from midair.study.findings.rating_findings import adaptive, anova, pairs, psychometric, rating_means
+from midair.study.findings.rating_findings import adaptive, anova, pairs, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
 
@@ -171,8 +171,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
     jobs.append(lambda: question_findings(data))
-    jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
-    jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))
+    jobs.append(lambda: adaptive(data))
     # The order matters: all jobs use the same random generator.
     for job in report_progress(jobs, len(jobs)):
         findings += job()
@@ -190,10 +189,9 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
 
 def _participants_finding(data: StudyData) -> Finding:
     known = None if data.thresholds is None else data.thresholds.loc[data.thresholds["threshold"].notna()]
-    parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, known]
+    parts = [data.choices, data.other_choices, data.ratings, data.others, known]
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
-    # Answers in `strengths` may also be in `others`.
-    answers = [data.choices, data.other_choices, data.ratings, data.strengths if data.others is None else data.others]
+    answers = [data.choices, data.other_choices, data.ratings, data.others]
     many = sum(len(part) for part in answers if part is not None) if data.analysed is None else data.analysed
     words = f"{len(people)} participant(s), {many} answers analysed"
     words += (

@@ -1,4 +1,4 @@
-"""Report on ratings, and on thresholds: psychometric functions over all people, and adaptive blocks of each."""
+"""Report on ratings, and on the thresholds of each participant."""
 
 from collections import Counter
 
@@ -8,15 +8,11 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series
 
 from midair.errors import InputError
-from midair.study.findings.choice_findings import Finding, limits_words, p_words
+from midair.study.findings.choice_findings import Finding, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
-    PRIORS,
     cell_means,
-    fit_psychometric,
-    fit_threshold,
     holm,
-    levels,
     order_rank,
     pairwise,
     rm_anova,
@@ -121,55 +117,8 @@ def rating_means(data: StudyData) -> DataFrame | None:
     return DataFrame({**columns, "mean": mean, "low": mean - half, "high": mean + half})
 
 
-def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
-    """One Weibull function for the answers of all participants, with jackknife limits over participants."""
-    if data.strengths is None:
-        return []
-    rows = data.strengths
-    guess, lapse_most = (float(rows[name].iloc[0]) for name in ("guess", "lapse_most"))
-    people, person = levels(rows.loc[:, "participant"])
-    strength, place = np.unique(rows["level"], return_inverse=True)
-    cell = person * len(strength) + place
-    size = len(people) * len(strength)
-    sums = [np.bincount(cell, weights=each, minlength=size) for each in (rows["correct"], np.ones(len(rows)))]
-    counts = np.stack(sums, axis=-1).reshape(len(people), len(strength), 2)
-    right, total = counts.sum(axis=0).T
-    fit = fit_psychometric(strength, right, total, rng=rng, guess=guess, shape="weibull", lapse_most=lapse_most)
-
-    def threshold(drawn: NDArray[np.float64]) -> float:
-        hits, trials = drawn.sum(axis=0).T
-        seen = trials > 0
-        return fit_threshold(
-            strength[seen],
-            hits[seen],
-            trials[seen],
-            guess=guess,
-            shape="weibull",
-            near=fit.function,
-            lapse_most=lapse_most,
-        )
-
-    rate = guess + (1 - guess - fit.function.lapse) * (1 - float(np.exp(-1)))
-    over_people = limits_words(threshold, counts, "positive", form=".3g")
-    words = (
-        f"Threshold {fit.function.threshold:.3g} ({100 * rate:.0f} % correct answers),"
-        f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g},"
-        f" valid for these people only; {over_people}"
-    )
-    fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
-    words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
-    if data.thresholds is not None:
-        words += (
-            f" It assumes a guess rate of {guess:g} and no side bias for all people; the thresholds of the adaptive"
-            " blocks do not."
-        )
-    table = DataFrame({"level": strength, "right": right.astype(int), "answers": total.astype(int)})
-    table["share"] = right / total
-    return [Finding(title="Psychometric function", words=words, table=table)]
-
-
 def adaptive(data: StudyData) -> list[Finding]:
-    """Thresholds of adaptive blocks, and their median over participants with those beyond the levels."""
+    """Thresholds of each participant, and their median over participants with those beyond the levels."""
     if data.thresholds is None:
         return []
     known = data.thresholds.loc[data.thresholds["threshold"].notna()]
@@ -183,10 +132,12 @@ def adaptive(data: StudyData) -> list[Finding]:
     if len(known) < len(data.thresholds):
         words += f" {len(data.thresholds) - len(known)} missing: the notes give the reasons."
     words += (
-        " Each threshold is the median of the posterior of a Weibull function, at 63 % of its rise; its slope, lapse"
-        f" rate, and false-alarm rate or side bias are estimated too. {PRIORS}"
+        " Each threshold is the level at half of the rise of a logistic function of the logarithm of the level (75 %"
+        " correct answers of two, without lapses), fitted by maximum likelihood; slope, lapse rate and, for yes and no,"
+        " the false-alarm rate are fitted too."
     )
-    return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
+    title = "Thresholds" if "constant" in set(data.thresholds["method"]) else "Thresholds of adaptive blocks"
+    return [Finding(title=title, words=words, table=data.thresholds)]
 
 
 def _median_words(values: NDArray[np.float64], strongest: float) -> str:

@@ -57,10 +57,8 @@ class StudyData:
     questions: DataFrame | None = None
     """Every question of the plan: columns question, text, kind, private, asked, given and analysed (numbers of
     answers), and part (section of the report with its analysis; empty if there is none)."""
-    strengths: DataFrame | None = None
-    """Columns participant, level, correct (0 or 1), guess, lapse_most: answers to stimuli with numeric strength."""
     thresholds: DataFrame | None = None
-    """Thresholds of adaptive blocks, see `thresholds_of`."""
+    """Thresholds of each participant, see `thresholds_of`."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F."""
     options: tuple[str, ...] = ()
@@ -122,7 +120,6 @@ def data_of_answers(
         others=rest if len(rest) else None,
         form=form if len(form) else None,
         questions=None if design is None else _questions(answers, design, parts),
-        strengths=_strengths(scored, analysis) if analysis.strength else None,
         thresholds=thresholds,
         margin=analysis.margin,
         options=design.question(analysis.choice).options if design is not None and analysis.choice else (),
@@ -317,20 +314,6 @@ def _other_choices(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
     shared = [rows[factor].unique().tolist() for factor in analysis.only]
     name = ", ".join(str(found[0]) for found in shared if len(found) == 1) or "other trials"
     return None if choices is None else choices.assign(condition=name)
-
-
-def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
-    name = analysis.strength
-    known = rows.loc[(rows[name] != "n/a") & (rows["correct"] >= 0)]
-    if known.empty:
-        return None
-    try:
-        level = known[name].astype(float)
-    except ValueError as wrong:
-        raise InputError(f"factor {name!r}: expected strengths as numbers, got {known[name][:3].tolist()}") from wrong
-    correct = known["correct"].astype(float)
-    given = {"participant": known["participant"], "level": level, "correct": correct}
-    return DataFrame(given).assign(guess=analysis.guess, lapse_most=analysis.lapse_most)
 
 
 def _ratings(rows: DataFrame, *, value: str, factors: Sequence[str], participant: str = "participant") -> DataFrame:

@@ -32,8 +32,8 @@ class SimulatedParticipant:
       the participant's level, plus normal noise, rounded to the scale.
     - Slider: as a rating, without rounding. Texts are SIMULATED. Attention checks are answered correctly.
     - Magnitude: log-normal, `magnitude` times the participant's unit.
-    - In adaptive blocks, d' is that of the geometric mean of the strengths and proportional to the strength; the yes-no
-      criterion is 1.5, so that 7 % of silences are false alarms.
+    - In blocks with a strength, d' is that of the geometric mean of the strengths and proportional to the strength; the
+      yes-no criterion is 1.5, so that 7 % of silences are false alarms.
     - A lapse is a random answer. Reaction times are log-normal with a median of 0.9 s.
 
     Each answer depends only on the seed, the participant, the trial and the question: an interrupted and resumed
@@ -80,7 +80,7 @@ class SimulatedParticipant:
         middle = {
             block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))
             for block in design.blocks
-            if block.adaptive
+            if block.strength
         }
         factor = next((factor for factor in middle if factor in stimulus.levels), "")
         strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0

@@ -46,9 +46,7 @@ from .power import power_identification as power_identification
 from .power import power_paired as power_paired
 from .power import power_rating as power_rating
 from .power import power_threshold as power_threshold
-from .psychometric_fit import Psychometric as Psychometric
-from .psychometric_fit import PsychometricFit as PsychometricFit
-from .psychometric_fit import fit_psychometric as fit_psychometric
-from .psychometric_fit import fit_threshold as fit_threshold
-from .threshold_model import PRIORS as PRIORS
-from .threshold_model import ThresholdModel as ThresholdModel
+from .psychometric import Psychometric as Psychometric
+from .psychometric import PsychometricFit as PsychometricFit
+from .psychometric import fit_psychometric as fit_psychometric
+from .psychometric import next_level as next_level
