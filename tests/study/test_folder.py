@@ -9,18 +9,10 @@ from tests.study.simulated import simulate
 from midair.cli import run as midair
 from midair.errors import BrokenFileError, DeviceStateError, FileError, InputError, MismatchError, MissingFileError
 from midair.study.design import draw_plan
-from midair.study.folder import (
-    MADE,
-    StudyFolder,
-    data_of_study,
-    log_derived_file,
-    read_design,
-    template_text,
-    withdraw,
-    withdrawn,
-)
+from midair.study.folder import StudyFolder, data_of_study, read_design, template_text
 from midair.study.session import Session, SilentPresenter
 from midair.study.tables import read_bids, read_csv
+from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn, write_report
 
 
 def test_plan_round_trip(tmp_path):
@@ -223,14 +215,13 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     gone = {os.path.relpath(name, tmp_path) for name in set(before) - set(after)}
     assert gone == {
         "s/sessions/sub-02.jsonl",
-        "s/report.html",
         "bids/sub-02/beh/sub-02_task-s_beh.tsv",
         "bids/sub-02/beh/sub-02_task-s_beh.json",
     }
-    assert all(name.split("/")[0] in said or name in said for name in gone)
-    assert "report.html: deleted" in " ".join(said.split())
+    assert said.count("made again without the participant") == 3
     changed = {os.path.relpath(name, tmp_path) for name in before if name in after and before[name] != after[name]}
-    assert changed == {"bids/participants.tsv", "table.csv"}
+    assert changed == {"bids/participants.tsv", "table.csv", "s/report.html"}
+    assert b"2 participant(s)" in after[str(tmp_path / "s" / "report.html")]
     assert set(read_csv(tmp_path / "table.csv")["participant"]) == {"sub-01", "sub-03"}
     assert set(read_bids(tmp_path / "bids")["participant"]) == {"sub-01", "sub-03"}
     kept = [line for line in before[str(tmp_path / "table.csv")].splitlines() if not line.startswith(b"sub-02")]
@@ -267,23 +258,38 @@ def test_a_session_that_runs_is_not_deleted(study):
 
 
 def test_a_second_call_completes_an_interrupted_withdrawal(study, tmp_path):
-    """The number is recorded first and the log deleted last: an interruption in between leaves a part of the rest."""
+    """The number is recorded first and the log deleted next: an interruption leaves files with the participant."""
     (tmp_path / "s" / "withdrawn.jsonl").write_text(json.dumps({"participant": 2}) + "\n")
-    withdraw(study, 2)
-    assert not [name for name in everything(tmp_path) if "sub-02" in name]
-    assert withdraw(study, 2)[0].endswith("if it was moved, delete the participant from it by hand")
+    study.log(2).unlink()
+    (tmp_path / "bids" / "sub-01" / "notes.txt").write_text("mine")
+    assert len(withdraw(study, 2)) == 3
+    after = everything(tmp_path)
+    assert not [name for name, content in after.items() if "sub-02" in name or b"sub-02" in content]
+    assert after[str(tmp_path / "bids" / "sub-01" / "notes.txt")] == b"mine"
+
+
+def test_without_answers_derived_files_are_deleted_and_not_made_again(study, tmp_path):
+    for number in (1, 2, 3):
+        told = withdraw(study, number)
+    assert sum("deleted, not made again" in line for line in told) == 3
+    assert {path.name for path in (tmp_path / "bids").iterdir()} == {
+        "README",
+        "dataset_description.json",
+        "participants.json",
+    }
+    assert not (tmp_path / "table.csv").exists()
+    assert not (study.path / "report.html").exists()
 
 
 def test_the_folder_of_a_study_may_be_moved(study, tmp_path):
-    report = study.path / "later.html"
-    report.write_text("sub-02")
-    log_derived_file(study, report, "report")
-    log_derived_file(study, report, "report")
-    assert (study.path / MADE).read_text().splitlines()[-1] == '{"path": "later.html", "kind": "report"}'
-    assert (study.path / MADE).read_text().count("later.html") == 1
+    write_report(study, study.path / "later.html", draws=5)
+    write_report(study, study.path / "later.html", draws=5)
+    entry = '{"path": "later.html", "kind": "report", "seed": 0, "draws": 5}'
+    assert (study.path / MADE).read_text().splitlines().count(entry) == 1
     moved = StudyFolder(study.path.rename(tmp_path / "moved"))
-    assert f"{moved.path / 'later.html'}: deleted" in "\n".join(withdraw(moved, 2))
-    assert not (moved.path / "later.html").exists()
+    before = (moved.path / "later.html").read_bytes()
+    assert f"{moved.path / 'later.html'}: made again" in "\n".join(withdraw(moved, 2))
+    assert (moved.path / "later.html").read_bytes() != before
 
 
 def test_an_export_that_was_moved_is_named(study, tmp_path):

@@ -42,13 +42,9 @@ from .findings import data_of_columns as data_of_columns
 from .findings import simulation_of as simulation_of
 from .folder import StudyFolder as StudyFolder
 from .folder import Template as Template
-from .folder import check_not_withdrawn as check_not_withdrawn
 from .folder import data_of_study as data_of_study
-from .folder import log_derived_file as log_derived_file
 from .folder import read_design as read_design
 from .folder import template_text as template_text
-from .folder import withdraw as withdraw
-from .folder import withdrawn as withdrawn
 from .r_script import script_of_plan as script_of_plan
 from .session import ArrayPresenter as ArrayPresenter
 from .session import Headphones as Headphones
@@ -108,3 +104,9 @@ from .tables import read_bids as read_bids
 from .tables import read_csv as read_csv
 from .tables import write_bids as write_bids
 from .tables import write_csv as write_csv
+from .withdrawal import ExportFormat as ExportFormat
+from .withdrawal import check_not_withdrawn as check_not_withdrawn
+from .withdrawal import export as export
+from .withdrawal import withdraw as withdraw
+from .withdrawal import withdrawn as withdrawn
+from .withdrawal import write_report as write_report

@@ -124,7 +124,7 @@ def new_command(
 
 
 def withdraw_command(study: Study, participant: int, /, *, force: Force = False) -> None:
-    """Delete all data of one participant: the log, and every export and report made from this folder.
+    """Delete all data of one participant, and make every export and report of this folder again without it.
 
     Files are deleted, not overwritten; delete copies and backups yourself. The number is not used again.
 

@@ -1,34 +1,31 @@
 """The commands `study analyse` and `study export`."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from midair import files
 from midair.cli.console import out, print_note, warn_simulated
 from midair.cli.options import Json, Study
-from midair.errors import FileError, InputError
+from midair.errors import InputError
 from midair.study import (
+    ExportFormat,
     Incomplete,
     StudyFolder,
     UnpresentedAnswers,
     analyse,
     answers_table,
     data_of_columns,
-    data_of_study,
-    log_derived_file,
-    markers_table,
+    export,
     read_bids,
     read_csv,
     report_json,
     report_page,
     report_text,
-    script_of_plan,
     simulation_of,
     unfinished_sessions,
-    write_bids,
-    write_csv,
+    write_report,
 )
 
 
@@ -99,9 +96,8 @@ def analyse_command(
             raise InputError(
                 "--where: expected a table, got a study, whose plan selects answers (analysis, exclusions)"
             )
-        folder = StudyFolder(source)
-        plan, data = folder.plan(), data_of_study(folder)
-        title, target = plan.design.title or plan.design.name, output or source / "report.html"
+        target = output or source / "report.html"
+        report = write_report(StudyFolder(source), target, seed=seed, draws=draws)
     else:
         table = read_bids(source) if source.is_dir() else read_csv(source)
         data = data_of_columns(
@@ -118,20 +114,17 @@ def analyse_command(
             where=selected,
             simulated=simulation_of(table),
         )
-        title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
-    report = analyse(data, seed=seed, draws=draws)
-    if (source / "plan.json").exists():
-        log_derived_file(StudyFolder(source), target, "report")
-    files.write_file(target, report_page(report, title=title, within=data.within), private=True)
+        report, target = analyse(data, seed=seed, draws=draws), output or source.with_name(f"{source.stem}-report.html")
+        files.write_file(target, report_page(report, title=source.name, within=data.within), private=True)
     if json:
         print(report_json(report))  # noqa: T201
         return
     out().print(report_text(report))
     out().print(f"\nreport {target}")
-    warn_simulated(data.simulated)
+    warn_simulated(report.simulated)
 
 
-def export_command(study: Study, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
+def export_command(study: Study, output: Path, /, *, format: ExportFormat = "bids") -> None:
     """Export the answers of a study as a BIDS dataset, or as a CSV table with an R script of mixed models.
 
     Parameters
@@ -146,27 +139,11 @@ def export_command(study: Study, output: Path, /, *, format: Literal["bids", "cs
     $ midair study export touch bids
     """
     folder = StudyFolder(study)
-    plan, sessions = folder.plan(), folder.sessions()
-    answers = answers_table(plan, sessions)
-    if answers.empty:
-        raise InputError("export: expected answers, got none; run a participant first")
-    script = output.with_suffix(".R")
-    if format == "csv" and script.exists():
-        raise FileError(
-            f"{script.name}: expected a new file beside {output.name}, the file exists; choose another name"
-        )
-    # Logged before the export exists, so that `study withdraw` also finds an interrupted one.
-    log_derived_file(folder, output, format)
-    unfinished, told = unfinished_sessions(sessions), ""
-    if format == "bids":
-        markers = markers_table(sessions)
-        written = write_bids(answers, plan.design, output, unfinished=tuple(unfinished), markers=markers)
-        told = f"{len(written)} files, "
-    else:
-        write_csv(answers, output)
-        files.write_file(script, script_of_plan(plan.design, table=output.name, script=script.name))
-        told = f"its analysis in R is {script.name}, "
-    out().print(f"{output}: {told}{len(answers)} answers.")
-    for who, state in unfinished.items():
+    written = export(folder, output, format)
+    sessions = folder.sessions()
+    answers = answers_table(folder.plan(), sessions)
+    told = f"{len(written)} files" if format == "bids" else f"its analysis in R is {written[1].name}"
+    out().print(f"{output}: {told}, {len(answers)} answers.")
+    for who, state in unfinished_sessions(sessions).items():
         print_note(f"{who}: {state}", warn=True)
     warn_simulated(simulation_of(answers))
