@@ -37,7 +37,6 @@ def new_command(
     template: Template = "paper",
     take: Path | None = None,
     source: Path | None = None,
-    trials: Path | None = None,
     participants: int | None = None,
     seed: int | None = None,
     drives: str = "",
@@ -59,10 +58,6 @@ def new_command(
         --mode.
     source
         TOML file that describes another study, instead of --template; its drives are searched in the same folder.
-    trials
-        CSV table of the trials, with --source: the column stimulus, and block, kind, source, made_from, share, code,
-        duration_s;
-        all further columns are factors.
     participants
         Number of participants to draw trials for. [default: from the TOML]
     seed
@@ -83,9 +78,6 @@ def new_command(
         raise InputError("--take: expected it with --template alone, got --source or --drives")
     if participants is not None:
         within(participants, "--participants", 1)
-    if trials is not None and source is None:
-        raise InputError("--trials: expected --source with the TOML of the study, got none; it states the questions")
-    table = "" if trials is None else files.read_text(trials, "the table of trials")
     text = (
         template_text(template, take=take and take.name)
         if source is None
@@ -96,7 +88,7 @@ def new_command(
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     if not kept:
         raise InputError(f"NAME: expected letters or digits in the last part, got {name!r}")
-    design = read_design(text, name=kept, participants=participants or 0, seed=seed, trials=table)
+    design = read_design(text, name=kept, participants=participants or 0, seed=seed)
     gathered: list[StudyDrive] = []
 
     def fill(into: Path) -> dict[str, str]:
@@ -105,7 +97,7 @@ def new_command(
             gathered.extend(prepare_drives(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
         return {one.source: one.digest for one in gathered} | prepare_media(design, into, found_in=folder)
 
-    plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill, trials=table).plan()
+    plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill).plan()
     out().print(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(plan.design, number))
