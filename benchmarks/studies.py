@@ -24,14 +24,8 @@ from midair.study import (
     proportion_correct,
     wilson,
 )
-from midair.study.statistics import (
-    Interval,
-    d_prime_limits,
-    f_limits,
-    macro_f_limits,
-    share_limits,
-    two_answers_limits,
-)
+from midair.study.statistics.confusion import Interval
+from midair.study.statistics.detection import d_prime_limits, f_limits, macro_f_limits, share_limits, two_answers_limits
 
 OBJECTS = 3
 LEVELS = np.geomspace(0.25, 4, 8)

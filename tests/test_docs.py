@@ -25,7 +25,8 @@ from midair.study import (
     replay,
     template_text,
 )
-from midair.study.design import Block, Exclusions, Question, Stimulus
+from midair.study.design.question import Question, Stimulus
+from midair.study.design.study_design import Block, Exclusions
 
 ROOT = Path(__file__).parents[1]
 

@@ -22,7 +22,7 @@ from midair.settings import Settings
 from midair.studio.player import NoiseOutput, _Player
 from midair.studio.work import SolveRequest, solve_take
 from midair.studio.worker_process import StudioPipe
-from midair.study.design import MaskingNoise
+from midair.study.design.study_design import MaskingNoise
 
 CHECKED = {"profile": DEFAULT_PROFILE, "attenuate": False, "override": "", "repeats": 1}
 

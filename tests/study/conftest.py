@@ -1,7 +1,7 @@
 import pytest
 from tests.study.simulated import simulate
 
-from midair.study.design import answers_table
+from midair.study.design.session_state import answers_table
 from midair.study.folder import StudyFolder, read_design, template_text
 
 

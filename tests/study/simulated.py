@@ -1,4 +1,5 @@
-from midair.study.session import InstantClock, Session, SimulatedParticipant, SimulatedScreen, run
+from midair.study.session.participant import SimulatedParticipant, SimulatedScreen
+from midair.study.session.trials import InstantClock, Session, run
 
 
 def simulate(folder, participant=None):

@@ -18,11 +18,11 @@ from midair.physics import focus_phase
 from midair.rig import VirtualRig, record
 from midair.settings import Settings
 from midair.study import StudyFolder, open_stimulus_rig, prepare_media, read_design
-from midair.study.design import draw_plan
+from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.study_design import Block, Design
 from midair.study.drives import check_digests, digest_of_file, prepare_drives
-from midair.study.session import SilentPresenter, TextPresenter
+from midair.study.session.presenters import SilentPresenter, TextPresenter
 
 QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="fast")
 

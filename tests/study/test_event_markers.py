@@ -11,10 +11,15 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceError, InputError
-from midair.study.design import MarkerOutputs, Stimulus, answers_table, draw_plan, markers_table
+from midair.study.design.plan import draw_plan
+from midair.study.design.question import Stimulus
+from midair.study.design.session_state import answers_table, markers_table
+from midair.study.design.study_design import MarkerOutputs
 from midair.study.event_markers import EventMarkers, measure_markers
 from midair.study.folder import StudyFolder, read_design
-from midair.study.session import InstantClock, MarkedPresenter, Reply, Session, SilentPresenter, read_events
+from midair.study.session.event_log import read_events
+from midair.study.session.presenters import MarkedPresenter, SilentPresenter
+from midair.study.session.trials import InstantClock, Reply, Session
 from midair.study.tables import write_bids
 
 PLAN = """

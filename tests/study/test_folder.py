@@ -9,7 +9,8 @@ from tests.study.simulated import simulate
 from midair.cli import run as midair
 from midair.errors import BrokenFileError, DeviceStateError, FileError, InputError, MismatchError, MissingFileError
 from midair.study.folder import StudyFolder, data_of_study, read_design, template_text
-from midair.study.session import Session, SilentPresenter
+from midair.study.session.presenters import SilentPresenter
+from midair.study.session.trials import Session
 from midair.study.tables import read_bids, read_csv
 from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn, write_report
 

@@ -21,7 +21,7 @@ from midair.cli import run as midair
 from midair.errors import InputError, UnknownDeviceError
 from midair.study.design.study_design import MaskingNoise
 from midair.study.folder import StudyFolder
-from midair.study.session import read_events
+from midair.study.session.event_log import read_events
 from midair.study.session.presenters import Headphones
 
 RATE = 48000

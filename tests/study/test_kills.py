@@ -12,7 +12,7 @@ from tests.drives import save_drive
 
 from midair.study.drives import check_digests
 from midair.study.folder import StudyFolder, template_text
-from midair.study.session import read_events
+from midair.study.session.event_log import read_events
 from midair.study.tables import read_csv
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")

@@ -3,10 +3,10 @@ from pathlib import Path
 import pytest
 from tests.study.simulated import simulate
 
-from midair.study.design import answers_table
-from midair.study.findings import analyse
+from midair.study.design.session_state import answers_table
+from midair.study.findings.analysis import analyse
 from midair.study.folder import StudyFolder, data_of_study, read_design
-from midair.study.session import SimulatedParticipant
+from midair.study.session.participant import SimulatedParticipant
 
 PLAN = Path(__file__).with_name("plans").joinpath("visual.toml").read_text(encoding="utf-8")
 

@@ -8,9 +8,10 @@ from midair.study.design.adaptive_block import thresholds_of
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import answers_table, excluded_participants
 from midair.study.drives import prepare_drives
-from midair.study.findings import analyse, data_of_answers
+from midair.study.findings.analysis import analyse
+from midair.study.findings.study_data import data_of_answers
 from midair.study.folder import StudyFolder, Template, read_design, template_text
-from midair.study.session import SimulatedParticipant
+from midair.study.session.participant import SimulatedParticipant
 
 PEOPLE = 6
 

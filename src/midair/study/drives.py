@@ -13,7 +13,8 @@ from midair.model import Progress, TransducerArray
 from midair.patterns import draw_file, load_pattern
 from midair.rig import VirtualRig, pressure_to_solve, record, sensor_named, solve_to_file
 from midair.settings import MODES, Mode, Settings
-from midair.study.design import Design, Stimulus
+from midair.study.design.question import Stimulus
+from midair.study.design.study_design import Design
 
 ENDING = ".drive.h5"
 Stage = Callable[[str], Progress | None]

@@ -10,7 +10,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from midair.errors import DeviceError, MissingExtraError
-from midair.study.design import MarkerOutputs
+from midair.study.design.study_design import MarkerOutputs
 
 MarkerKind = Literal["trial", "stimulus", "answer", "late"]
 """Start of a trial; start of a stimulus; an answer; the time limit of a question."""

@@ -12,19 +12,11 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files import atomic_folder, json_of, read_text, toml_of
-from midair.study.design import (
-    Design,
-    Plan,
-    SessionState,
-    answers_table,
-    digest_of,
-    draw_plan,
-    excluded_participants,
-    replay,
-    session_notes,
-    thresholds_of,
-)
-from midair.study.findings import StudyData, data_of_answers
+from midair.study.design.adaptive_block import thresholds_of
+from midair.study.design.plan import Plan, digest_of, draw_plan
+from midair.study.design.session_state import SessionState, answers_table, excluded_participants, replay, session_notes
+from midair.study.design.study_design import Design
+from midair.study.findings.study_data import StudyData, data_of_answers
 
 Template = Literal["paper", "detection", "intervals", "paired"]
 """Included designs: section 5.3 of the paper; detection threshold of a vibration; two-interval comparison of strength;
@@ -132,7 +124,7 @@ class StudyFolder:
         Raises MissingFileError without a log, BrokenFileError if the log is damaged, and MismatchError if it belongs to
         another participant or study.
         """
-        from midair.study.session import read_events
+        from midair.study.session.event_log import read_events
 
         log = self.log(participant)
         return replay(read_events(log), plan, participant, name=log.name)

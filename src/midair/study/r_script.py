@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from midair.study.design import Design
+from midair.study.design.study_design import Design
 from midair.version import __version__
 
 _HEAD = """\

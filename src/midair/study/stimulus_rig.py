@@ -31,21 +31,21 @@ from midair.rig import (
     open_tracker,
     tracker_name,
 )
-from midair.study.design import Plan, Question
+from midair.study.design.plan import Plan
+from midair.study.design.question import Question
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
-from midair.study.session import (
+from midair.study.session.presenters import (
     ArrayPresenter,
     ExperimenterPresenter,
     Headphones,
     MarkedPresenter,
     MaskedPresenter,
     Presenter,
-    Reply,
     TextPresenter,
-    TrialStep,
 )
+from midair.study.session.trials import Reply, TrialStep
 
 if sys.platform != "win32":
     import termios

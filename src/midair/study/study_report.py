@@ -14,7 +14,8 @@ from pandas import DataFrame
 from midair.errors import InputError
 from midair.figures import STYLE, Picture, label_axes, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
-from midair.study.findings import Choices, Finding, Report
+from midair.study.findings.analysis import Choices, Report
+from midair.study.findings.choice_findings import Finding
 from midair.study.tables import legend_of
 from midair.version import __version__
 

@@ -11,9 +11,10 @@ from pandas import DataFrame, concat
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.files import atomic_file, atomic_folder, no_formula, read_toml
-from midair.study.design import Design
-from midair.study.findings import Finding, simulation_of
-from midair.study.statistics import typed
+from midair.study.design.study_design import Design
+from midair.study.findings.choice_findings import Finding
+from midair.study.findings.study_data import simulation_of
+from midair.study.statistics.columns import typed
 from midair.version import __version__
 
 _COLUMNS = read_toml(Path(__file__).with_name("columns.toml"), "explanations of columns")

@@ -10,8 +10,8 @@ from typing import Any, Literal
 from midair.devices import append_line
 from midair.errors import FileError, InputError, MidairError
 from midair.files import json_of, lock_or_raise, write_file
-from midair.study.design import answers_table, markers_table, unfinished_sessions
-from midair.study.findings import Report, analyse
+from midair.study.design.session_state import answers_table, markers_table, unfinished_sessions
+from midair.study.findings.analysis import Report, analyse
 from midair.study.folder import StudyFolder, data_of_study
 from midair.study.r_script import script_of_plan
 from midair.study.study_report import report_page

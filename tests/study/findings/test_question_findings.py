@@ -13,7 +13,9 @@ from midair.study.design.study_design import Analysis, Block, Design, Exclusions
 from midair.study.findings.analysis import question_findings
 from midair.study.findings.rating_findings import adaptive
 from midair.study.findings.study_data import StudyData, data_of_answers
-from midair.study.session import InstantClock, Session, SilentPresenter, read_events
+from midair.study.session.event_log import read_events
+from midair.study.session.presenters import SilentPresenter
+from midair.study.session.trials import InstantClock, Session
 from midair.study.tables import legend_of
 
 KINDS = get_args(QuestionKind)

@@ -12,13 +12,7 @@ from midair.study import (
     f_measure,
     proportion_correct,
 )
-from midair.study.statistics import (
-    d_prime_limits,
-    f_limits,
-    macro_f_limits,
-    share_limits,
-    two_answers_limits,
-)
+from midair.study.statistics.detection import d_prime_limits, f_limits, macro_f_limits, share_limits, two_answers_limits
 
 
 def test_three_alternatives():

@@ -2,8 +2,17 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study.statistics import POWER, equivalence, participants_for, power_paired, rm_anova
-from midair.study.statistics.power import power_equivalence, power_identification, power_rating, power_threshold
+from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.paired import equivalence
+from midair.study.statistics.power import (
+    POWER,
+    participants_for,
+    power_equivalence,
+    power_identification,
+    power_paired,
+    power_rating,
+    power_threshold,
+)
 
 
 def test_participants_for_eighty_percent():
@@ -35,7 +44,7 @@ def test_simulated_tests_have_the_power_of_the_formulas():
     equal = [equivalence(rng.normal(size=12), np.zeros(12), margin=1.0).p < 0.05 for _ in range(runs)]
     assert np.mean(equal) == pytest.approx(power_equivalence(12, effect=1.0), abs=0.08)
     right = POWER["identification"](8, effect=0.4)
-    from midair.study.statistics import proportion_correct
+    from midair.study.statistics.detection import proportion_correct
 
     found = [
         binomtest(

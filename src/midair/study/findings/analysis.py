@@ -22,7 +22,8 @@ from midair.study.findings.choice_findings import (
 )
 from midair.study.findings.rating_findings import adaptive, anova, pairs, rating_means
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
+from midair.study.statistics.columns import levels
+from midair.study.statistics.detection import d_prime_same_different, d_prime_yes_no, two_answers_limits
 
 _UNTESTED = "There is no test, since the planned analyses do not include this question."
 

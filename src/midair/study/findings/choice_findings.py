@@ -10,24 +10,18 @@ from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import (
+from midair.study.statistics.confusion import (
     Confusion,
     Interval,
     Scale,
-    bayes_factor,
     chance_macro_f,
     confusion_matrix,
-    d_prime_choice,
-    d_prime_limits,
-    equivalence,
-    f_limits,
     limits_over_people,
-    macro_f_limits,
-    paired_t,
     scores,
-    share_limits,
     sign_flip,
 )
+from midair.study.statistics.detection import d_prime_choice, d_prime_limits, f_limits, macro_f_limits, share_limits
+from midair.study.statistics.paired import bayes_factor, equivalence, paired_t
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

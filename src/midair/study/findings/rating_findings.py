@@ -10,13 +10,9 @@ from pandas import DataFrame, Series
 from midair.errors import InputError
 from midair.study.findings.choice_findings import Finding, p_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import (
-    cell_means,
-    holm,
-    order_rank,
-    pairwise,
-    rm_anova,
-)
+from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.columns import cell_means
+from midair.study.statistics.paired import holm, order_rank, pairwise
 
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:

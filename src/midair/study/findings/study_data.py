@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series
 
 from midair.errors import InputError
-from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
-from midair.study.statistics import BLANK, any_column, column, frame_of, is_blank, typed
+from midair.study.design.study_design import Analysis, Design, Incomplete, UnpresentedAnswers
+from midair.study.statistics.columns import BLANK, any_column, column, frame_of, is_blank, typed
 from midair.validation import is_number
 
 _SINGLE = ("yes-no", "same-different", "magnitude")

@@ -6,16 +6,10 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import DeviceStateError, InputError
-from midair.study.design import (
-    Design,
-    Plan,
-    Question,
-    Stimulus,
-    Trial,
-    right_answer,
-    right_answer_of_trial,
-    stimulus_levels,
-)
+from midair.study.design.plan import Plan, Trial, stimulus_levels
+from midair.study.design.question import Question, Stimulus, right_answer
+from midair.study.design.session_state import right_answer_of_trial
+from midair.study.design.study_design import Design
 from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import Reply, TrialStep
 

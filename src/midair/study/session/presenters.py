@@ -17,7 +17,8 @@ from midair.errors import (
     UnknownDeviceError,
 )
 from midair.rig import Cleared, Session
-from midair.study.design import MaskingNoise, Stimulus
+from midair.study.design.question import Stimulus
+from midair.study.design.study_design import MaskingNoise
 from midair.study.event_markers import EventMarkers
 
 

@@ -16,18 +16,11 @@ from typing import Any, Literal, Protocol, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
 from midair.model import Medium
-from midair.study.design import (
-    Design,
-    Plan,
-    Policy,
-    Question,
-    SessionState,
-    Stimulus,
-    Trial,
-    next_stimulus,
-    replay,
-    right_answer_of_trial,
-)
+from midair.study.design.adaptive_block import next_stimulus
+from midair.study.design.plan import Plan, Trial
+from midair.study.design.question import Question, Stimulus
+from midair.study.design.session_state import Policy, SessionState, replay, right_answer_of_trial
+from midair.study.design.study_design import Design
 from midair.study.event_markers import EventMarkers
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter, SilentPresenter

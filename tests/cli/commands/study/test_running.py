@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from tests.study.every_kind import QUESTIONS, plan_text
 
-from midair.study.design import right_answer_of_trial
+from midair.study.design.session_state import right_answer_of_trial
 from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
