@@ -15,7 +15,7 @@ from midair.study.design.plan import draw_plan
 from midair.study.design.question import Stimulus
 from midair.study.design.session_state import answers_table, markers_table
 from midair.study.design.study_design import MarkerOutputs
-from midair.study.event_markers import EventMarkers, measure_markers
+from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder, read_design
 from midair.study.session.event_log import read_events
 from midair.study.session.presenters import MarkedPresenter, SilentPresenter
@@ -157,34 +157,6 @@ def test_an_answer_is_stored_even_if_its_marker_fails(line, tmp_path):
             markers.port.close()
             one.answer(Reply(text="yes"))
     assert folder.sessions()[0].answers["p01-t001", "felt"].answer == "yes"
-
-
-def test_the_loopback_measures_every_marker(line):
-    far, port = line
-    name = f"midair loop {os.getpid()}"
-    count = 40
-
-    def plug():
-        """Connect the transmit line to the receive line, with a delay of 20 ms."""
-        for _ in range(count):
-            byte = os.read(far, 1)
-            threading.Timer(0.02, os.write, (far, byte)).start()
-
-    pytest.importorskip("pylsl")
-    thread = threading.Thread(target=plug, daemon=True)
-    thread.start()
-    with EventMarkers(MarkerOutputs(lsl=name, serial=port)) as markers:
-        delays = measure_markers(markers, count=count, rng=np.random.default_rng(1))
-    thread.join(60)
-    assert {output: len(delay) for output, delay in delays.items()} == {"LSL": count, "serial": count}
-    assert delays["LSL"].min() > 0
-    assert delays["serial"].min() >= 0.02
-
-
-@pytest.mark.long
-def test_the_loopback_reports_lost_markers(line):
-    with EventMarkers(MarkerOutputs(serial=line[1])) as markers:
-        assert not len(measure_markers(markers, count=10, rng=np.random.default_rng(1))["serial"])
 
 
 @pytest.mark.parametrize(

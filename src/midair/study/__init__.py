@@ -21,7 +21,6 @@ from .drives import media_type as media_type
 from .drives import prepare_drives as prepare_drives
 from .drives import prepare_media as prepare_media
 from .drives import sound_duration as sound_duration
-from .event_markers import measure_markers as measure_markers
 from .findings.analysis import analyse as analyse
 from .findings.study_data import NO_PERSON as NO_PERSON
 from .findings.study_data import NO_TOUCH as NO_TOUCH

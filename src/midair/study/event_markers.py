@@ -4,10 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import UTC, datetime
-from threading import Thread
 from typing import Any, Literal, Self
-
-import numpy as np
 
 from midair.errors import DeviceError, MissingExtraError
 from midair.study.design.study_design import MarkerOutputs
@@ -77,52 +74,6 @@ class EventMarkers:
         """Return the markers sent since the last call."""
         sent, self._sent = self._sent, []
         return sent
-
-
-def measure_markers(markers: EventMarkers, *, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Delay of received markers after their logged times in s, for each output; empty if none came back.
-
-    Markers are sent at random intervals of 5 to 15 ms. They are received by an inlet of this program, and at the serial
-    port itself, whose transmit line must be connected to its receive line.
-    """
-    received: dict[str, list[float]] = {}
-    readers: list[Thread] = []
-    with ExitStack() as hold:
-        if markers.outputs.lsl:
-            pylsl = lsl_library()
-            found = pylsl.resolve_byprop("source_id", f"midair {markers.outputs.lsl}", 1, 5.0)
-            if not found:
-                raise DeviceError(
-                    f"markers: expected the LSL stream {markers.outputs.lsl}, found none; does a firewall block LSL?"
-                )
-            inlet = pylsl.StreamInlet(found[0])
-            inlet.open_stream(5.0)
-            hold.callback(inlet.close_stream)
-            times = received["LSL"] = []
-            readers.append(
-                Thread(target=_collect, args=(lambda: inlet.pull_sample(1.0)[0], pylsl.local_clock, times, count))
-            )
-        if markers.port is not None:
-            markers.port.reset_input_buffer()
-            clock = lsl_library().local_clock if markers.outputs.lsl else time.monotonic
-            times = received["serial"] = []
-            readers.append(Thread(target=_collect, args=(lambda: markers.port.read(1), clock, times, count)))
-        for reader in readers:
-            reader.start()
-        for number in range(count):
-            time.sleep(rng.uniform(0.005, 0.015))
-            markers.send("trial", f"test {number}")
-        for reader in readers:
-            reader.join()
-    sent = np.array([marker["clock_s"] for marker in markers.take()])
-    # A lost marker shifts all later ones: the pairs are only valid if every marker came back.
-    return {name: np.array(got) - sent if len(got) == count else np.empty(0) for name, got in received.items()}
-
-
-def _collect(read: Callable[[], Any], clock: Callable[[], float], times: list[float], count: int) -> None:
-    """Append the time of each received marker, until all have come or none comes within a second."""
-    while len(times) < count and read():
-        times.append(clock())
 
 
 def _serial_port(name: str, baud: int) -> Any:

@@ -1,6 +1,4 @@
-"""The commands `study run` and `study markers`."""
-
-import numpy as np
+"""The command `study run`."""
 
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import AirOptions, ExposureOptions
@@ -22,14 +20,11 @@ from midair.study import (
     TerminalScreen,
     check_not_withdrawn,
     keyboard_of_terminal,
-    measure_markers,
-    open_markers,
     open_stimulus_rig,
     run,
     stop_on_signals,
     withdrawn,
 )
-from midair.validation import within
 
 
 def run_command(
@@ -143,41 +138,6 @@ def run_command(
         due = standing.trials[standing.next_trial].session
         out().print(f"Session {due} is next: run the same command again.")
     return 0 if step.kind == "done" else 1
-
-
-def markers_command(study: Study, /, *, count: int = 500, serial: str = "") -> int:
-    """Measure the delay and jitter of the event markers by a loopback.
-
-    Sends test markers and receives them again: by an LSL inlet of this program, and at the serial port, whose transmit
-    line must be connected to its receive line (pins 2 and 3 of a 9-pin plug).
-    The exit status is 1 if markers were lost.
-
-    Parameters
-    ----------
-    count
-        Number of markers.
-    serial
-        Serial port in place of that of the plan; none for no serial markers.
-
-    Examples
-    --------
-    $ midair study markers touch
-    """
-    within(count, "--count", 10)
-    with open_markers(StudyFolder(study).plan(), serial=serial) as markers:
-        if markers is None:
-            raise InputError(f"{study}: expected a plan with [markers], got none; add lsl or serial to it")
-        delays = measure_markers(markers, count=count, rng=np.random.default_rng())
-    for output, delay in delays.items():
-        if not len(delay):
-            out().print(f"{output}: expected {count} markers back, some were lost; check the connection")
-            continue
-        median, most = 1e3 * np.percentile(delay, [50, 99])
-        out().print(
-            f"{output}: {count} of {count} markers; received after the logged time: median {median:.3f} ms, "
-            f"99 % within {most:.3f} ms, largest {1e3 * delay.max():.3f} ms."
-        )
-    return 0 if all(len(delay) for delay in delays.values()) else 1
 
 
 def _is_finished(folder: StudyFolder, plan: Plan, participant: int) -> bool:
