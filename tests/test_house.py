@@ -33,7 +33,7 @@ LINES = {
     "patterns datasets": 1775,
     "view figures": 2100,
     "cli": 6830,
-    "study": 6490,
+    "study": 6469,
     "studio": 6048,
     "sweep": 500,
     "paper": 480,
