@@ -1,10 +1,9 @@
 """Errors of the exposure check in both directions: `python -m benchmarks.exposure`.
 
-The parts are: attacks by an optimiser that uses all points and airs of the check, on random places in random airs; a
-table of rooms for natural, quiet-ears and hostile drives, by the former check in the file's air and by the present one;
-random foci, a third of them on a surface; drives of strokes; and the mode quiet under five levels at the ears (only
-with `--part safe`). The true level is the sum of all waves at the units' own phase and level steps, maximised over
-place and air without code of the check (`benchmarks.exposure_attacks`).
+The parts are: attacks by an optimiser that uses all points and airs of the check, on random places in random airs;
+random foci, a third of them on a surface; and the mode quiet under five levels at the ears (only with `--part safe`).
+The true level is the sum of all waves at the units' own phase and level steps, maximised over place and air without
+code of the check (`benchmarks.exposure_attacks`). Frames are measured alone; `benchmarks.exposure_time` has moments.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from benchmarks.exposure_attacks import (
     Seen,
     descended,
     direct_sum,
-    loudest_in,
     played,
     solved,
     somewhere,
@@ -32,18 +30,13 @@ from benchmarks.exposure_attacks import (
     within,
 )
 from benchmarks.real_objects import DATA, fast, kept
-from benchmarks.targets import towel
-from midair.datasets import stroke
 from midair.devices import measure_exposure
-from midair.devices.frame_bytes import actual_level
 from midair.files import open_take, profile_named
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium
+from midair.model import Acoustics, Drive, Medium
 from midair.paper.modes_compared import FidelityPlan, original_of
 from midair.physics import (
     Place,
     airs_of_room,
-    exposure,
-    focus_amplitude,
     focus_phase,
     searched_points,
     sound_level,
@@ -53,11 +46,11 @@ from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.rig import BudgetPlan, VirtualRig, level_trade, record
 from midair.rig.names.sensor_names import SPREADS, TransducerSpread
 from midair.settings import best_mode, quiet_mode
-from midair.solvers import one_blas_thread, solve
-from midair.targets import add_lead, prepare
+from midair.solvers import one_blas_thread
+from midair.targets import add_lead
 
 PROFILE = profile_named("occupational-110")
-PARTS = ("attacks", "rooms", "foci", "natural")
+PARTS = ("attacks", "foci")
 THINGS = ("towel", "sponge", "denim", "am-i")
 
 
@@ -81,12 +74,8 @@ def main() -> None:
     room = None if options.room is None else Medium.at(temperature=options.room)
     if "attacks" in options.part:
         attacks(options.attacks, options.steps, rng, room, surface=options.surface)
-    if "rooms" in options.part:
-        rooms(rng)
     if "foci" in options.part:
         foci(options.foci, rng, room)
-    if "natural" in options.part:
-        natural()
     if "safe" in options.part:
         with one_blas_thread():
             for thing in options.things:
@@ -150,67 +139,6 @@ def loudest_near(
     return sound_level(np.max(found, axis=0))
 
 
-def rooms(rng: np.random.Generator, *, frames: int = 60) -> None:
-    """Print reported minus true level at the worse ear in rooms of 14 to 28 degrees, before and after."""
-    focus = focus_amplitude(ControlGrid(), ARRAY)
-    target = AmplitudeFrames(amplitude=focus * towel(frames, 0.2).amplitude, rate=1000.0, grid=ControlGrid())
-    paper, warm = Acoustics(), Acoustics(medium=Medium.at(temperature=22.0))
-    drives = {
-        f"towel, quiet ears {weight:g}, solved for {air.medium}": solve(
-            target, ARRAY, method="fast", level="auto", quiet_ears=weight, acoustics=air
-        ).drive
-        for weight, air in ((0, paper), (30, paper), (30, warm))
-    } | {"made to be quiet in 340 m/s and loud in 22 °C": hidden(rng)}
-    degrees = (14, 18, 20, 22, 24, 26, 28)
-    for name, drive in drives.items():
-        own = replace(drive, level=actual_level(np.asarray(drive.level)))
-        before = exposure(own, PROFILE, acoustics=tuple(dict.fromkeys((paper, drive.acoustics)))).peak[:2]
-        unknown = measure_exposure(drive, ARRAY, PROFILE).peak[:2]
-        print(f"{name}; ears before {before.round(1)}, now, no temperature stated {unknown.round(1)} dB")
-        for each in degrees:
-            room = Medium(speed=340.0) if each == 14 else Medium.at(temperature=each)
-            stated = measure_exposure(drive, ARRAY, PROFILE, room=room).peak[:2]
-            true = np.array([true_peak(place, sounding(drive), room) for place in PROFILE.places[:2]])
-            errors = ", ".join(
-                f"{label} {(level - true).min():+.1f}"
-                for label, level in {"before": before, "stated": stated, "not stated": unknown}.items()
-            )
-            print(f"  {each} °C: true {true.round(1)} dB; reported minus true, worse ear: {errors} dB", flush=True)
-
-
-def true_peak(place: Place, q: NDArray[np.complex128], medium: Medium, *, few: int = 3) -> float:
-    """Level of the loudest frame in dB: on a grid of 8 mm, then the loudest few of them on a fine one."""
-    edge = np.linspace(-place.reach, place.reach, 11)
-    points = np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), axis=-1).reshape(-1, 3) + place.position
-    loudest = direct_sum(q, points, medium).max(axis=0)
-    return float(loudest_in(place, q[np.argsort(loudest)[-few:]], medium).max())
-
-
-def hidden(rng: np.random.Generator) -> Drive:
-    """The drive that the former check passes at 110 dB and that is loudest at the left ear in air of 22 degrees."""
-    place, room = PROFILE.places[0], Medium.at(temperature=22.0)
-    edge = np.linspace(-place.reach, place.reach, 13)
-    points = np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), axis=-1).reshape(-1, 3) + place.position
-    matrix = transfer_matrix(points, ARRAY)
-    power, vectors = np.linalg.eigh(matrix.conj().T @ matrix / len(matrix))
-    aims = somewhere(place, 14, rng, surface=True)
-    wanted = transfer_matrix(aims, ARRAY, acoustics=Acoustics(medium=room)).conj() @ vectors.conj()
-    best, most = None, -np.inf
-    for effort in (1e-2, 1e-3, 1e-4):
-        q = wanted / (power + effort * power[-1]) @ vectors.T
-        drive = played(np.angle(q), np.abs(q) / np.abs(q).max(axis=1, keepdims=True))
-        true = sound_level(direct_sum(sounding(drive), aims, room).diagonal())
-        gap = true - exposure(drive, PROFILE).level[:, 0]
-        if gap.max() > most:
-            most, frame = float(gap.max()), int(gap.argmax())
-            best = Drive(phase=drive.phase[[frame]], level=drive.level[[frame]], rate=1000.0, array=ARRAY)
-    for weaker in np.arange(0, 60, 0.25):
-        drive = played(best.phase, best.level * 10 ** (-weaker / 20))
-        if exposure(replace(drive, level=actual_level(drive.level)), PROFILE).excess <= 0:
-            return drive
-    return drive
-
-
 def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
     for number, place in enumerate(PROFILE.places[:3]):
         over = []
@@ -228,24 +156,6 @@ def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
 
 def _frame(drive: Drive, row: int) -> Drive:
     return replace(drive, phase=drive.phase[[row]], level=drive.level[[row]])
-
-
-def natural(*, frames: int = 300, loudest: int = 2) -> None:
-    """Drives of strokes: the reported peak, and that of their loudest frames in air of 14 to 30 degrees."""
-    drives = {}
-    for name, height in product(("towel", "brush", "sponge"), (0.15, 0.2, 0.25)):
-        grid = ControlGrid(height=height)
-        amplitude = prepare(stroke(name), grid=grid).amplitude
-        amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()][:frames]
-        amplitude = 0.15 * focus_amplitude(grid, ARRAY) * amplitude / amplitude.max()
-        target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
-        drives[f"{name}, {1e3 * height:.0f} mm"] = solve(target, ARRAY, method="fast", level="auto").drive
-    for number, place in enumerate(PROFILE.places[:2]):
-        for label, drive in drives.items():
-            level = measure_exposure(drive, ARRAY, PROFILE, alone=True).level[:, number]
-            q = sounding(drive)[np.argsort(level)[-loudest:]]
-            true = max(loudest_in(place, q, Medium.at(temperature=each)).max() for each in range(14, 31, 2))
-            print(f"{place.name}, {label}: reported minus true {level.max() - true:+.2f} dB", flush=True)
 
 
 def safe(thing: str, levels: list[float], data: Path) -> None:

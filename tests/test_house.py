@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3107,
     "solvers": 5075,
     "files": 4635,
-    "devices": 7975,
+    "devices": 7994,
     "rig": 9438,
     "patterns datasets": 1775,
     "view figures": 2100,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_100, "benchmarks": 4_500}
+BESIDE = {"tests": 52_100, "benchmarks": 4_630}
 """Most lines of .py in these folders, as for the packages."""
 
 
