@@ -7,7 +7,7 @@ Nielsen & Tingleff, "Methods for non-linear least squares problems" (2004), sect
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol, Self, cast
+from typing import Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class State:
     growth: float = 2.0  # Factor on lambda after a rejected step; it doubles with each one
     iterations: int = 0  # Iterations made, rejected steps included
     status: Status | None = None  # None until the iteration ends
-    normal: Floats | None = None  # The `Form.normal` at x, kept after rejected steps
+    normal: Floats | None = None  # The matrix of the linear system at x, `normal`, kept after rejected steps
     # Residuals of the guard, shape (active guard point,), and their derivative by theta, (active guard point,
     # transducer), see `problem.excess_rows`; None without a guard
     excess: tuple[Array, Array] | None = None
@@ -59,22 +59,6 @@ class State:
         )
 
 
-class Form(Protocol):
-    """How a step is computed."""
-
-    def at(self, p: Array, x: Array, damping: float) -> State:
-        """The state at x (transducer + point,) for the target p (point,) before its first step."""
-        ...
-
-    def normal(self, p: Array, x: Array) -> Floats:
-        """The matrix of the linear system at x, without damping and guard, which a rejected step needs again."""
-        ...
-
-    def step(self, p: Array, state: State) -> Array:
-        """The step h, shape (transducer + point,), in rad, from a state with its `normal`; NaN if there is none."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlainForm:
     """The step with all of G, and with a guard, in double precision."""
@@ -82,7 +66,7 @@ class PlainForm:
     problem: Problem
 
     def at(self, p: Array, x: Array, damping: float) -> State:
-        """As of `Form`."""
+        """The state at x (transducer + point,) for the target p (point,) before its first step."""
         problem, r = self.problem, residual(self.problem, p, x)
         gradient, cost = self._transposed_jacobian(p, x, r), 0.5 * float(np.vdot(r, r).real)
         if problem.guard is None:
@@ -198,7 +182,7 @@ class ModalForm:
         )
 
     def at(self, p: Array, x: Array, damping: float) -> State:
-        """The state at x before its first step."""
+        """As of `PlainForm`."""
         count, wave = self.C.shape[1], np.exp(1j * x)
         residual = self.U @ (self.C @ wave[:count].astype(self.C.dtype)) - p * wave[count:]
         back = (residual.conj().astype(self.C.dtype) @ self.U) @ self.C
@@ -261,6 +245,10 @@ class ModalForm:
         gesv: Any = get_lapack_funcs("gesv", dtype=kind)
         _, _, x, info = gesv(matrix, right, overwrite_a=True, overwrite_b=True)
         return np.asarray(x) if info == 0 else np.full_like(right, np.nan)
+
+
+Form = PlainForm | ModalForm
+"""How a step is computed."""
 
 
 def _whole(upper: Floats) -> Floats:

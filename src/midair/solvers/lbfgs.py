@@ -51,7 +51,7 @@ class LBFGS:
         """Evaluate all rows once and update the state."""
         xp = self.xp
         direction = self._direction(state)
-        slope = self._dot(direction, state.gradient)
+        slope = self.xp.vecdot(direction, state.gradient)
         s = state.length[:, None] * direction
         x = state.x + s
         cost, gradient = function(x)
@@ -77,14 +77,10 @@ class LBFGS:
             self.step(function, state)
         return state
 
-    def _dot(self, a: Rows, b: Rows) -> Numbers:
-        """Inner product of each row, shape (row,)."""
-        return self.xp.vecdot(a, b)
-
     def _remember(self, state: RowsState, s: Rows, y: Rows) -> None:
         """Keep the pair; its weight is 0 where the curvature is not positive."""
         xp = self.xp
-        sy, yy = self._dot(s, y), self._dot(y, y)
+        sy, yy = self.xp.vecdot(s, y), self.xp.vecdot(y, y)
         # A pair without positive curvature could make later directions uphill.
         curved = (sy > 1e-10 * yy) & (yy > 0)
         one = xp.ones_like(sy)
@@ -99,12 +95,12 @@ class LBFGS:
         d = -state.gradient
         weights: list[Numbers] = []
         for s, y, inverse in reversed(state.pairs):
-            weight = inverse * self._dot(s, d)
+            weight = inverse * self.xp.vecdot(s, d)
             d -= weight[:, None] * y
             weights.append(weight)
         d *= state.scale[:, None]
         for (s, y, inverse), weight in zip(state.pairs, reversed(weights), strict=True):
-            d += (weight - inverse * self._dot(y, d))[:, None] * s
+            d += (weight - inverse * self.xp.vecdot(y, d))[:, None] * s
         return d
 
 

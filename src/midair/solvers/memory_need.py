@@ -1,11 +1,12 @@
 """Estimate the memory that a solution needs before it is allocated."""
 
+from dataclasses import replace
 from typing import Any
 
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers.methods import SolverSettings
-from midair.solvers.solve_plan import folds, frames_per_part, settings_with
+from midair.solvers.solve_plan import folds, frames_per_part
 
 
 def memory_of(
@@ -22,7 +23,7 @@ def memory_of(
     It counts the arrays alive at once where there are most of them. A target that does not exist yet is its grid and
     number of frames.
     """
-    settings = settings_with(settings, changes)
+    settings = replace(settings or SolverSettings(), **changes)
     grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
     frames = min(frames, frames_per_part(settings.solver())) if parts else frames
     airs = len(settings.airs(acoustics or Acoustics()))

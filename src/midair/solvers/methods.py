@@ -80,31 +80,19 @@ def solver(
         raise InputError(f"start: expected previous or zero, got {start!r}")
     settings = METHODS[method]() if isinstance(method, str) else method
     has = {field.name for field in fields(settings)}
-    changes: dict[str, Any] = {}
-    if start is not None and "start" in has:
-        changes["start"] = start
-    if backend is not None:
-        if "backend" not in has:
-            raise InputError(f"backend: expected method fast or glide, got {name}; the others run on NumPy or Numba")
-        changes["backend"] = backend
-    if jobs is not None and "jobs" in has:
-        changes["jobs"] = jobs
-    if iterations is not None and name == "glide":
-        raise InputError("iterations: expected none with glide; set the iterations of each kind of frame in Glide(...)")
+    if backend is not None and "backend" not in has:
+        raise InputError(f"backend: expected method fast or glide, got {name}; the others run on NumPy or Numba")
+    changes: dict[str, Any] = {"start": start, "backend": backend, "jobs": jobs}
     if iterations is not None:
-        changes |= _iterations(name, iterations, "warm_iterations" in has)
-    return replace(settings, **changes)
-
-
-def _iterations(method: str, iterations: int | tuple[int, int], warm: bool) -> dict[str, int]:
-    first, later = iterations if isinstance(iterations, tuple) else (iterations, iterations)
-    if not all(isinstance(each, Integral) and each >= 1 for each in (first, later)):
-        raise InputError(f"iterations: expected 1 or more, got {iterations!r}")
-    if warm:
-        return {"iterations": first, "warm_iterations": later}
-    if first != later:
-        raise InputError(f"iterations: expected one number, since {method} solves all frames alike, got {iterations}")
-    return {"iterations": first}
+        if name == "glide":
+            raise InputError("iterations: expected none with glide; set those of each kind of frame in Glide(...)")
+        first, later = iterations if isinstance(iterations, tuple) else (iterations, iterations)
+        if not all(isinstance(each, Integral) and each >= 1 for each in (first, later)):
+            raise InputError(f"iterations: expected 1 or more, got {iterations!r}")
+        if first != later and "warm_iterations" not in has:
+            raise InputError(f"iterations: expected one number, since {name} solves all frames alike, got {iterations}")
+        changes |= {"iterations": first, "warm_iterations": later}
+    return replace(settings, **{key: value for key, value in changes.items() if value is not None and key in has})
 
 
 T = TypeVar("T")

@@ -139,7 +139,7 @@ class SolvePlan:
         **changes: Any,
     ) -> "SolvePlan":
         """Check the settings of `solve`."""
-        settings = settings_with(settings, changes)
+        settings = replace(settings or SolverSettings(), **changes)
         solver, acoustics = settings.solver(), acoustics or Acoustics()
         if bits is not None and not 1 <= bits <= 16:
             raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")
@@ -233,12 +233,5 @@ def folds(settings: SolverSettings) -> bool:
 
     At points alone ADMM cannot handle fields of different kinds that overlap, see docs/decisions/0048-folding.md.
     """
-    solver = settings.solver()
-    return (
-        isinstance(solver, Glide) and solver.backend == "numpy" and settings.asked - {"guard"} == frozenset({"cells"})
-    )
-
-
-def settings_with(settings: SolverSettings | None, changes: dict[str, Any]) -> SolverSettings:
-    """The settings, those of method "lm" if None, with changes."""
-    return replace(settings or SolverSettings(), **changes)
+    solver, terms = settings.solver(), settings.asked - {"guard"}
+    return isinstance(solver, Glide) and solver.backend == "numpy" and terms == frozenset(["cells"])
