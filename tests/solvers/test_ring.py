@@ -1,15 +1,14 @@
 """The ring makes the steps of `lbfgs` with a fixed number of launches and no synchronisation."""
 
 from collections import Counter
-from concurrent.futures import Executor, Future
 from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
 import pytest
 
-from midair.model import ControlGrid, SensorGrid
-from midair.solvers import Fast, Glide, Problem, spreading_phase
+from midair.model import ControlGrid
+from midair.solvers import Fast, Problem, spreading_phase
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.lbfgs import LBFGS, RingLBFGS
@@ -145,41 +144,3 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
     assert fields[1].made.total() - fields[0].made.total() <= 10 * 71
     assert fields[1].moved - fields[0].moved <= 10 * 0.12e6 * ROWS
     assert fields[1].waits == 0
-
-
-def test_a_batch_of_patterns_waits_for_nothing(patterns):
-    """Before: 250 waits, one an iteration; now the host only waits for the phases."""
-    counted, there = launches(), backend("torch")
-    operators = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:16]), there, tolerance=5e-3, memory=4)
-    batch = operators.batch(np.arange(16), faintest=1e-12)
-    with counted:
-        Fast()._phases(operators, batch, there.xp.zeros_like(operators.initial_drive))
-    assert counted.waits == 0
-    assert counted.made.total() <= 17_150
-
-
-class InThisThread(Executor):
-    """Launches are counted in one thread."""
-
-    def __init__(self, _jobs):
-        pass
-
-    def submit(self, work, /, *given):
-        done = Future()
-        done.set_result(work(*given))
-        return done
-
-
-def test_launches_of_a_recording(patterns, channels_to_points, monkeypatch):
-    """A spot of 129 frames that vibrates: 38,614 launches and 415 waits before the ring."""
-    monkeypatch.setattr("midair.solvers.glide.ThreadPoolExecutor", InThisThread)
-    time = np.arange(129) / 1000
-    centre = -0.011 * np.cos(0.25 / 0.011 * time)[:, None, None]
-    X, Y = np.meshgrid(SensorGrid().x, SensorGrid().y)
-    spot = np.exp(-((X - centre) ** 2 + (Y - 0.3 * centre) ** 2) / (2 * 0.011**2)).reshape(129, 16)
-    spot *= (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time + 0.3))[:, None]
-    counted = launches()
-    with counted:
-        Glide(backend="torch").solve(replace(patterns, amplitude=0.1 * channels_to_points(spot)))
-    assert counted.waits == 0
-    assert counted.made.total() <= 29_600, counted.made

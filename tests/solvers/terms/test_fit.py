@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import MidairError
-from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, TransducerArray
 from midair.physics import SensorModel, cell_weights, propagate, radiation_pressure, sound_amplitude
 from midair.solvers import Cells, SolverSettings, Windows, solve
 from midair.solvers.problem import CellTarget, cell_misfit, misfit
@@ -18,19 +18,6 @@ def test_the_misfit_of_points_by_hand():
     np.testing.assert_allclose(slope, [[2 * (3 + 4j) / 5, 0]], atol=1e-15)
 
 
-def test_silence_where_sound_is_wanted_has_a_cost_and_no_direction():
-    cost, slope = misfit(np, np.zeros((1, 2), complex), np.ones((1, 2)))
-    assert cost == pytest.approx(1)
-    np.testing.assert_array_equal(slope, 0)
-
-
-def test_the_slope_of_points_is_the_derivative(complex_slope):
-    rng = np.random.default_rng(0)
-    y, p = rng.normal(size=(3, 4)) + 1j * rng.normal(size=(3, 4)), rng.uniform(0, 2, (3, 4))
-    slope = misfit(np, y.copy(), p)[1]
-    np.testing.assert_allclose(slope, complex_slope(lambda z: misfit(np, z.copy(), p)[0], y), atol=1e-7)
-
-
 def test_the_misfit_of_cells_by_hand():
     """Two cells, one of both points and one of the second: readings (1 + 4) / 2 and 4 against 2 and 4."""
     weights = np.array([[0.5, 0.5], [0.0, 1.0]])
@@ -40,13 +27,17 @@ def test_the_misfit_of_cells_by_hand():
     np.testing.assert_allclose(slope, [[2 * 10 * 0.5 * 0.5 * 1j, 2 * 10 * 0.5 * 0.5 * -2]])
 
 
-def test_the_slope_of_cells_is_the_derivative(complex_slope):
+def test_slopes_are_derivatives_and_silence_has_none(complex_slope):
     rng = np.random.default_rng(0)
     y, weights = rng.normal(size=(3, 5)) + 1j * rng.normal(size=(3, 5)), rng.uniform(0, 1, (5, 2))
-    wanted, scale = rng.uniform(0, 3, (3, 2)), np.array([1.0, 0.2, 3.0])
-    slope = cell_misfit(np, y, weights, wanted, scale)[1]
-    expected = complex_slope(lambda z: cell_misfit(np, z, weights, wanted, scale)[0], y)
-    np.testing.assert_allclose(slope, expected, atol=1e-6)
+    p, wanted, scale = rng.uniform(0, 2, (3, 5)), rng.uniform(0, 3, (3, 2)), np.array([1.0, 0.2, 3.0])
+    by_points = complex_slope(lambda z: misfit(np, z.copy(), p)[0], y)
+    np.testing.assert_allclose(misfit(np, y.copy(), p)[1], by_points, atol=1e-7)
+    by_cells = complex_slope(lambda z: cell_misfit(np, z, weights, wanted, scale)[0], y)
+    np.testing.assert_allclose(cell_misfit(np, y, weights, wanted, scale)[1], by_cells, atol=1e-6)
+    cost, slope = misfit(np, np.zeros((1, 2), complex), np.ones((1, 2)))
+    assert cost == pytest.approx(1)
+    np.testing.assert_array_equal(slope, 0)
 
 
 def test_the_target_is_the_reading_of_the_target_at_the_points():
@@ -59,12 +50,6 @@ def test_the_target_is_the_reading_of_the_target_at_the_points():
     )
 
 
-def test_the_cells_go_where_the_grid_goes():
-    amplitude = np.ones((1, GRID.count))
-    moved = Cells().target(amplitude, ControlGrid(centre=(0.03, 0.01)), 1.0)
-    np.testing.assert_allclose(moved.weights, Cells().target(amplitude, GRID, 1.0).weights, atol=1e-12)
-
-
 def test_a_given_pressure_is_in_pascal():
     """Amplitude 1 exerts 2 Pa: 6 Pa are an amplitude squared of 3."""
     pressure = PressureFrames(pressure=np.full((2, 4, 4), 6.0), rate=1000.0)
@@ -72,51 +57,48 @@ def test_a_given_pressure_is_in_pascal():
     np.testing.assert_allclose(target.wanted, 3.0)
 
 
-def test_a_pressure_of_other_frames_is_refused():
+@pytest.mark.parametrize(
+    ("fit", "grid", "shape"),
+    [
+        ("windows", GRID, (13, 13)),
+        ("fine-windows", GRID, (19, 19)),
+        ("windows", ControlGrid(rows=11, columns=11, pitch=5.5e-3), (13, 13)),
+        ("windows", ControlGrid(rows=16, columns=28), (13, 25)),
+        ("windows", ControlGrid(rows=1, columns=2), (1, 1)),
+    ],
+)
+def test_windows_overlap_and_cover_whatever_the_points_cover(fit, grid, shape):
+    windows = SolverSettings(fit=fit).means
+    places = windows.places(grid).grid
+    assert places.shape == shape
+    assert windows.pitch <= windows.aperture / 2
+    if min(shape) > 1:
+        # Half a cell within the outermost points, which stay silent.
+        assert abs(grid.x[0]) - abs(places.x[0]) == pytest.approx(windows.inset)
+
+
+@pytest.mark.parametrize("means", [Cells(), Windows()], ids=["cells", "windows"])
+def test_they_go_where_the_grid_goes(means):
+    amplitude = np.ones((1, GRID.count))
+    here, moved = (means.target(amplitude, grid, 1.0) for grid in (GRID, ControlGrid(centre=(0.03, 0.01))))
+    np.testing.assert_allclose(moved.weights, here.weights, atol=1e-12)
+    np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12)
+
+
+def test_wrong_fits_are_refused():
     pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
     with pytest.raises(MidairError, match="pressure of the cells"):
         Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 1.0)
-
-
-def test_other_sensors():
-    sensor = SensorModel(grid=SensorGrid(rows=2, columns=3, pitch=15e-3))
-    assert Cells(sensor=sensor).target(np.ones((1, GRID.count)), GRID, 1.0).wanted.shape == (1, 6)
-
-
-@pytest.mark.parametrize(("fit", "count"), [("windows", 13), ("fine-windows", 19)])
-def test_windows_overlap_and_end_at_the_square(fit, count):
-    windows = SolverSettings(fit=fit).means
-    places = windows.places(GRID)
-    assert places.grid.shape == (count, count)
-    assert windows.pitch <= windows.aperture / 2
-    # Half a cell within the outermost points, which stay silent.
-    assert abs(GRID.x[0]) - abs(places.grid.x[0]) == pytest.approx(windows.inset)
     with pytest.raises(MidairError, match="fine-windows, cells"):
         SolverSettings(fit="finer")
+    for name in ("aperture", "spread", "pitch", "inset"):
+        with pytest.raises(MidairError, match=f"{name} of the windows"):
+            Windows(**{name: 0.0})
 
 
 def test_cells_that_should_read_nothing_have_no_error():
     target = CellTarget(weights=np.ones((1, 2)), wanted=np.zeros((1, 1)))
     assert target.error(np.ones((1, 2))) == 0
-
-
-def test_thirteen_by_thirteen_over_the_papers_points():
-    places = Windows().places(GRID).grid
-    assert (places.rows, places.columns) == (13, 13)
-    np.testing.assert_allclose(places.x[[0, 6, 12]], [-22e-3, 0, 22e-3], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("grid", "shape"),
-    [
-        (ControlGrid(rows=11, columns=11, pitch=5.5e-3), (13, 13)),
-        (ControlGrid(rows=16, columns=28), (13, 25)),
-        (ControlGrid(rows=1, columns=2), (1, 1)),
-    ],
-)
-def test_windows_cover_whatever_the_points_cover(grid, shape):
-    places = Windows().places(grid).grid
-    assert (places.rows, places.columns) == shape
 
 
 def test_wanted_are_means_of_the_pressure_that_is_interpolated():
@@ -126,14 +108,6 @@ def test_wanted_are_means_of_the_pressure_that_is_interpolated():
     fine = ControlGrid(rows=180, columns=180, pitch=11e-3 / 30)
     expected = cell_weights(Windows().places(GRID), fine) @ (interpolation_matrix(sensor.grid, fine) @ cells)
     np.testing.assert_allclose(Windows().target(amplitude, GRID, 1.0).wanted[0], expected, rtol=2e-3)
-
-
-def test_the_windows_go_where_the_grid_goes():
-    amplitude = np.ones((1, GRID.count))
-    moved = Windows().target(amplitude, ControlGrid(centre=(0.03, 0.01)), 1.0)
-    here = Windows().target(amplitude, GRID, 1.0)
-    np.testing.assert_allclose(moved.weights, here.weights, atol=1e-12)
-    np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12)
 
 
 def test_an_even_pressure_is_wanted_evenly():
@@ -146,12 +120,6 @@ def test_the_error_of_a_faint_frame_is_relative_to_random_phases():
     amplitude = np.sqrt(np.array([[1e-5], [4e-2]])) * np.ones((2, GRID.count))
     target = Windows(faint=1e-3).target(amplitude, GRID, 1.0)
     np.testing.assert_allclose(target.error(np.sqrt(3) * amplitude), [0.02, 2.0], rtol=0.02)
-
-
-@pytest.mark.parametrize("name", ["aperture", "spread", "pitch", "inset"])
-def test_windows_have_a_size(name):
-    with pytest.raises(MidairError, match=f"{name} of the windows"):
-        Windows(**{name: 0.0})
 
 
 @pytest.mark.long
