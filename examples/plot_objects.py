@@ -13,16 +13,16 @@ from midair.rig import record
 from midair.rig.names.sensor_names import VirtualRig
 
 rig = VirtualRig(seed=1)
-felt = []
+felt = {}
 for name in ("brush", "towel", "sponge"):
     with rig.touched_by(name) as sensor:
         recording = record(sensor, duration=1.28).recording
-    felt.append((name, midair.calibrate(recording, sensor.calibration)))
+    felt[name] = midair.calibrate(recording, sensor.calibration)
 
 # %%
 # Show the four channels under the path of the objects.
 
-figure = spectra_figure(felt, channels=(2, 6, 10, 14))
+figure = spectra_figure({"": felt}, channels=(2, 6, 10, 14))
 
 # %%
 # As a script, the example saves the picture in the current folder.

@@ -122,7 +122,7 @@ def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulat
 
 @pytest.mark.long
 def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
-    figure = spectra_figure([("a", tones()), ("b", tones(0.1, simulated=False))])
+    figure = spectra_figure({"": {"a": tones(), "b": tones(0.1, simulated=False)}})
     check_figure(figure, "(Hz)", "dB re 1 Pa²/Hz", "channel 2", "channel 14", simulated=True)
     strong, weak = (line.get_xydata() for line in figure.axes[0].lines)
     at = np.argmin(np.abs(strong[:, 0] - 100))
@@ -133,7 +133,7 @@ def test_spectra_are_of_positive_pressure_in_db(tones, check_figure):
 
 
 def test_spectra_end_with_the_last_frequency_in_the_picture(tones):
-    figure = spectra_figure([("a", tones()), ("b", tones(0.1))], channels=(2,), rectified=False)
+    figure = spectra_figure({"": {"a": tones(), "b": tones(0.1)}}, channels=(2,), rectified=False)
     assert 300 < figure.axes[0].get_xlim()[1] < 350 < figure.axes[0].lines[0].get_xdata()[-1]
 
 

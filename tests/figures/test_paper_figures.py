@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.figures import FieldRow, fields_figure, objects_figure, stimuli_figure
+from midair.figures import FieldRow, fields_figure, spectra_figure, stimuli_figure
 from midair.figures.paper_figures import curve_figure, histogram_figure
 from midair.model import ControlGrid, SensorGrid
 
@@ -40,7 +40,7 @@ def test_stimuli_have_maps_and_traces(tones, check_figure, simulated):
 @pytest.mark.parametrize("simulated", [True, False])
 def test_objects_have_spectra_at_each_channel(tones, check_figure, simulated):
     objects = {"towel": tones(simulated=simulated), "brush": tones(0.5, simulated=simulated)}
-    figure = objects_figure({"plain": objects, "groove": objects})
+    figure = spectra_figure({"plain": objects, "groove": objects}, objects=True)
     check_figure(figure, "(Hz)", "groove\n(dB re 1 Pa²/Hz)", "channel 6", simulated=simulated)
     assert len(figure.axes) == 8
     towel, brush = figure.axes[0].lines[:2]

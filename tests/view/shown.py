@@ -37,3 +37,11 @@ def focus_target(frames=8):
 
 def focus(frames=8):
     return show_drive(focus_drive(frames), target=focus_target(frames))
+
+
+def finer_points(grid, times=4):
+    """Points of an interpolated field, `times` as many a side, from the first control point to the last, in m."""
+    sides = (np.linspace(each[0], each[-1], times * len(each)) for each in (grid.x, grid.y))
+    x, y = np.meshgrid(*sides)
+    centre = np.array([*grid.centre, grid.height])
+    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + centre

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from tests.view.shown import finer_points
 
 from midair.model import ControlGrid, Drive, TransducerArray
 from midair.physics import focus_phase, propagate, transfer_matrix
-from midair.view import Kind, encode_counts, finer_points, fit_interpolation
+from midair.view import Kind, encode_counts, fit_interpolation
 
 ARRAY = TransducerArray.autd3()
 GRID = ControlGrid()
@@ -46,12 +47,6 @@ def test_counts_of_eight_bits_are_enough(made, bits, error):
     pairs = (sent.values * sent.unit).reshape(16, 16, 2)
     true = propagate(drive, finer_points(GRID)).reshape(64, 64)
     assert miss(made(pairs[..., 0] + 1j * pairs[..., 1]), true) < error
-
-
-def test_finer_points_lie_from_the_first_point_to_the_last():
-    fine, points = finer_points(GRID), GRID.position
-    assert fine.shape == (64 * 64, 3)
-    assert np.allclose([fine.min(axis=0), fine.max(axis=0)], [points.min(axis=0), points.max(axis=0)])
 
 
 def test_a_grid_that_is_not_square(made):

@@ -19,18 +19,17 @@ from midair.view import (
     Channels,
     channel_sound,
     check_size,
-    comparison_sounds,
     metadata,
-    one_module,
     sections,
     show_comparison,
     show_drive,
     show_page,
     show_recording,
-    size_of,
     unpack,
     with_content_policy,
 )
+from midair.view.frame_encoding import size_of
+from midair.view.pages import comparison_sounds, one_module
 
 
 def test_files_for_the_browser_are_small():

@@ -4,7 +4,8 @@ from tests.view.shown import GRID, focus, focus_drive, focus_target, pressure, r
 
 from midair.errors import RateError
 from midair.physics import propagate
-from midair.view import played_field, show_comparison, show_recording, show_target
+from midair.view import show_comparison, show_recording, show_target
+from midair.view.view_data import played_field
 
 
 def test_a_recording_begins_with_its_loudest_channel():

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from tests.view.shown import FOCUS, GRID, focus, focus_drive, pressure, recording
+from tests.view.shown import FOCUS, GRID, finer_points, focus, focus_drive, pressure, recording
 
 from midair.physics import propagate
-from midair.view import colour_table, finer_points, show_comparison, show_page, show_recording
+from midair.view import colour_table, show_comparison, show_page, show_recording
 
 pytestmark = pytest.mark.browser
 

@@ -7,7 +7,8 @@ import pytest
 from tests.view.shown import focus, recording
 
 from midair.errors import MissingExtraError
-from midair.view import iframe_page, in_notebook, one_module, show_recording, unpack
+from midair.view import in_notebook, show_recording, unpack
+from midair.view.pages import one_module
 
 HOST = """
 <!doctype html><meta charset="utf-8"><body><div id="here"></div>
@@ -55,13 +56,6 @@ def test_without_anywidget_one_line_says_what_to_install(monkeypatch):
     with pytest.raises(MissingExtraError, match=r"midair\[notebook\]"):
         in_notebook(focus())
     pages._widget_class.cache_clear()
-
-
-def test_framed_page_loads_nothing():
-    frame = iframe_page(show_recording(recording()))
-    assert frame.startswith('<iframe srcdoc="&lt;!doctype html&gt;')
-    assert "default-src &#x27;none&#x27;" in frame
-    assert frame.count("<") == 2
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ from .paper_figures import error_figure as error_figure
 from .paper_figures import fields_figure as fields_figure
 from .paper_figures import histogram_figure as histogram_figure
 from .paper_figures import laboratory_figure as laboratory_figure
-from .paper_figures import objects_figure as objects_figure
 from .paper_figures import passes_figure as passes_figure
 from .paper_figures import stimuli_figure as stimuli_figure
 from .paper_figures import trials_figure as trials_figure

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import strongest_window, welch
 from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
-from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
+from midair.figures.style import STYLE, colour_bar, label_axes, legend_above, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
 from midair.physics import Exposure
 
@@ -38,43 +39,49 @@ def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = 
         axis.margins(x=0)
     figure.supxlabel("time (s)", fontsize=9)
     figure.supylabel("pressure (Pa)", fontsize=9)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
     if reproduced is not None:
-        figure.legend(handles, labels, loc="outside upper left", ncols=2, fontsize=8, frameon=False)
+        legend_above(figure, axes[0, 0])
     return figure
 
 
 def spectra_figure(
-    series: Sequence[tuple[str, PressureFrames]], *, channels: Sequence[int] = (2, 6, 10, 14), rectified: bool = True
+    rows: Mapping[str, Mapping[str, PressureFrames]],
+    *,
+    channels: Sequence[int] = (2, 6, 10, 14),
+    rectified: bool = True,
+    objects: bool = False,
 ) -> Figure:
-    """Draw power spectra of the calibrated pressure of named recordings at some channels.
+    """Draw power spectra of the calibrated pressure of named recordings at some channels, in named rows.
 
     The default channels are the four of the paper, over which the objects passed. With `rectified` only the positive
-    pressure is used, as in the paper's Fig. 9.
+    pressure is used, as in the paper's Fig. 9, which compares `objects` from 0 to 500 Hz; otherwise the first recording
+    of a row is the original, and the axis ends with the last frequency that is in the picture.
     """
-    colours = (STYLE.original, STYLE.reproduced, STYLE.before)
-    simulated = any(frames.provenance.simulated for _, frames in series)
-    figure = new_figure(2.7 * len(channels), 2.9, simulated=simulated)
-    axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
-    top, levels = -np.inf, list[tuple[Array, Array]]()
-    for axis, channel in zip(axes, channels, strict=True):
-        plain_axes(axis, title=f"channel {channel}", y="power density (dB re 1 Pa²/Hz)").label_outer()
-        for (name, frames), colour, width in zip(series, colours, (2.0, 0.7, 0.7), strict=False):
-            row, column = divmod(channel, frames.sensor.columns)
-            pressure = frames.pressure[:, row, column]
-            frequency, density = welch(np.maximum(pressure, 0) if rectified else pressure, frames.rate)
-            # 0 Hz is left out: it is no vibration.
-            level = 10 * np.log10(np.maximum(density[1:], 1e-12))
-            top = max(top, float(level.max()))
-            levels.append((frequency[1:], level))
-            axis.plot(frequency[1:], level, color=colour, linewidth=width, label=name)
-        axis.margins(x=0)
-    axes[0].set_ylim(top - 60, top + 5)
-    # Up to the last frequency that is in the picture.
-    axes[0].set_xlim(0, max(frequency[level > top - 60].max(initial=1) for frequency, level in levels))
+    colours = (STYLE.before, "#009e73", STYLE.reproduced) if objects else STYLE.pair
+    simulated = any(one.provenance.simulated for each in rows.values() for one in each.values())
+    figure = new_figure(2.65 * len(channels), 2.0 * len(rows) + 0.9, simulated=simulated)
+    axes = figure.subplots(len(rows), len(channels), sharex=True, sharey=True, squeeze=False)
+    levels = list[tuple[Array, Array]]()
+    for line, (row, series) in zip(axes, rows.items(), strict=True):
+        for axis, channel in zip(line, channels, strict=True):
+            title, label = f"channel {channel}" if line[0] is axes[0, 0] else "", "power density (dB re 1 Pa²/Hz)"
+            plain_axes(axis, title=title, y=f"{row}\n(dB re 1 Pa²/Hz)" if row else label).label_outer()
+            for number, ((name, frames), colour) in enumerate(zip(series.items(), colours, strict=False)):
+                pressure = frames.pressure.reshape(frames.frames, -1)[:, channel]
+                frequency, density = welch(np.maximum(pressure, 0) if rectified else pressure, frames.rate)
+                # 0 Hz is left out: it is no vibration.
+                levels.append((frequency[1:], 10 * np.log10(np.maximum(density[1:], 1e-12))))
+                axis.plot(*levels[-1], color=colour, linewidth=0.9 if objects or number else 2.0, label=name)
+            if objects:
+                # Grooves dominate below 300 Hz, objects differ above (paper, 5.3).
+                axis.axvline(300, color=STYLE.faint, linewidth=0.8)
+            axis.margins(x=0)
+    top = max(float(level.max()) for _, level in levels)
+    axes[0, 0].set_ylim(top - 60, top + 5)
+    last = max(frequency[level > top - 60].max(initial=1) for frequency, level in levels)
+    axes[0, 0].set_xlim(0, 500 if objects else last)
     figure.supxlabel("frequency (Hz)", fontsize=9)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(series), fontsize=8, frameon=False)
+    legend_above(figure, axes[0, 0])
     return figure
 
 
@@ -96,9 +103,7 @@ def exposure_figure(exposure: Exposure, *, simulated: bool) -> Figure:
     figure = new_figure(8.0, 3.2, simulated=simulated)
     axis = plain_axes(figure.subplots(), title=exposure.verdict(), x="time (s)", y="level (dB re 20 µPa rms)")
     time = np.arange(len(exposure.level)) / exposure.rate
-    colours = (STYLE.original, STYLE.reproduced, STYLE.before, "#009e73", "#cc79a7", "#e69f00")
-    for number, place in enumerate(exposure.profile.places):
-        colour = colours[number % len(colours)]
+    for number, (place, colour) in enumerate(zip(exposure.profile.places, cycle(STYLE.lines), strict=False)):
         # Silent frames are left out: their level at the floor of the scale would stretch the axis.
         heard = exposure.level[:, number] > 0
         label = f"{place.name}, limit {place.limit:g} dB{'' if place.enforced else ' (advice)'}"

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from midair.array_types import Array
-from midair.dsp import welch
 from midair.evaluate import ALL, OVERALL, TOUCHED, Budget, LaboratoryLoss
 from midair.figures.maps import draw_map
-from midair.figures.style import STYLE, colour_bar, label_axes, new_figure, plain_axes
+from midair.figures.style import STYLE, colour_bar, label_axes, legend_above, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid, Solution
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def histogram_figure(errors: Sequence[tuple[str, Array]], *, published: tuple[fl
     axes.axvspan(100 * published[0], 100 * published[1], color=STYLE.band, zorder=0, label="paper, average")
     top = 100 * max(float(values.max()) for _, values in errors)
     bins = np.linspace(0, top, 121).tolist()
-    for (name, values), colour in zip(errors, _three_colours(len(errors)), strict=True):
+    for (name, values), colour in zip(errors, cycle(STYLE.lines), strict=False):
         label = f"{name}: mean {100 * values.mean():.1f} %, worst {100 * values.max():.1f} %, {len(values)} patterns"
         axes.hist(100 * values, bins=bins, histtype="stepfilled", color=colour, alpha=0.35)
         axes.hist(100 * values, bins=bins, histtype="step", color=colour, linewidth=1.1, label=label)
@@ -49,17 +49,13 @@ def curve_figure(
     quantity = {"strength": "strength (of a single focus)", "height_mm": "height (mm)"}[key]
     axes = plain_axes(figure.subplots(), x=quantity, y="E (%)")
     axes.axhspan(100 * published[0], 100 * published[1], color=STYLE.band, zorder=0, label="paper, average")
-    for (name, rows), colour in zip(curves.items(), _three_colours(len(curves)), strict=True):
+    for (name, rows), colour in zip(curves.items(), cycle(STYLE.lines), strict=False):
         x, mean, low, high = (np.array([row[part] for row in rows]) for part in (key, "mean", "p5", "p95"))
         axes.fill_between(x, 100 * low, 100 * high, color=colour, alpha=0.18, linewidth=0)
         axes.plot(x, 100 * mean, "o-", color=colour, markersize=3.5, linewidth=1.2, label=name)
     axes.set_ylim(0, None)
     axes.legend(fontsize=8, frameon=False, loc="upper left")
     return figure
-
-
-def _three_colours(count: int) -> list[str]:
-    return [(STYLE.reproduced, STYLE.before, STYLE.original)[number % 3] for number in range(count)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,38 +119,6 @@ def stimuli_figure(
     return figure
 
 
-def objects_figure(
-    rows: Mapping[str, Mapping[str, PressureFrames]], *, channels: Sequence[int] = (2, 6, 10, 14)
-) -> Figure:
-    """Draw power spectra of objects at some channels, one row per surface and mode, as in the paper's Fig. 9.
-
-    `rows` holds the positive pressure of the objects of each row by name. The default channels are the four of the
-    paper, over which the objects passed.
-    """
-    colours = (STYLE.before, "#009e73", STYLE.reproduced)
-    simulated = any(one.provenance.simulated for each in rows.values() for one in each.values())
-    figure = new_figure(2.6 * len(channels), 1.85 * len(rows) + 0.5, simulated=simulated)
-    axes = figure.subplots(len(rows), len(channels), sharex=True, sharey=True, squeeze=False)
-    top = -np.inf
-    for line, (row, objects) in zip(axes, rows.items(), strict=True):
-        for axis, channel in zip(line, channels, strict=True):
-            title = f"channel {channel}" if line[0] is axes[0, 0] else ""
-            plain_axes(axis, title=title, y=f"{row}\n(dB re 1 Pa²/Hz)").label_outer()
-            for (name, frames), colour in zip(objects.items(), colours, strict=False):
-                frequency, density = welch(frames.pressure.reshape(frames.frames, -1)[:, channel], frames.rate)
-                level = 10 * np.log10(np.maximum(density[1:], 1e-12))
-                top = max(top, float(level.max()))
-                axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
-            # Grooves dominate below 300 Hz, objects differ above (paper, 5.3).
-            axis.axvline(300, color=STYLE.faint, linewidth=0.8)
-            axis.set_xlim(0, 500)
-    axes[0, 0].set_ylim(top - 50, top + 3)
-    figure.supxlabel("frequency (Hz)", fontsize=9)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
-    return figure
-
-
 def error_figure(solution: Solution, *, simulated: bool, published: tuple[float, float] = (0.05, 0.15)) -> Figure:
     """Draw E of every frame that plays; the range that the paper reports for static patterns is shaded."""
     figure = new_figure(8.0, 2.6, simulated=simulated)
@@ -194,7 +158,7 @@ def passes_figure(series: Sequence[tuple[str, Sequence[float]]], *, simulated: b
     """Draw the error of the waveform, ||reproduced - original|| / ||original||, after each pass of each named loop."""
     figure = new_figure(5.4, 3.0, simulated=simulated)
     axis = plain_axes(figure.subplots(), x="pass", y="error of the waveform (%)")
-    for (name, errors), colour in zip(series, _colours(len(series)), strict=True):
+    for (name, errors), colour in zip(series, cycle(STYLE.lines), strict=False):
         axis.plot(
             range(1, len(errors) + 1), [100 * error for error in errors], "o-", color=colour, markersize=4, label=name
         )
@@ -202,11 +166,6 @@ def passes_figure(series: Sequence[tuple[str, Sequence[float]]], *, simulated: b
     axis.set_xticks(range(1, 1 + max(len(errors) for _, errors in series)))
     axis.legend(fontsize=8, frameon=False)
     return figure
-
-
-def _colours(count: int) -> list[str]:
-    palette = (STYLE.reproduced, STYLE.before, STYLE.original, "#009e73", "#cc79a7", "#e69f00", "#0072b2")
-    return [palette[number % len(palette)] for number in range(count)]
 
 
 def budget_figure(budgets: Sequence[tuple[str, Budget]]) -> Figure:
@@ -226,8 +185,7 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]]) -> Figure:
         for axis in row:
             axis.set_ylim(-0.6, len(names) - 0.4)
             axis.label_outer()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
+    legend_above(figure, axes[0, 0])
     return figure
 
 

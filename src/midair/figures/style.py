@@ -30,6 +30,10 @@ class Style:
     ink: str = "#1b1f24"
     faint: str = "#d0d7de"
     band: str = "#e7f3ec"
+    pair: tuple[str, ...] = ("#1b1f24", "#d55e00", "#56b4e9")
+    """Original, and what is compared with it."""
+    lines: tuple[str, ...] = ("#d55e00", "#56b4e9", "#1b1f24", "#009e73", "#cc79a7", "#e69f00", "#0072b2")
+    """Further curves of one figure."""
 
 
 STYLE = Style()
@@ -65,6 +69,12 @@ def label_axes(axes: Axes, *, title: str = "", x: str = "", y: str = "", size: f
     axes.set_xlabel(x, fontsize=size + 1)
     axes.set_ylabel(y, fontsize=size + 1)
     return axes
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """Add a legend of the curves of some axes above the figure."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=len(handles), fontsize=8, frameon=False)
 
 
 def colour_bar(figure: Figure | SubFigure, axes: Sequence[Axes], label: str) -> None:

@@ -19,7 +19,7 @@ from midair.datasets import Object, channel_amplitudes
 from midair.dsp import band_energy
 from midair.errors import InputError
 from midair.evaluate import leak, perceptual_metrics, printed_error, relative_error
-from midair.figures import FieldRow, fields_figure, objects_figure, png_bytes, stimuli_figure
+from midair.figures import FieldRow, fields_figure, png_bytes, spectra_figure, stimuli_figure
 from midair.files import csv_text, for_json, write_file
 from midair.model import (
     HEIGHT,
@@ -277,7 +277,7 @@ def figure_9(
         name="figure9",
         title="Spectra of the synthetic objects, as in the paper's Fig. 9",
         rows=tuple(rows),
-        pictures={"figure9.png": png_bytes(objects_figure(shown, channels=CHANNELS))},
+        pictures={"figure9.png": png_bytes(spectra_figure(shown, channels=CHANNELS, objects=True))},
         about={"takes": takes, "channels": list(CHANNELS), "unit": "dB re 1 Pa^2, mean over takes and channels"},
     )
 

@@ -171,12 +171,6 @@ def in_notebook(showing: ViewData) -> Any:
     return _widget_class()(about=metadata(showing), tracks=sections(showing))
 
 
-def iframe_page(showing: ViewData, *, height: int = 900) -> str:
-    """Return the page of a view in an iframe, for notebooks without widgets, such as exported ones."""
-    page = escape(show_page(showing), quote=True)
-    return f'<iframe srcdoc="{page}" sandbox="allow-scripts" width="100%" height="{height}" style="border: 0"></iframe>'
-
-
 @cache
 def _widget_class() -> Any:
     """Create the widget class on demand, since anywidget is optional."""

@@ -7,6 +7,7 @@ magnitudes gives errors of 10 %, interpolating complex fields 1 %.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from midair.model import (
     ControlGrid,
     Drive,
     PressureFrames,
+    Provenance,
     Recording,
     SensorGrid,
     Solution,
@@ -31,7 +33,7 @@ from midair.validation import frozen_array, within
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InterpolatedField:
-    """Interpolation from a control grid to `finer_points`: ``down @ field @ across.T``."""
+    """Interpolation from a control grid to a finer one: ``down @ field @ across.T``."""
 
     down: Array
     """Real, shape (finer row, row)."""
@@ -41,15 +43,6 @@ class InterpolatedField:
     def __call__(self, field: Complex) -> Complex:
         """Map a field (..., row, column) to (..., finer row, finer column)."""
         return np.asarray(self.down @ field @ self.across.T, np.complex128)
-
-
-def finer_points(grid: ControlGrid, times: int = 4) -> Array:
-    """Return the positions of the finer field, row by row, shape (finer point, 3), in m.
-
-    Each side has `times` as many points, equally spaced from the first control point to the last.
-    """
-    x, y = np.meshgrid(_between(grid.x, times) + grid.centre[0], _between(grid.y, times) + grid.centre[1])
-    return np.stack([x.ravel(), y.ravel(), np.full(x.size, grid.height)], axis=1)
 
 
 def fit_interpolation(
@@ -204,58 +197,36 @@ def show_recording(recording: Recording, *, pressure: PressureFrames | None = No
     else:
         shown = _pressure_channels(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
-    first, last = frame_range(part, len(shown.values), rate)
-    return ViewData(
-        title=_title_of(recording.provenance.notes, recording.provenance.source),
-        rate=rate,
-        frames=last - first,
-        first=first,
-        simulated=recording.provenance.simulated,
-        sensor=recording.sensor,
-        samples=replace(shown, values=shown.values[first:last]),
-        facts={"sensor": recording.sensor.spelled, **_part_facts(part, first, last, rate)},
-    )
+    first, last = span = frame_range(part, len(shown.values), rate)
+    samples, facts = replace(shown, values=shown.values[first:last]), {"sensor": recording.sensor.spelled}
+    return _view(recording.provenance, rate, part, span, facts, sensor=recording.sensor, samples=samples)
 
 
 def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
     """View of target amplitudes at the control points."""
-    first, last = frame_range(part, target.frames, target.rate)
-    return ViewData(
-        title=_title_of(target.provenance.notes, target.provenance.source),
-        rate=target.rate,
-        frames=last - first,
-        first=first,
-        simulated=target.provenance.simulated,
-        sound=Sound(grid=target.grid, wanted=np.asarray(read_frames(target.amplitude, first, last))),
-        facts={"plane": _plane(target.grid), **_part_facts(part, first, last, target.rate)},
-    )
+    span = frame_range(part, target.frames, target.rate)
+    sound = Sound(grid=target.grid, wanted=np.asarray(read_frames(target.amplitude, *span)))
+    return _view(target.provenance, target.rate, part, span, {"plane": _plane(target.grid)}, sound=sound)
 
 
 def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> ViewData:
     """View of the field that a drive plays, beside its target, by default 200 mm above the array, and of its phases."""
     whole = solution.drive if isinstance(solution, Solution) else solution
-    first, last = frame_range(part, whole.frames, whole.rate)
-    drive = replace(whole, phase=read_frames(whole.phase, first, last), level=read_frames(whole.level, first, last))
+    first, last = span = frame_range(part, whole.frames, whole.rate)
+    drive = replace(whole, phase=read_frames(whole.phase, *span), level=read_frames(whole.level, *span))
     grid = ControlGrid() if target is None else target.grid
     facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
     if isinstance(solution, Solution) and (plays := solution.plays[first:last]).any():
         facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of the target, on average"
-    return ViewData(
-        title=_title_of(drive.provenance.notes, drive.provenance.source),
-        rate=drive.rate,
-        frames=drive.frames,
-        first=first,
-        # The field is computed from the phases by the model of the array, not measured.
-        simulated=True,
-        sound=Sound(
-            grid=grid,
-            wanted=None if target is None else np.asarray(read_frames(target.amplitude, first, last)),
-            played=played_field(drive, grid),
-            drive=drive,
-            finer=fit_interpolation(grid, drive.array, acoustics=drive.acoustics),
-        ),
-        facts={**facts, **_part_facts(part, first, last, drive.rate)},
+    sound = Sound(
+        grid=grid,
+        wanted=None if target is None else np.asarray(read_frames(target.amplitude, *span)),
+        played=played_field(drive, grid),
+        drive=drive,
+        finer=fit_interpolation(grid, drive.array, acoustics=drive.acoustics),
     )
+    # The field is computed from the phases by the model of the array, not measured.
+    return replace(_view(drive.provenance, drive.rate, part, span, facts, sound=sound), simulated=True)
 
 
 def show_comparison(
@@ -264,19 +235,38 @@ def show_comparison(
     """View of a re-recording over its original, with the sound field between them; RateError if the rates differ."""
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
-    first, last = frame_range(part, min(original.frames, again.frames), original.rate)
+    first, last = span = frame_range(part, min(original.frames, again.frames), original.rate)
     before, after = _pressure_channels(original, "original"), _pressure_channels(again, "re-recorded")
-    return ViewData(
-        title=_title_of(original.provenance.notes, original.provenance.source),
-        rate=original.rate,
-        frames=last - first,
-        first=first,
-        simulated=original.provenance.simulated or again.provenance.simulated,
+    shown = _view(
+        original.provenance,
+        original.rate,
+        part,
+        span,
+        {"sensor": original.sensor.spelled},
         sensor=original.sensor,
         samples=replace(before, values=before.values[first:last]),
         again=replace(after, values=after.values[first:last]),
         sound=sound,
-        facts={"sensor": original.sensor.spelled, **_part_facts(part, first, last, original.rate)},
+    )
+    return replace(shown, simulated=shown.simulated or again.provenance.simulated)
+
+
+def _view(
+    provenance: Provenance, rate: float, part: Part, span: tuple[int, int], facts: dict[str, str], **shown: Any
+) -> ViewData:
+    """View of the frames `span` of something with this provenance."""
+    first, last = span
+    if part != WHOLE:
+        facts = {**facts, "part": f"{first / rate:.4g} to {last / rate:.4g} s"}
+    title = provenance.notes.get("object") or PurePath(provenance.source).name.rpartition(":")[2] or "take"
+    return ViewData(
+        title=title,
+        rate=rate,
+        frames=last - first,
+        first=first,
+        simulated=provenance.simulated,
+        facts=facts,
+        **shown,
     )
 
 
@@ -307,14 +297,6 @@ def _pressure_channels(pressure: PressureFrames, label: str) -> Channels:
     return Channels(values=values.reshape(len(values), -1), unit="Pa", label=label)
 
 
-def _part_facts(part: Part, first: int, last: int, rate: float) -> dict[str, str]:
-    return {} if part == WHOLE else {"part": f"{first / rate:.4g} to {last / rate:.4g} s"}
-
-
 def _plane(grid: ControlGrid) -> str:
     points = f"{grid.rows} × {grid.columns} points {1e3 * grid.pitch:.3g} mm apart"
     return f"{points}, {1e3 * grid.height:.4g} mm above the array"
-
-
-def _title_of(notes: Mapping[str, str], source: str) -> str:
-    return notes.get("object") or PurePath(source).name.rpartition(":")[2] or "take"

@@ -256,7 +256,7 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
         else "After calibration, both signs of the pressure.",
         data=png_bytes(
             spectra_figure(
-                [("original", loop.original), ("re-recorded", last.felt)], channels=channels, rectified=rectified
+                {"": {"original": loop.original, "re-recorded": last.felt}}, channels=channels, rectified=rectified
             )
         ),
     )
