@@ -1,12 +1,14 @@
 """Synthetic pressure signals: the paper's modulated foci (5.2) and binary patterns (5.1), taps, probe signals."""
 
+from collections.abc import Mapping
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from midair.array_types import Array
 from midair.errors import InputError, RateError
-from midair.model import RATE, PressureFrames, Provenance, SensorGrid
+from midair.model import RATE, PressureFrames, Provenance, SensorGrid, Setting
 from midair.validation import one_of, positive, within
 
 Stimulus = Literal["i", "ii", "iii"]
@@ -40,12 +42,15 @@ def am_stimulus(
     pressure = np.zeros((frames, sensor.count))
     pressure[:, list(channels)] = peak * wave[:, None]
     settings = {"kind": kind, "peak_pa": float(peak), "channels": channels, "frequencies_hz": tuple(parts)}
-    return PressureFrames(
-        pressure=pressure.reshape(-1, *sensor.shape),
-        rate=rate,
-        sensor=sensor,
-        provenance=Provenance(source=f"virtual:AM {kind}", simulated=True).then("AM stimulus", settings),
-    )
+    return _signal(f"AM {kind}", "AM stimulus", settings, pressure, rate, sensor)
+
+
+def _signal(
+    name: str, stage: str, settings: Mapping[str, Setting], pressure: Array, rate: float, sensor: SensorGrid
+) -> PressureFrames:
+    source = Provenance(source=f"virtual:{name}", simulated=True)
+    shaped = pressure.reshape(-1, *sensor.shape)
+    return PressureFrames(pressure=shaped, rate=rate, sensor=sensor, provenance=source.then(stage, settings))
 
 
 Probe = Literal["25+250 Hz", "noise", "bursts"]
@@ -79,14 +84,8 @@ def probe_signal(
     wave = wave * (0.5 + 0.5 * np.cos(np.pi * np.minimum(outside / (0.2 * rest), 1.0)))
     pressure = np.zeros((len(time), sensor.count))
     pressure[:, channel] = positive(peak, "peak", "Pa") * wave / np.abs(wave).max()
-    return PressureFrames(
-        pressure=pressure.reshape(-1, *sensor.shape),
-        rate=rate,
-        sensor=sensor,
-        provenance=Provenance(source=f"virtual:{kind}", simulated=True).then(
-            "probe", {"kind": kind, "peak_pa": float(peak), "channel": channel, "seed": seed}
-        ),
-    )
+    settings = {"kind": kind, "peak_pa": float(peak), "channel": channel, "seed": seed}
+    return _signal(kind, "probe", settings, pressure, rate, sensor)
 
 
 def _probe(kind: str, time: NDArray[np.float64], rate: float, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -133,12 +132,7 @@ def taps(
         strength = positive(peak, "peak", "Pa") * rng.uniform(1 / 3, 1)
         pressure[begin : begin + len(push)] += strength * push[:, None, None] * np.where(away < 3, spread**away, 0)
     settings = {"every_s": every, "quiet_s": quiet, "peak_pa": float(peak), "spread": float(spread), "seed": seed}
-    return PressureFrames(
-        pressure=pressure,
-        rate=rate,
-        sensor=sensor,
-        provenance=Provenance(source="virtual:taps", simulated=True).then("taps", settings),
-    )
+    return _signal("taps", "taps", settings, pressure, rate, sensor)
 
 
 def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
