@@ -119,16 +119,6 @@ def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
 
 
 @each
-def test_one_row_or_column_is_one_channel(ending, tmp_path):
-    data = np.random.default_rng(0).normal(size=50)
-    for shape in ((50, 1), (1, 50)):
-        seen = open_take(write(tmp_path / f"a{ending}", {"wave": data.reshape(shape), "fs": 3.0}), **SAID)
-        np.testing.assert_array_equal(seen.recording.samples.ravel(), data)
-        assert seen.recording.sensor.count == 1
-    assert "one channel of 50 frames" in seen.report[0]
-
-
-@each
 def test_takes_the_array_that_is_named(ending, tmp_path):
     path = write(tmp_path / f"a{ending}", {"a": np.ones((3, 4)), "b": np.zeros((3, 4))})
     assert load(path, **SAID, stream="b", channels=["1"]).samples.max() == 0

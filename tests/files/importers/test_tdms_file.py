@@ -57,24 +57,6 @@ def test_requires_a_missing_rate(tdms, columns, file):
     assert load(path, rate=48000, sensor=PAIR).rate == 48000
 
 
-def test_a_channel_of_time_gives_the_rate(tdms, columns, file):
-    path = file(
-        tdms(
-            {"Time": np.arange(60) * 1e-3, **columns}, said={"unit_string": "kPa"}, each={"Time": {"unit_string": "s"}}
-        )
-    )
-    recording = load(path, sensor=PAIR)
-    assert (recording.rate, recording.unit) == (pytest.approx(1000), "Pa")
-    np.testing.assert_array_equal(recording.samples[:, 0, 0], 1e3 * columns["a"])
-
-
-def test_a_scale_applies_to_the_numbers_in_the_file(tdms, columns, file):
-    path = file(tdms(columns, said={"unit_string": "mV", "wf_increment": 1e-3}))
-    recording = load(path, scale=3.0, sensor=PAIR)
-    np.testing.assert_array_equal(recording.samples[:, 0, 0], 3 * columns["a"])
-    assert recording.unit == "Pa"
-
-
 def test_several_groups_need_a_name(tdms, columns, file):
     path = file(tdms(columns) + tdms(columns, group="arm"))
     with pytest.raises(BrokenFileError, match=r"skin \(2 channels\), arm \(2 channels\)"):

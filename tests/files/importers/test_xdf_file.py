@@ -5,7 +5,7 @@ import builtins
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, MismatchError, MissingExtraError, NonFiniteError
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files import load, open_take
 
 LABELS = tuple(f"mic{i}" for i in range(16))
@@ -34,37 +34,6 @@ def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
     assert recording.provenance.notes["stream"] == "skin"
     assert recording.provenance.notes["device"] == "bench"
     assert "4 x 4, row by row" in " ".join(seen.report)
-
-
-@pytest.mark.parametrize(
-    ("spelled", "unit", "factor"), [("millivolts", "V", 1e-3), ("uV", "V", 1e-6), ("kPa", "Pa", 1e3)]
-)
-def test_units_of_lsl_are_converted(spelled, unit, factor, xdf, samples, file):
-    recording = load(file(xdf.whole(xdf(samples, labels=LABELS, unit=spelled))))
-    assert recording.unit == unit
-    np.testing.assert_allclose(recording.samples.reshape(200, 16), samples * factor)
-
-
-def test_removes_network_jitter(xdf, samples, file):
-    stamps = 100 + np.arange(200) / 1000 + np.random.default_rng(0).uniform(0, 3e-4, 200)
-    recording = load(file(xdf.whole(xdf(samples, stamps=stamps))), unit="V")
-    np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
-    assert recording.rate == pytest.approx(1000, rel=2e-3)
-
-
-@pytest.mark.parametrize("clocks", [True, False])
-def test_lost_samples_leave_every_frequency(clocks, xdf, samples, file):
-    """Before, 400 of 10,400 lost samples made 943 Hz of 1000 Hz."""
-    keep = np.r_[0:100, 108:200]
-    data = xdf.whole(xdf(samples[keep], stamps=100 + keep / 1000, labels=LABELS, unit="V", clocks=clocks))
-    seen = open_take(file(data))
-    assert seen.recording.rate == pytest.approx(1000, rel=1e-9)
-    np.testing.assert_array_equal(seen.recording.samples.reshape(-1, 16)[keep], samples[keep])
-    assert "100 % of 192 rows used, 4 % of 200 frames filled" in " ".join(seen.report)
-    keep = np.r_[0:100, 130:3000]
-    numbers = np.random.default_rng(1).normal(size=(len(keep), 1))
-    with pytest.raises(NonFiniteError, match="gaps of 20 ms at most, got 30 frames"):
-        load(file(xdf.whole(xdf(numbers, stamps=100 + keep / 1000, clocks=clocks))), unit="V")
 
 
 @pytest.mark.long

@@ -130,6 +130,8 @@ def test_refuses_phases_that_are_not_finite(path, solution):
     with_phases_in_radians(path, phase)
     with pytest.raises(NonFiniteError, match=r"towel\.drive\.h5: phase: expected finite numbers, got nan at \(2, 3\)"):
         load_solution(path)
+    with pytest.raises(NonFiniteError, match=r"got nan at \(2, 3\)"):
+        load_solution(path, streamed=True).drive.phase.read(1, 4)
 
 
 def test_refuses_an_unknown_status(path):
@@ -192,14 +194,17 @@ def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_l
         np.testing.assert_array_equal(wanted.amplitude, target.amplitude)
 
 
-def test_a_drive_whose_parts_end_in_an_error_leaves_nothing(tmp_path):
+def test_a_drive_whose_parts_end_too_early_leaves_nothing(tmp_path):
     array = TransducerArray.autd3(columns=1, rows=1)
 
-    def parts():
+    def parts(*errors):
         drive = Drive(phase=np.zeros((5, array.count)), level=np.ones(5), rate=500, array=array)
         yield Solution(drive=drive, error=np.zeros(5), iterations=np.zeros(5), status=("converged",) * 5)
-        raise KeyboardInterrupt
+        for error in errors:
+            raise error
 
     with pytest.raises(KeyboardInterrupt):
+        save_solutions(parts(KeyboardInterrupt), tmp_path / "a.drive.h5", frames=10)
+    with pytest.raises(MismatchError, match="a drive of 10 frames, got 5"):
         save_solutions(parts(), tmp_path / "a.drive.h5", frames=10)
     assert list(tmp_path.iterdir()) == []

@@ -28,12 +28,6 @@ def test_keeps_floats_that_json_lacks():
     assert math.isnan(settings["none"])
 
 
-def test_is_one_line_of_ascii(provenance):
-    text = to_json(provenance)
-    assert text.isascii()
-    assert text.isprintable()
-
-
 def test_refuses_a_setting_that_json_would_change():
     with pytest.raises(InputError, match=r"setting grid: .* got list"):
         to_json(Provenance().then("solve", {"grid": [1, 2]}))

@@ -25,11 +25,6 @@ def written(path):
     return path
 
 
-def test_stored_stamps_are_read_back():
-    assert stamps_from(stage_values(STAMPS)) == tuple(STAMPS)
-    assert stamps_from({}) == ()
-
-
 def test_a_recording_with_a_stage_has_positions_strokes_and_speed(tmp_path):
     life = load(written(tmp_path / "a.h5")).provenance
     step = next(step for step in life.steps if step.stage == "stage")

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, parse_errors
 from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
-from midair.streaming import LazyFrames, each_frame
+from midair.streaming import LazyFrames
 from midair.validation import check_finite
 from midair.version import __version__
 
@@ -311,13 +311,17 @@ def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
 
 
 def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
-    """Frames whose numbers are checked: raises NonFiniteError at once, or when lazy frames are read."""
+    """Lazy frames that raise NonFiniteError for non-finite numbers when read; an array unchanged."""
+    if not isinstance(x, LazyFrames):
+        return x
 
-    def check(block: np.ndarray) -> np.ndarray:
-        check_finite(block, name)
+    def read(first: int, last: int) -> np.ndarray:
+        block = x.read(first, last)
+        check_finite(block, name, frame=first)
         return block
 
-    return each_frame(x, check, exact=True)
+    # Type checkers treat lazy frames as an array.
+    return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:
