@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from midair.cli.commands.compare import load_touchsim
 from midair.errors import InputError, ShapeError
 from midair.evaluate import afferent_rates
-from midair.evaluate.perception import SkinModel, Threshold, band_levels, blocks, pacinian_level, similarities
+from midair.evaluate.perception import SkinModel, band_levels, blocks, metric_threshold, pacinian_level, similarities
 from midair.model import PressureFrames
 
 
@@ -58,7 +58,7 @@ def test_agrees_with_vibromaf_where_it_is_installed(seed):
     rng = np.random.default_rng(seed)
     reference = rng.standard_normal(3000) * 10.0 ** rng.uniform(-4, 1)
     distorted = reference + rng.standard_normal(3000) * 10.0 ** rng.uniform(-4, 1)
-    assert Threshold().at(512) == pytest.approx(perception.PerceptualThreshold(8000).calculate(512), abs=1e-9)
+    assert metric_threshold(512) == pytest.approx(perception.PerceptualThreshold(8000).calculate(512), abs=1e-9)
     st_sim, spqi = alike(reference, distorted)
     if metrics[0].STSIM.compute_sim(blocks(reference), blocks(distorted)) > 0:
         assert st_sim == pytest.approx(metrics[0].st_sim(distorted, reference), rel=1e-6)
@@ -91,7 +91,7 @@ def test_a_difference_as_large_as_the_original():
 
 
 def test_the_threshold_curve_by_hand():
-    curve = Threshold().at(8000, rate=8000.0)
+    curve = metric_threshold(8000, rate=8000.0)
     assert curve[0] == pytest.approx(62 - 77)
     assert curve.min() == pytest.approx(-77, abs=0.01)
     assert np.argmin(curve) / 2 == pytest.approx(250, abs=1)

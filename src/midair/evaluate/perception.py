@@ -30,36 +30,23 @@ BLOCK = 512
 """Samples of a block of the published metrics."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Threshold:
-    """Detection threshold curve of the metrics in dB: T(f) = span (log10(f / slope + b) / log10 b)^2 - floor.
+FLOOR = 77.0
+"""Minimum of the published metrics' threshold curve below 0 dB, in dB."""
 
-    b = 1 - lowest / slope, so the minimum is at `lowest`. The curve is constant from the first frequency above `lowest`
-    where it exceeds 0 dB.
+
+def metric_threshold(bins: int, rate: float = RATE) -> Array:
+    """Detection threshold of the published metrics in dB at the bins of a DCT of `bins` samples, shape (bin,).
+
+    T(f) = 62 (log10(f / 550 + b) / log10 b)^2 - 77 with b = 1 - 250 / 550 and f in Hz: the minimum is at 250 Hz. The
+    curve is constant from the first frequency above it where it exceeds 0 dB. As in vibromaf, bin k is at k rate / (2
+    bins - 1), 0.05 % above the DCT's own frequency, to obtain the same numbers.
     """
-
-    lowest: float = 250.0
-    """Most sensitive frequency in Hz."""
-    slope: float = 550.0
-    """In Hz."""
-    span: float = 62.0
-    """Difference between 0 Hz and the minimum, in dB."""
-    floor: float = 77.0
-    """Minimum below 0 dB, in dB."""
-
-    def at(self, bins: int, rate: float = RATE) -> Array:
-        """Threshold in dB at the bins of a DCT of `bins` samples, shape (bin,).
-
-        As in vibromaf, bin k is at k rate / (2 bins - 1), 0.05 % above the DCT's own frequency, to obtain the same
-        numbers.
-        """
-        frequency = np.arange(bins) * rate / (2 * bins - 1)
-        b = 1 - self.lowest / self.slope
-        curve = self.span * (np.log10(frequency / self.slope + b) / np.log10(b)) ** 2 - self.floor
-        above = int(np.argmax(curve > 0))
-        # Without a value above 0 dB argmax is 0: vibromaf then flattens the whole curve, but not for its block length.
-        curve[above:] = curve[above] if above else curve[above:]
-        return np.asarray(curve, np.float64)
+    frequency, b = np.arange(bins) * rate / (2 * bins - 1), 1 - 250 / 550
+    curve = 62 * (np.log10(frequency / 550 + b) / np.log10(b)) ** 2 - FLOOR
+    above = int(np.argmax(curve > 0))
+    # Without a value above 0 dB argmax is 0: vibromaf then flattens the whole curve, but not for its block length.
+    curve[above:] = curve[above] if above else curve[above:]
+    return np.asarray(curve, np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +115,7 @@ class SkinModel:
         The metrics have no unit. With this factor a sine at `best` at the detection threshold has the minimum level of
         their threshold curve.
         """
-        level = 10 ** (-Threshold().floor / 20) / np.sqrt(BLOCK / 2)
+        level = 10 ** (-FLOOR / 20) / np.sqrt(BLOCK / 2)
         return float(self.displacement(np.ones(1))[0] / self.just_felt * level)
 
 
@@ -146,7 +133,7 @@ def perceptual_spectrum(signal: Array) -> Array:
     """Level of each DCT bin of each block over the threshold: ``S = 20 log10 |DCT| - T``, shape (block, bin), in dB."""
     size = np.abs(scipy.fft.dct(blocks(signal), norm="ortho", axis=1))
     with np.errstate(divide="ignore"):
-        return 20 * np.log10(size) - Threshold().at(BLOCK)
+        return 20 * np.log10(size) - metric_threshold(BLOCK)
 
 
 def similarities(reference: Array, distorted: Array, *, compared: NDArray[np.bool_]) -> Array:

@@ -60,7 +60,6 @@ def test_a_spare_channel_is_taken_out(count, shape):
         (lambda: Reference.read(recording(), sensitivity=0.0), InputError, "other than 0"),
         (lambda: Reference.read(recording(), sensitivity=1.0, channel=2), ShapeError, "0 to 1, got 2"),
         (lambda: split_channel(recording(), 5), ShapeError, "0 to 1 of two"),
-        (lambda: split_channel(recording(), 0, sensor=SensorGrid()), ShapeError, "1 cells besides"),
         (lambda: measure_calibration([]), InputError, "one recording or more"),
     ],
 )

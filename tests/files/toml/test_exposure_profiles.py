@@ -5,7 +5,6 @@ import pytest
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files import from_plain, load_profiles, profile_named, to_plain
-from midair.files.toml.exposure_profiles import profiles_of
 
 TOML = """
 [[profile]]
@@ -41,7 +40,18 @@ def test_profiles_of_midair_state_source_and_evidence():
         assert not each.places[-1].enforced
 
 
-def test_a_user_profile():
+@pytest.fixture
+def profiles_of(tmp_path):
+    """The profiles of a text in a file."""
+
+    def read(text):
+        (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+        return load_profiles(tmp_path / "mine.toml")
+
+    return read
+
+
+def test_a_user_profile(profiles_of):
     mine = profiles_of(TOML)["mine"]
     assert mine.places[0].position == (0, 0, 0.5)
     assert mine.places[0].enforced
@@ -67,9 +77,9 @@ def test_a_user_profile():
         ("[[profile]]\n", "[[profiles]]\n", "profile"),
     ],
 )
-def test_wrong_profiles_are_refused(old, new, word):
+def test_wrong_profiles_are_refused(old, new, word, profiles_of):
     assert old in TOML
-    with pytest.raises(InputError, match=word):
+    with pytest.raises(BrokenFileError, match=word):
         profiles_of(TOML.replace(old, new, 1))
 
 

@@ -86,23 +86,18 @@ class ReferencedTake:
         return np.full(len(channels), True) if self.cell is None else channels == self.cell
 
 
-def split_channel(
-    recording: Recording, channel: int, *, sensor: SensorGrid | None = None
-) -> tuple[Recording, Recording]:
+def split_channel(recording: Recording, channel: int) -> tuple[Recording, Recording]:
     """Split one channel, such as a reference on a spare input, off a recording; return the rest and the reference.
 
-    Channels count row by row from 0. `sensor` has the cells of the other channels; by default it is a square if their
-    number is a square, otherwise one row. Raises ShapeError if the channel does not exist, or the other channels do not
-    fit the sensor.
+    Channels count row by row from 0. The cells of the other channels are a square if their number is one, otherwise
+    one row. Raises ShapeError if the channel does not exist.
     """
     count = recording.sensor.count - 1
     if not 0 <= channel <= count or count < 1:
         raise ShapeError(f"reference channel: expected 0 to {count} of two channels or more, got {channel}")
     side = round(np.sqrt(count))
     shape = (side, side) if side * side == count else (1, count)
-    grid = sensor or replace(recording.sensor, rows=shape[0], columns=shape[1])
-    if grid.count != count:
-        raise ShapeError(f"sensor: expected {count} cells besides the reference, got {grid.rows} x {grid.columns}")
+    grid = replace(recording.sensor, rows=shape[0], columns=shape[1])
     flat = recording.samples.reshape(recording.frames, -1)
     rest = np.delete(flat, channel, axis=1).reshape(-1, *grid.shape)
     alone = SensorGrid(rows=1, columns=1, pitch=grid.pitch, name=f"channel {channel} of {recording.sensor.name}")

@@ -4,16 +4,16 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, reduce
-from importlib import resources
 from json import dumps
 from operator import or_
+from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError
-from midair.files.text_files import LARGEST_TOML, read_text, read_toml, toml_of
+from midair.files.text_files import read_toml
 from midair.physics import ExposureProfile, Place
 from midair.validation import one_of
 
@@ -150,18 +150,17 @@ class ProfilesSheet:
 
 
 def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, ExposureProfile]:
-    """Exposure profiles of a TOML file, by name; those of midair if None.
+    """Exposure profiles of a TOML file, by name and in its order; those of midair if None.
 
-    Raises MissingFileError or BrokenFileError if the file does not exist, or is not text; InputError if it contains no
-    valid profiles.
+    Raises the errors of `read_sheet`.
     """
-    if path is None:
-        return profiles_of(resources.files("midair.files.toml").joinpath("exposure.toml").read_text(encoding="utf-8"))
-    text = read_text(path, "a TOML file of exposure profiles", largest=LARGEST_TOML)
-    try:
-        return profiles_of(text)
-    except InputError as wrong:
-        raise InputError(f"{path}: {wrong}") from wrong
+    file = Path(__file__).with_name("exposure.toml") if path is None else path
+    return read_sheet(
+        file,
+        "a TOML file of exposure profiles",
+        ProfilesSheet,
+        lambda sheet: {profile.name: profile for profile in map(_profile, sheet.profile)},
+    )
 
 
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
@@ -169,16 +168,6 @@ def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> Expo
     profiles = load_profiles(path)
     one_of(name, profiles, "exposure profile")
     return profiles[name]
-
-
-def profiles_of(text: str) -> dict[str, ExposureProfile]:
-    """Exposure profiles of a TOML text, by name, in its order; raises InputError if invalid."""
-    try:
-        content = toml_of(text)
-    except ValueError as wrong:
-        raise InputError(f"exposure profiles: expected TOML, got: {wrong}") from wrong
-    sheet = from_plain(ProfilesSheet, content, where="exposure profiles: ")
-    return {profile.name: profile for profile in map(_profile, sheet.profile)}
 
 
 def _profile(keys: ProfileSheet) -> ExposureProfile:
