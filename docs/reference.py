@@ -13,7 +13,8 @@ import typing
 from pathlib import Path
 
 import midair
-from midair.settings import CHOICES, MODES, format_value
+from midair.settings import CHOICES, MODES, Settings, flat_names, format_setting, format_value
+from midair.solvers import SolverSettings
 
 ROOT = Path(__file__).parents[1]
 CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
@@ -164,16 +165,37 @@ def declared_table(kind, typed=None):
 
 
 def choices_table():
-    """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
+    """Return the Markdown table of all settings: place in `Settings`, option, help, value in each mode.
 
     A cell is empty where best equals the paper's value, and where another mode equals best.
     """
-    lines = ["| option, in `Settings` | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
+    lines = ["| in `Settings`, option | what | paper | best | quick | finest | quiet |", "| --- " * 7 + "|"]
+    made = {mode: MODES[mode]() for mode in MODES}
     for choice in CHOICES:
-        paper, best, *others = (format_value(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
-        said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
-        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
+        shown = [format_value(choice.of(settings), choice.unit) for settings in made.values()]
+        lines.append(_table_row(f"`{choice.path}`<br>`--{choice.name}`", choice.help, shown))
+    plain = {mode: flat_names(settings.plain()) for mode, settings in made.items()}
+    helps = {f"solver.{one.name}": one.metadata["help"] for one in dataclasses.fields(SolverSettings)}
+    paths = dict.fromkeys(path for path in (*leaves(Settings()), *plain["best"]))
+    known = ("solver.method", "solver.quiet_ears", "acoustics.medium", *(choice.path for choice in CHOICES))
+    for path in paths:
+        if not path.startswith(known):
+            shown = [format_setting(path, values.get(path)) for values in plain.values()]
+            lines.append(_table_row(f"`{path}`", helps.get(path, ""), shown))
     return "\n".join(lines)
+
+
+def leaves(value, before=""):
+    """Places of all settings below a dataclass."""
+    for one in dataclasses.fields(value):
+        got = getattr(value, one.name)
+        yield from leaves(got, f"{before}{one.name}.") if dataclasses.is_dataclass(got) else [f"{before}{one.name}"]
+
+
+def _table_row(name, what, shown):
+    paper, best, *others = shown
+    cells = [paper, best if best != paper else "", *(each if each != best else "" for each in others)]
+    return f"| {name} | {what} | {' | '.join(cells)} |"
 
 
 def as_markdown(entries):

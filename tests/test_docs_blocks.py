@@ -290,7 +290,7 @@ def test_the_rows_of_the_readme_that_need_hardware_are_named_and_their_extras_ar
 
 def shorter(row):
     """A row as it is printed, but for published iterations of Levenberg-Marquardt: they take minutes."""
-    return row.replace("--method lm", "--method lm --iterations 2 1")
+    return row.replace("--method lm", "--method lm --set solver.iterations=[2,1]")
 
 
 @pytest.mark.slow

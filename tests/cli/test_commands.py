@@ -15,7 +15,14 @@ from midair.datasets import sample_path
 from midair.files import load, load_calibration, load_solution, save_calibration
 from midair.model import Medium
 
-QUICK = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
+QUICK = [
+    "--mode",
+    "paper",
+    "--set",
+    "target.grid={rows=6,columns=6,pitch=0.011}",
+    "--set",
+    "solver.iterations=[2,1]",
+]
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +215,14 @@ def test_the_same_by_hand_gives_the_same_figures(capsys):
 
 @pytest.mark.slow
 def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(capsys):
-    coarse = ["--points", "6", "--pitch", "11mm", "--rate", "2kHz", "--mode", "quick"]
+    coarse = [
+        "--set",
+        "target.grid={rows=6,columns=6,pitch=0.011}",
+        "--rate",
+        "2kHz",
+        "--mode",
+        "quick",
+    ]
     assert run(["demo", "out", "--duration", "0.08s", *coarse]) == 0
     said = capsys.readouterr().out
     page = html.unescape(Path("out/report.html").read_text(encoding="utf-8"))

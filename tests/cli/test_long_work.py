@@ -17,7 +17,7 @@ from midair.files import atomic, save
 from midair.model import Calibration, Recording, SensorGrid
 from midair.progress import report_to
 
-QUICK = "--mode paper --method fast --points 6 --pitch 11mm --lead 0s --duration 0.03s"
+QUICK = "--mode paper --method fast --set target.grid={rows=6,columns=6,pitch=0.011} --lead 0s --duration 0.03s"
 OPTIONS = {"QUICK_ALONE": QUICK.replace("--lead 0s ", ""), "QUICK": QUICK}
 ROWS = Path(__file__).with_name("long_work.txt").read_text(encoding="utf-8")
 for name, options in OPTIONS.items():

@@ -6,12 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.cli import run
-from midair.cli.options import BandOptions, SolveOptions, format_quantity, mode_name, paper_options, parse_quantity
+from midair.cli.options import BandOptions, SolveOptions, format_quantity, parse_quantity
 from midair.files import load_palm, load_solution
 from midair.model import Acoustics, ControlGrid, Medium
 from midair.settings import MODES, Settings, best_mode
 from midair.solvers import Guard
 from midair.targets import Circle
+
+FEW = "--set target.grid={rows=6,columns=6,pitch=0.011} --method fast --set solver.iterations=[2,2]"
 
 
 def stages(path):
@@ -36,8 +38,9 @@ def stroke(tmp_path):
 def test_the_command_line_of_fidelity(stroke, tmp_path):
     """Rate, mapping, decoupling, pre-compensation and motion reach the drive that is written."""
     drive = tmp_path / "am.drive.h5"
-    words = "--rate 4kHz --mapping slow-bias --interpolate pressure --decouple --precompensate --circle 3mm"
-    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms --lead 0s"
+    words = "--rate 4kHz --mapping slow-bias --circle 3mm --set target.interpolate=pressure"
+    more = "--set compensation.decouple=true --set compensation.precompensate=true"
+    small = f"{more} {FEW} --start-at 20ms --duration 10ms --lead 0s"
     assert run(["solve", str(stroke), str(drive), *words.split(), *small.split()]) == 0
     made = stages(drive)
     assert load_solution(drive).drive.rate == 4000
@@ -54,15 +57,17 @@ def test_a_mode_by_name_and_single_options_on_top(mode):
 
 
 def test_terms_are_switched_on_off_and_changed():
-    assert SolveOptions(mode="paper", method="lm", guard=0.02).settings().solver.guard == Guard(margin=0.02)
+    margin = ("solver.guard.margin=0.02",)
+    assert SolveOptions(mode="paper", method="lm", set=margin).settings().solver.guard == Guard(margin=0.02)
     best = best_mode().solver.guard
-    assert SolveOptions(mode="best", guard=0.03).settings().solver.guard == replace(best, margin=0.03)
-    assert SolveOptions(mode="best", guard=0.0, decouple=False).settings() == best_mode().but(
-        guard=None, decouple=False
-    )
-    circled = SolveOptions(circle=2e-3, circle_rate=4.0).settings()
+    assert SolveOptions(mode="best", set=margin).settings().solver.guard == replace(best, margin=0.02)
+    off = ("solver.guard=0.0", "compensation.decouple=false")
+    assert SolveOptions(mode="best", set=off).settings() == best_mode().but(guard=0.0, decouple=False)
+    circled = SolveOptions(circle=2e-3, set=("target.circle.frequency=4.0",)).settings()
     assert circled.target.circle == Circle(radius=2e-3, frequency=4.0)
-    assert SolveOptions(points=8).settings().target.grid == ControlGrid(rows=8, columns=8)
+    few = ("target.grid.rows=8", "target.grid.columns=8", "solver.level=auto")
+    assert SolveOptions(set=few).settings().target.grid == ControlGrid(rows=8, columns=8)
+    assert SolveOptions(set=few).settings().solver.level == "auto"
     point = SolveOptions(mode="paper", directivity="point").settings()
     assert point.acoustics == Acoustics(directivity="point")
 
@@ -71,7 +76,7 @@ def test_terms_are_switched_on_off_and_changed():
 def test_a_drive_is_made_again_from_its_own_settings():
     assert run(["record", "virtual:am-i", "am.h5", "--duration", "0.1s"]) == 0
     part = ["--start-at", "20ms", "--duration", "5ms"]
-    words = ["--mode", "quick", "--points", "6", "--pitch", "11mm", "--guard", "22mm"]
+    words = f"--mode quick {FEW.partition(' --method')[0]} --set solver.guard.margin=0.022".split()
     assert run(["solve", "am.h5", "one.drive.h5", *words, *part]) == 0
     assert run(["solve", "am.h5", "two.drive.h5", "--settings", "one.drive.h5", *part]) == 0
     one, two = load_solution("one.drive.h5"), load_solution("two.drive.h5")
@@ -91,7 +96,7 @@ def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch
 
 @pytest.mark.long
 def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
-    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms --lead 0s"
+    small = f"{FEW} --start-at 20ms --duration 10ms --lead 0s"
     drive = tmp_path / "am.drive.h5"
     assert run(["solve", str(stroke), str(drive), *small.split(), "--temperature", "26C", "--humidity", "30%"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)
@@ -105,30 +110,31 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
 
 
 def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
-    chosen = SolveOptions(mode="quick", height=0.25, points=9, mapping="constant-offset", rate=2000.0)
-    beside = paper_options(chosen)
+    rows = ("target.grid.rows=9",)
+    chosen = SolveOptions(mode="quick", height=0.25, set=rows, mapping="constant-offset", rate=2000.0)
+    beside = chosen.of_paper()
     made, paper = beside.settings(), MODES["paper"]()
     assert (made.target.grid.height, made.target.grid.rows) == (0.25, 9)
     assert made.acoustics == chosen.settings().acoustics
     assert (made.target.mapping, made.target.rate, made.solver.fit) == ("half-wave", 1000.0, paper.solver.fit)
     assert made.solver.name == "glide"
-    assert mode_name(chosen) == "the quick mode"
-    assert mode_name(SolveOptions()) == "the best mode"
+    assert chosen.mode_name == "the quick mode"
+    assert SolveOptions().mode_name == "the best mode"
 
 
 def test_the_paper_s_mode_has_no_comparison():
-    assert paper_options(SolveOptions(mode="paper")) is None
-    assert mode_name(SolveOptions(mode="paper")) == "the paper's mode"
+    assert SolveOptions(mode="paper").of_paper() is None
+    assert SolveOptions(mode="paper").mode_name == "the paper's mode"
 
 
-SMALL = "--mode paper --points 6 --pitch 11mm --method fast --iterations 2 2 --duration 10ms"
+SMALL = f"--mode paper {FEW} --duration 10ms"
 
 
 @pytest.mark.long
 def test_an_outlined_hand_is_kept_quiet(stroke, tmp_path):
     corners = "outline_mm = [[-50, -35], [50, -35], [50, 35], [-50, 35]]"
     (tmp_path / "hand.toml").write_text(corners, encoding="utf-8")
-    words = ["--quiet-palm", "0.2", "--palm", str(tmp_path / "hand.toml")]
+    words = ["--set", "solver.quiet_palm=0.2", "--palm", str(tmp_path / "hand.toml")]
     assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL.split(), "--lead", "0s", *words]) == 0
     drive = load_solution(tmp_path / "hand.drive.h5").drive
     term = Settings.of(drive.provenance).solver.quiet_palm
@@ -141,7 +147,7 @@ def test_typed_options_name_the_palm(tmp_path):
     options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
     assert options.settings().solver.quiet_palm.outline
     assert options.typed() == ["--mode", "finest", "--palm", str(tmp_path / "hand.toml")]
-    assert paper_options(options).palm is None
+    assert options.of_paper().palm is None
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_faint_frames_are_weighted_by_their_power():
     assert (found.mean, found.worst, found.faint, found.frames) == (pytest.approx(0.03), 0.03, 91, 100)
     assert found.energy == pytest.approx(np.sqrt((9 * 0.03**2 + 91 * 1e-10 * 1e4) / 9), rel=1e-6)
     assert "91 of 100 frames" in str(found)
-    assert "--level auto" in str(found)
+    assert "--set solver.level=auto" in str(found)
 
 
 def test_by_energy_is_the_norm_of_all_frames_together():

@@ -38,7 +38,8 @@ def folder(tmp_path_factory):
     [
         [
             "import long.wav take.h5 --scale 30Pa",
-            "solve take.h5 take.drive.h5 --points 8 --pitch 7.3333mm --start-at 300s --duration 50ms",
+            "solve take.h5 take.drive.h5 --set target.grid={rows=8,columns=8,pitch=0.0073333} "
+            "--start-at 300s --duration 50ms",
             "play take.drive.h5",
         ],
         ["import long.csv text.h5"],

@@ -52,7 +52,16 @@ def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, 
     assert open_take("part.h5").calibration is not None
     assert run(["import", name, "in.h5"]) == 0
     assert open_take("in.h5").calibration is not None
-    words = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--duration", "5ms", "--iterations", "1", "1"]
+    words = [
+        "--mode",
+        "paper",
+        "--set",
+        "target.grid={rows=6,columns=6,pitch=0.011}",
+        "--duration",
+        "5ms",
+        "--set",
+        "solver.iterations=[1,1]",
+    ]
     assert run(["solve", name, "x.drive.h5", *words]) == 0
     assert sensor_named(f"replay:{name}", VirtualRig()).calibration is not None
 

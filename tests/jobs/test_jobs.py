@@ -15,7 +15,10 @@ from midair.cli import run
 from midair.files import save_solution
 from midair.settings import quick_mode
 
-COARSE = "--mode quick --points 8 --pitch 7.3333mm --guard 0mm --fit points --start-at 0.45s --lead 20ms"
+COARSE = (
+    "--mode quick --set target.grid={rows=8,columns=8,pitch=0.0073333} --set solver.guard=0.0 --set solver.fit=points "
+    "--start-at 0.45s --lead 20ms"
+)
 """Settings of a fast solve: 8 x 8 control points on the whole sensor, in the loudest part of the stroke."""
 
 

@@ -1,59 +1,42 @@
-from dataclasses import fields, is_dataclass
-
 import pytest
 
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
 from midair.settings import CHOICES, MODES, Settings, format_setting, nearest_mode
-
-# Settings without an option: parts of settings that have one, and constants of the array.
-PYTHON_ONLY = {
-    "target.grid.columns": "points",
-    "target.grid.centre": "of the array",
-    "compensation.dynamics": "of the transducers",
-    "compensation.ramp": "of the silencer",
-    "solver.guard": "guard, its margin",
-    "target.circle": "circle, its radius",
-    **{f"acoustics.medium.{name}": "the air" for name in ("density", "speed", "attenuation", "alpha")},
-}
+from midair.solvers import Fast, QuietEars
 
 
-def leaves(value, before=""):
-    for one in fields(value):
-        got, path = getattr(value, one.name), f"{before}{one.name}"
-        if is_dataclass(got) and path not in PYTHON_ONLY:
-            yield from leaves(got, f"{path}.")
-        else:
-            yield path
-
-
-def test_every_setting_has_an_option_or_is_python_only():
-    offered = {choice.path.removesuffix(".weight") for choice in CHOICES}
-    assert {path for path in leaves(Settings()) if path not in offered} == set(PYTHON_ONLY)
-
-
-def test_a_guard_that_is_given_by_its_width_has_that_margin_and_none_has_none():
-    margin = next(choice for choice in CHOICES if choice.name == "guard")
-    assert margin.of(Settings().but(guard=0.02)) == 0.02
-    assert margin.of(Settings()) is None
-
-
-def put(settings, name, value):
-    return next(choice for choice in CHOICES if choice.name == name).put(settings, value)
+def test_each_option_sets_what_it_reads():
+    given = {"rate": 2000.0, "mapping": "slow-bias", "ears": 110.0, "height": 0.3, "circle": 3e-3, "method": "fast"}
+    more = {"band": (30.0, 300.0), "gain": 2.0, "strength": 0.1, "jobs": 3, "directivity": "piston"}
+    given |= more | {"temperature": 25.0, "humidity": 0.2}
+    made = Settings().but(quiet_ears=QuietEars(weight=1.0)).but(**given, quiet_ears=2.0)
+    read = {choice.name.replace("-", "_"): choice.of(made) for choice in CHOICES}
+    assert read == given | {"quiet_ears": 2.0}
+    assert isinstance(made.solver.quiet_ears, QuietEars), "the rest of the term stays"
+    assert made.but(circle=0, quiet_ears=0).target.circle is None
 
 
 def test_a_temperature_is_the_air_of_a_laboratory_and_the_surface_stays():
     soft = Settings(acoustics=Acoustics(medium=Medium(alpha=1.5), directivity="piston"))
-    warm = put(put(soft, "temperature", 26.0), "humidity", 0.3)
+    warm = soft.but(temperature=26.0).but(humidity=0.3)
     assert warm.acoustics == Acoustics(
         medium=Medium.at(temperature=26.0, humidity=0.3, alpha=1.5), directivity="piston"
     )
-    assert put(soft, "temperature", 26.0).acoustics.medium.humidity == 0.5
-
-
-def test_a_humidity_without_a_temperature_is_refused():
+    assert soft.but(temperature=26.0).acoustics.medium.humidity == 0.5
     with pytest.raises(InputError, match="--humidity: expected --temperature beside it"):
-        put(Settings(), "humidity", 0.3)
+        Settings().but(humidity=0.3)
+
+
+def test_any_setting_is_a_line_of_a_file():
+    lines = "solver.level=auto target.grid={rows=6,columns=6} solver.iterations=[2,1] solver.guard.margin=0.03"
+    made = MODES["best"]().with_lines(lines.split())
+    assert (made.target.grid.rows, made.solver.level, made.solver.iterations) == (6, "auto", (2, 1))
+    assert made.solver.guard.ceiling == MODES["best"]().solver.guard.ceiling
+    assert MODES["best"]().with_lines(["solver.guard=0.0"]) == MODES["best"]().but(guard=0.0)
+    for wrong in ("rows", "solver.levl=1", "solver.level=loud", "target.grid.rows=[", "=3"):
+        with pytest.raises(InputError):
+            Settings().with_lines([wrong])
 
 
 @pytest.mark.parametrize(
@@ -75,5 +58,9 @@ def test_a_setting_is_formatted_with_its_unit(path, value, words):
 def test_settings_are_their_mode_and_what_differs_from_it(mode):
     settings = MODES[mode]()
     assert nearest_mode(settings) == (mode, {})
-    assert nearest_mode(settings.but(gain=2.0, level=0.5)) == (mode, {"gain": 2.0, "level": 0.5})
-    assert nearest_mode(settings.but(ramp=1e-3)) is None, "no choice sets it"
+    changed = settings.but(gain=2.0, level=0.5, temperature=30.0)
+    assert nearest_mode(changed)[0] == mode
+    assert nearest_mode(changed)[1].keys() >= {"target.gain", "solver.level", "acoustics.medium.temperature"}
+    assert "acoustics.medium.speed" not in nearest_mode(changed)[1], "it follows from the temperature"
+    assert nearest_mode(settings.but(ramp=1e-3)) == (mode, {"compensation.ramp": 1e-3})
+    assert nearest_mode(settings.but(method=Fast(iterations=9))) is None, "no option sets it"

@@ -86,11 +86,11 @@ def test_facts_have_all_properties_for_the_page(scene):
 def test_settings_are_described_as_options_and_python(subtests):
     for settings, options in [
         (MODES["best"](), "--mode best"),
-        (MODES["paper"]().but(method="live", level="auto"), "--mode paper --method live --level auto"),
-        (MODES["quick"]().but(gain=1.5, decouple=False), "--mode quick --gain 1.5 --no-decouple"),
-        (MODES["best"]().but(guard=None, rate=2000.0), "--mode best --rate 2000Hz --guard 0mm"),
+        (MODES["paper"]().but(method="live", level="auto"), "--mode paper --method live --set solver.level=auto"),
+        (MODES["quick"]().but(gain=1.5, decouple=False), "--mode quick --gain 1.5 --set compensation.decouple=false"),
+        (MODES["best"]().but(guard=0.0, rate=2000.0), "--mode best --rate 2000Hz --set solver.guard=0.0"),
         (MODES["paper"]().but(grid=ControlGrid(height=0.18)), "--mode paper --height 180mm"),
-        (MODES["paper"]().but(ramp=0.001), ""),
+        (MODES["paper"]().but(ramp=0.001), "--mode paper --set compensation.ramp=0.001"),
     ]:
         with subtests.test(settings=settings):
             told = describe_settings(settings)

@@ -8,7 +8,7 @@ from tests.model.test_calibration import calibration
 from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
-from midair.model import Palm, Provenance, Recording, TransducerArray
+from midair.model import ControlGrid, Palm, Provenance, Recording, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead, under_ears
 from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, play, rerecord_drive
 from midair.settings import Settings
@@ -35,7 +35,7 @@ def solved(tmp_path):
     request = SolveRequest(
         take=str(tmp_path / "towel.h5"),
         drive=str(tmp_path / "towel.drive.h5"),
-        choices=(("method", "fast"), ("points", 4)),
+        choices=(("method", "fast"), ("grid", ControlGrid(rows=4, columns=4))),
         start=0.06,
         duration=0.06,
     )
@@ -83,7 +83,10 @@ def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypat
 @pytest.mark.long
 def test_the_mode_quiet_keeps_the_level_at_the_ears(solved, tmp_path):
     request = replace(
-        solved, mode="quiet", choices=(("ears", 115.0), ("points", 8)), drive=str(tmp_path / "q.drive.h5")
+        solved,
+        mode="quiet",
+        choices=(("ears", 115.0), ("grid", ControlGrid(rows=8, columns=8))),
+        drive=str(tmp_path / "q.drive.h5"),
     )
     solve_take(request, lambda *_: None)
     drive = load_solution(request.drive).drive

@@ -3,7 +3,7 @@ import pytest
 
 from midair.errors import RateError
 from midair.model import BAND, PressureFrames, SensorGrid
-from midair.settings import CHOICES, Settings
+from midair.settings import Settings
 from midair.targets import Circle, add_lead, default_lead, receptor_levels, receptors
 
 RATE = 1000.0
@@ -52,9 +52,8 @@ def test_a_rate_below_both_vibrations_is_refused():
 
 
 def test_the_option_turns_the_pattern_on_an_orbit():
-    mapping, circle = ({one.name: one for one in CHOICES}[name] for name in ("mapping", "circle"))
-    chosen = mapping.put(Settings(), "receptors")
+    chosen = Settings().but(mapping="receptors")
     assert (chosen.target.mapping, chosen.target.circle) == ("receptors", Circle())
-    assert circle.put(chosen, 0).target.circle is None
+    assert chosen.but(circle=0).target.circle is None
     own = Circle(radius=5e-3)
-    assert mapping.put(Settings().but(circle=own), "receptors").target.circle is own
+    assert Settings().but(circle=own).but(mapping="receptors").target.circle is own

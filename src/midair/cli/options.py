@@ -1,4 +1,4 @@
-"""Options that several commands share; those of the settings are generated from `settings.CHOICES`.
+"""Options that several commands share; those of the settings are declared in `settings.CHOICES`.
 
 A quantity is a number with a unit, such as 200mm, 20Hz or .5s.
 """
@@ -7,31 +7,26 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, field, fields, make_dataclass
-from functools import cache, reduce
-from operator import or_
+from dataclasses import Field, dataclass, field, fields, make_dataclass
+from functools import cache
 from pathlib import Path
-from types import MappingProxyType, UnionType
+from types import MappingProxyType
 from typing import (
-    TYPE_CHECKING,
     Annotated,
     Any,
     ClassVar,
-    Literal,
     TypeVar,
-    Union,
     cast,
-    get_args,
     get_origin,
     get_type_hints,
 )
 
-from cyclopts import Parameter, Token
+from cyclopts import Group, Parameter, Token
 
 from midair import files
 from midair.errors import InputError
-from midair.model import HEIGHTS, Palm
-from midair.settings import CHOICES, MODES, Choice, Mode, Settings, TransducerSpread, format_value
+from midair.model import HEIGHTS, Directivity, Palm
+from midair.settings import CHOICES, MODES, Mode, Settings, TransducerSpread, format_value
 from midair.solvers import QuietPalm
 from midair.validation import Declared
 
@@ -146,9 +141,11 @@ Source = Annotated[Path, Parameter(help="Recording to read.")]
 Output = Annotated[Path, Parameter(help="File to write, in any format that midair can write.")]
 Study = Annotated[Path, Parameter(help="Folder of the study.")]
 Seed = Annotated[int, Parameter(help="Random seed of the virtual rig.")]
-StartAt = Annotated[Time, Parameter(help="Start of the part to use.")]
-PartLength = Annotated[OptionalTime, Parameter(help="Length of the part to use. [default: to the end]")]
-Lead = Annotated[OptionalTime, Parameter(help="Fade time before and after the part. [default: by the mapping]")]
+PART = Group("Part", sort_key=4)
+StartAt = Annotated[Time, Parameter(group=PART, help="Start of the part to use.")]
+PartLength = Annotated[OptionalTime, Parameter(group=PART, help="Length of the part to use. [default: to the end]")]
+_LEAD = "Fade time before and after the part. [default: by the mapping]"
+Lead = Annotated[OptionalTime, Parameter(group=PART, help=_LEAD)]
 Sensitivity = Annotated[str | None, Parameter(help="Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.")]
 _PEAK = "Pressure of the largest change of any channel, such as 30Pa."
 Peak = Annotated[float | None, quantity("Pa"), Parameter(help=_PEAK)]
@@ -214,10 +211,44 @@ def _typed(declared: Field[Any]) -> str:
     return declared.metadata.get("option", declared.name.replace("_", "-"))
 
 
+_SOLVER = Group("Solver", sort_key=2)
+GROUPS: Mapping[str, Group] = MappingProxyType(
+    {"Target": Group("Target", sort_key=1), "Solver": _SOLVER, "Air": Group("Air", sort_key=3), "Part": PART}
+)
+"""Groups of the options in the help of a command."""
+
+
+def _option(name: str, otherwise: Mode = "best") -> Parameter:
+    """The option of a choice; its help shows the default, and the paper's where it differs."""
+    choice = next(each for each in CHOICES if each.name == name)
+    shown, paper = (format_value(choice.of(_preset(mode)), choice.unit) for mode in (otherwise, "paper"))
+    default = shown if shown == paper else f"{shown}; paper: {paper}"
+    how: Any = {"show_default": False if default == "its own" else lambda _: default}  # pyright: ignore[reportUnknownLambdaType]
+    said = Parameter(name=f"--{name}", help=choice.help, group=GROUPS[choice.group], **how)
+    many = 2 if isinstance(choice.of(_preset("paper")), tuple) else None
+    return Parameter.combine(quantity(choice.unit, many=many), said) if choice.unit else said
+
+
+def _best(_: object) -> str:
+    return "best"
+
+
+@cache
+def _preset(mode: Mode) -> Settings:
+    return MODES[mode]()
+
+
+def _setting(name: str, text: str, **more: Any) -> Parameter:
+    """An option that selects settings."""
+    how: dict[str, Any] = {"show_default": False} | more
+    return Parameter(name=name, help=text, group=_SOLVER, **how)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _SettingsOptions:
     """Options on top of a mode or of a settings file; None means not given."""
 
-    otherwise: ClassVar[Mode] = "paper"
+    otherwise: ClassVar[Mode] = "best"
     """Mode if neither --mode nor --settings is given."""
 
     def settings(self) -> Settings:
@@ -225,57 +256,134 @@ class _SettingsOptions:
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         if mode is not None and path is not None:
             raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
-        height = getattr(self, "height", None)
+        given = self._given()
+        height = given.get("height")
         if height is not None and not HEIGHTS[0] <= height <= HEIGHTS[1]:
             low, high = (format_quantity(each, "m") for each in HEIGHTS)
             raise InputError(
                 f"--height: expected {low} to {high} of a palm above the array, got {format_quantity(height, 'm')}"
             )
         made = MODES[mode or self.otherwise]() if path is None else _settings_of_file(path)
-        for choice in CHOICES:
-            value = getattr(self, choice.name.replace("-", "_"), None)
-            if value is not None:
-                made = choice.put(made, value)
+        if lines := getattr(self, "set", ()):
+            made = made.with_lines(lines)
+        made = made.but(**given)
         if (palm := getattr(self, "palm", None)) is not None:
             for term in made.solver.quiet:
                 if isinstance(term, QuietPalm):
                     made = made.but(quiet_palm=QuietPalm.under(files.load_palm(palm), weight=term.weight))
         made.solver.check()
-        if made.solver.jobs is None:
-            made = made.but(jobs=_cores())
-        return made
+        return made if made.solver.jobs is not None else made.but(jobs=_cores())
 
-    def refuse_idle_palm(self) -> None:
-        """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
-        if getattr(self, "palm", None) is not None and not self.settings().solver.quiet_palm:
-            raise InputError("--palm: expected --quiet-palm or --mode finest with it, got neither")
-
-    def outline(self) -> Palm:
-        """The palm for the evaluation; default: a disc of 85 mm."""
-        palm = getattr(self, "palm", None)
-        return Palm.disc() if palm is None else files.load_palm(palm)
+    def _given(self) -> dict[str, Any]:
+        """The given settings by the keywords of `Settings.but`."""
+        names = {choice.name.replace("-", "_") for choice in CHOICES}
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name in names}
+        return {name: value for name, value in values.items() if value is not None}
 
     def typed(self) -> list[str]:
         """Command-line arguments that select the same settings."""
         words: list[str] = []
-        mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
-        words += [] if mode is None else ["--mode", mode]
-        palm = getattr(self, "palm", None)
-        words += [] if path is None else ["--settings", str(path)]
-        words += [] if palm is None else ["--palm", str(palm)]
-        for choice in CHOICES:
-            value = getattr(self, choice.name.replace("-", "_"), None)
-            if isinstance(value, bool):
-                words.append(f"--{choice.name}" if value else f"--no-{choice.name}")
-            elif value is not None:
-                many = value if isinstance(value, tuple) else (value,)
-                words += [f"--{choice.name}", *(_argument(each, choice.unit) for each in many)]
+        for name, option in (("mode", "--mode"), ("settings_file", "--settings"), ("palm", "--palm")):
+            value = getattr(self, name, None)
+            words += [] if value is None else [option, str(value)]
+        words += [word for line in getattr(self, "set", ()) for word in ("--set", line)]
+        units = {choice.name: choice.unit for choice in CHOICES}
+        for name, value in self._given().items():
+            option = name.replace("_", "-")
+            many = value if isinstance(value, tuple) else (value,)
+            words += [f"--{option}", *(_argument(each, units[option]) for each in many)]
         return words
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class BandOptions(_SettingsOptions):
+    """Which part of a recording counts."""
+
+    otherwise: ClassVar[Mode] = "paper"
+
+    band: Annotated[tuple[float, float] | None, _option("band", "paper")] = None
+    rate: Annotated[float | None, _option("rate", "paper")] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class PlaySolveOptions(_SettingsOptions):
+    """How a recording is solved; without the air of the room, which is an option of playing."""
+
+    rate: Annotated[float | None, _option("rate")] = None
+    mapping: Annotated[str | None, _option("mapping")] = None
+    gain: Annotated[float | None, _option("gain")] = None
+    strength: Annotated[float | None, _option("strength")] = None
+    ears: Annotated[float | None, _option("ears")] = None
+    height: Annotated[float | None, _option("height")] = None
+    circle: Annotated[float | None, _option("circle")] = None
+    mode: Annotated[
+        Mode | None,
+        _setting(
+            "--mode",
+            "Preset that other options override; quiet: under --ears.",
+            alias="-m",
+            show_default=_best,
+        ),
+    ] = None
+    settings_file: Annotated[Path | None, _setting("--settings", "Read settings from a TOML file or a drive.")] = None
+    set: Annotated[
+        tuple[str, ...],
+        _setting("--set", "Any other setting, as a line of a settings file: --set target.grid.rows=8. Repeatable."),
+    ] = ()
+    method: Annotated[str | None, _option("method")] = None
+    quiet_ears: Annotated[float | None, _option("quiet-ears")] = None
+    palm: Annotated[Path | None, _setting("--palm", "TOML file with a palm's outline. [default: disc of 85 mm]")] = None
+    jobs: Annotated[int | None, _option("jobs")] = None
+    directivity: Annotated[Directivity | None, _option("directivity")] = None
+    band: Annotated[tuple[float, float] | None, _option("band")] = None
+
+    def refuse_idle_palm(self) -> None:
+        """Raise InputError for --palm without a quiet palm, where the command would ignore it."""
+        if self.palm is not None and not self.settings().solver.quiet_palm:
+            raise InputError("--palm: expected --mode finest or a quiet palm in the settings with it, got neither")
+
+    def outline(self) -> Palm:
+        """The palm for the evaluation; default: a disc of 85 mm."""
+        return Palm.disc() if self.palm is None else files.load_palm(self.palm)
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the chosen mode in reports."""
+        mode = self.mode or self.otherwise
+        return "the paper's mode" if mode == "paper" else f"the {mode} mode"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SolveOptions(PlaySolveOptions):
+    """How pressure becomes sound."""
+
+    temperature: Annotated[float | None, _option("temperature")] = None
+    humidity: Annotated[float | None, _option("humidity")] = None
 
     @property
     def air_is_stated(self) -> bool:
         """Whether the user gave the air, by an option or by a settings file."""
-        return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
+        return self.temperature is not None or self.settings_file is not None
+
+    def of_paper(self) -> "SolveOptions | None":
+        """Options of the paper's mode with the same recording and room; None if the paper's mode was chosen.
+
+        The solver is glide: the paper's own takes seven times as long for the same signal-to-distortion ratio on the
+        sensor.
+        """
+        if self.mode == "paper":
+            return None
+        settings, paper = self.settings(), MODES["paper"]()
+        shared = ("band", "height", "temperature", "humidity", "directivity")
+        choices = [each for each in CHOICES if each.name in shared and each.of(settings) != each.of(paper)]
+        given: dict[str, Any] = {each.name: each.of(settings) for each in choices if each.of(settings) is not None}
+        grid, usual = settings.target.grid, paper.target.grid
+        parts = [name for name in ("rows", "columns", "pitch") if getattr(grid, name) != getattr(usual, name)]
+        lines = [f"target.grid.{name}={getattr(grid, name)!r}" for name in parts]
+        return SolveOptions(mode="paper", method="glide", set=tuple(lines), **given)
 
 
 def _argument(value: Any, unit: str) -> str:
@@ -293,121 +401,5 @@ def _settings_of_file(path: Path) -> Settings:
         return Settings.load(path)
     found = Settings.of(files.load_solution(path, streamed=True).drive.provenance)
     if found is None:
-        raise InputError(f"{path}: expected a drive with stored settings, got one without (written by an older midair)")
+        raise InputError(f"{path}: expected a drive with stored settings, got one without")
     return found
-
-
-# Each is needed for every choice.
-_PRESETS = {"paper": MODES["paper"](), "best": MODES["best"]()}
-_hints = cache(get_type_hints)
-
-
-def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
-    """The option of a choice; its help shows the default, and the paper's where the best mode's differs."""
-    # No objects, and the tuple where both a number and a tuple are allowed.
-    hint: Any = Settings
-    for part in choice.path.split("."):
-        holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
-        hint = _hints(holder)[part]
-    plain = [
-        each for each in _alternatives(hint) if not hasattr(each, "__dataclass_fields__") and each is not type(None)
-    ]
-    pairs = [each for each in plain if get_origin(each) is tuple]
-    kind = pairs[0] if pairs else reduce(or_, plain)
-
-    shown = {name: format_value(choice.of(preset), choice.unit) for name, preset in _PRESETS.items()}
-    default = shown[otherwise]
-    if otherwise == "best" and shown["best"] != shown["paper"]:
-        default += f"; paper: {shown['paper']}"
-
-    negative = f"--no-{choice.name}" if kind is bool else ()
-    said = Parameter(
-        name=f"--{choice.name}", help=choice.help, show_default=_constant_default(default), negative=negative
-    )
-    if not choice.unit:
-        return Annotated[kind | None, said]
-    pair = get_origin(kind) is tuple
-    return Annotated[kind | None, quantity(choice.unit, many=2 if pair else None), said]
-
-
-def _constant_default(default: str) -> Any:
-    """Formatter that always shows this default; False where the solver has its own."""
-
-    def shown(_: object) -> str:
-        return default
-
-    return False if default == "its own" else shown
-
-
-def _alternatives(hint: Any) -> Sequence[Any]:
-    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-
-
-def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: bool = False) -> Any:
-    """A dataclass of options, all None unless given."""
-    chosen = [choice for choice in CHOICES if names is None or choice.name in names]
-    first: list[Any] = []
-    if modes:
-        mode = Parameter(
-            name=("--mode", "-m"),
-            help="Preset that other options override; quiet: under --ears.",
-            show_default=_constant_default("best"),
-        )
-        path = Parameter(name="--settings", help="Read settings from a TOML file or a drive.", show_default=False)
-        outline = "TOML file with a palm's outline. [default: disc of 85 mm]"
-        palm = Parameter(name="--palm", help=outline, show_default=False)
-        first = [
-            ("mode", Annotated[Mode | None, mode], field(default=None)),
-            ("settings_file", Annotated[Path | None, path], field(default=None)),
-            ("palm", Annotated[Path | None, palm], field(default=None)),
-        ]
-    otherwise: Literal["paper", "best"] = "best" if modes else "paper"
-    rest = [(choice.name.replace("-", "_"), _parameter(choice, otherwise), field(default=None)) for choice in chosen]
-    space = {"__doc__": doc, "__module__": __name__, "otherwise": otherwise}
-    made = make_dataclass(name, [*first, *rest], bases=(_SettingsOptions,), frozen=True, kw_only=True, namespace=space)
-    return Parameter(name="*")(made)
-
-
-if TYPE_CHECKING:
-
-    class BandOptions(_SettingsOptions):
-        """Which part of a recording counts."""
-
-    class SolveOptions(_SettingsOptions):
-        """How pressure becomes sound."""
-
-    class PlaySolveOptions(_SettingsOptions):
-        """How a recording is solved while it plays."""
-
-else:
-    BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
-    SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
-    # The room's air is an option of playing.
-    _solved = [choice.name for choice in CHOICES if choice.name not in ("temperature", "humidity")]
-    PlaySolveOptions = _options("PlaySolveOptions", "How a recording is solved while it plays.", _solved, modes=True)
-
-
-_SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")
-"""Settings of the recording and the room, which a comparison of two modes shares."""
-
-
-def paper_options(options: SolveOptions) -> SolveOptions | None:
-    """Options of the paper's mode with the same recording and room; None if the paper's mode was chosen.
-
-    The solver is glide: the paper's own takes seven times as long for the same signal-to-distortion ratio on the
-    sensor.
-    """
-    if getattr(options, "mode", None) == "paper":
-        return None
-    settings, paper = options.settings(), MODES["paper"]()
-    shared = [choice for choice in CHOICES if choice.name in _SHARED]
-    values = {choice.name: choice.of(settings) for choice in shared if choice.of(settings) != choice.of(paper)}
-    given = {name: value for name, value in values.items() if value is not None}
-    made: Any = SolveOptions
-    return made(mode="paper", method="glide", **given)
-
-
-def mode_name(options: SolveOptions) -> str:
-    """Name of the chosen mode in reports."""
-    mode = getattr(options, "mode", None) or options.otherwise
-    return "the paper's mode" if mode == "paper" else f"the {mode} mode"

@@ -44,7 +44,7 @@ class SolveError:
         apart = f"{said}; {self.faint} of {self.frames} frames have less than a hundredth of the loudest's power"
         if self.faint_mean <= 1:
             return f"{apart}: mean {100 * self.faint_mean:.0f} %"
-        return f"{apart}: there the output exceeds the target, --level auto reduces it"
+        return f"{apart}: there the output exceeds the target, --set solver.level=auto reduces it"
 
     def plain(self) -> dict[str, object]:
         """Ratios for JSON."""

@@ -8,6 +8,7 @@ from .choices import Choice as Choice
 from .choices import format_setting as format_setting
 from .choices import format_value as format_value
 from .choices import nearest_mode as nearest_mode
+from .choices import typed_options as typed_options
 from .settings import EARS as EARS
 from .settings import MODES as MODES
 from .settings import MOST_GAIN as MOST_GAIN
@@ -19,6 +20,7 @@ from .settings import TargetSettings as TargetSettings
 from .settings import TransducerSpread as TransducerSpread
 from .settings import best_mode as best_mode
 from .settings import finest_mode as finest_mode
+from .settings import flat_names as flat_names
 from .settings import paper_mode as paper_mode
 from .settings import quick_mode as quick_mode
 from .settings import quiet_mode as quiet_mode

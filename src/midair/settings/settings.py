@@ -1,7 +1,9 @@
 """All settings of the pipeline from a recording to a drive as one value, and its modes."""
 
 import os
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, Literal
@@ -104,17 +106,44 @@ class Settings:
     def but(self, **changes: Any) -> "Settings":
         """Return the settings with other values, named as in their groups: ``but(rate=4000.0, gain=2.0)``.
 
-        InputError if there is no setting of that name.
+        Named without a group are also the height of the grid, the directivity, and the temperature and humidity of the
+        air. A number stands for the radius of the circle or the weight of quiet ears, of which the rest stays; 0
+        switches them off. The mapping "receptors" brings the circle that it needs.
+
+        InputError if there is no setting of that name, or a value is out of range.
         """
+        if air := {name: changes.pop(name) for name in ("temperature", "humidity") if name in changes}:
+            changes["medium"] = _in_air(self.acoustics.medium, air)
+        if parts := {name: changes.pop(name) for name in ("medium", "directivity") if name in changes}:
+            changes["acoustics"] = replace(changes.get("acoustics", self.acoustics), **parts)
         if "acoustics" in changes:
             return replace(self, acoustics=changes.pop("acoustics")).but(**changes)
+        if "height" in changes:
+            changes["grid"] = replace(changes.get("grid", self.target.grid), height=changes.pop("height"))
+        if changes.get("mapping") == "receptors":
+            changes.setdefault("circle", self.target.circle or Circle())
+        if isinstance(radius := changes.get("circle"), int | float):
+            changes["circle"] = replace(self.target.circle or Circle(), radius=radius) if radius else None
+        if isinstance(weight := changes.get("quiet_ears"), int | float) and weight:
+            ears = self.solver.quiet_ears
+            changes["quiet_ears"] = replace(ears, weight=weight) if isinstance(ears, QuietEars) else weight
         if unknown := sorted(set(changes) - set(_GROUPS)):
-            known = ", ".join([*_GROUPS, "acoustics"])
+            known = ", ".join([*_GROUPS, "acoustics", "height", "directivity", "temperature", "humidity"])
             raise InputError(f"settings: expected some of {known}, got {', '.join(unknown)}")
         groups: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             groups.setdefault(_GROUPS[name], {})[name] = value
         return replace(self, **{group: replace(getattr(self, group), **some) for group, some in groups.items()})
+
+    def with_lines(self, lines: Iterable[str]) -> "Settings":
+        """Return the settings with other values, each a line of a settings file such as ``target.grid.rows=8``.
+
+        Text needs no quotes: ``solver.level=auto``. InputError if a name or a value is not valid.
+        """
+        plain = self.plain()
+        for line in lines:
+            _merge(plain, _parsed(line))
+        return Settings.from_plain(plain)
 
     def measured(self, calibration: ArrayCalibration) -> "Settings":
         """Return the settings with the mean transducer envelope of a measured array."""
@@ -175,7 +204,7 @@ class Settings:
         if not isinstance(self.solver.fit, str):
             return provenance
         # The number of jobs does not affect the result.
-        return provenance.then("settings", _flat(self.but(jobs=None).plain()))
+        return provenance.then("settings", flat_names(self.but(jobs=None).plain()))
 
     @classmethod
     def of(cls, provenance: Provenance) -> "Settings | None":
@@ -214,19 +243,45 @@ def _with_air(values: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**values, "acoustics": {**acoustics, "medium": to_plain(Medium.at(**medium))}}
 
 
-def _flat(values: Mapping[str, Any], before: str = "") -> dict[str, Setting]:
+def _in_air(medium: Medium, air: Mapping[str, float | None]) -> Medium:
+    """Return the medium at another temperature or humidity; `alpha` of the surface stays."""
+    known: dict[str, float | None] = {"temperature": medium.temperature, "humidity": medium.humidity, **air}
+    if known["temperature"] is None:
+        raise InputError("--humidity: expected --temperature beside it, got none")
+    return Medium.at(alpha=medium.alpha, **{name: each for name, each in known.items() if each is not None})
+
+
+def _parsed(line: str) -> dict[str, Any]:
+    name, equals, value = line.partition("=")
+    for text in (line, f"{name}='{value}'"):
+        with suppress(tomllib.TOMLDecodeError):
+            if equals:
+                return tomllib.loads(text)
+    raise InputError(f"expected NAME=VALUE as in a settings file, such as target.grid.rows=8, got {line!r}")
+
+
+def _merge(plain: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Put values into nested dicts of settings; a table replaces a plain value, and the reverse."""
+    for name, value in values.items():
+        if isinstance(value, dict) and isinstance(plain.get(name), dict):
+            _merge(plain[name], value)  # pyright: ignore[reportUnknownArgumentType]
+        else:
+            plain[name] = value
+
+
+def flat_names(values: Mapping[str, Any], before: str = "") -> dict[str, Setting]:
     """Join nested names by dots, the form of provenance."""
     flat: dict[str, Setting] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
-            flat |= _flat(value, f"{before}{name}.")  # pyright: ignore[reportUnknownArgumentType]
+            flat |= flat_names(value, f"{before}{name}.")  # pyright: ignore[reportUnknownArgumentType]
         else:
             flat[f"{before}{name}"] = tuple(value) if isinstance(value, list) else value
     return flat
 
 
 def _nested(flat: Mapping[str, Setting]) -> dict[str, Any]:
-    """Split the names that `_flat` joined."""
+    """Split the names that `flat_names` joined."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         *groups, last = name.split(".")

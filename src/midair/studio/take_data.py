@@ -17,7 +17,7 @@ from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.model import AmplitudeFrames, Provenance, Solution
 from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
 from midair.rig import event_message, pressure_of
-from midair.settings import CHOICES, Settings, format_value, nearest_mode
+from midair.settings import Settings, nearest_mode, typed_options
 from midair.targets import frames_without_lead
 from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
 
@@ -121,26 +121,20 @@ def describe_settings(settings: Settings) -> dict[str, Any]:
     """Return settings as form values ("" for the default of the mode), as one line, and as code."""
     near = nearest_mode(settings)
     mode, chosen = near or ("paper", {})
-    form: dict[str, Any] = {name: chosen.get(name, "") for name in ("mapping", "method", "level")}
-    typed = [
-        f"--no-{choice.name}"
-        if value is False
-        else f"--{choice.name} {format_value(value, choice.unit)}".removesuffix(" yes")
-        for choice in CHOICES
-        if (value := chosen.get(choice.name)) is not None
-    ]
+    places = {"mapping": "target.mapping", "method": "solver.method", "level": "solver.level"}
+    form: dict[str, Any] = {name: chosen.get(path, "") for name, path in places.items()}
+    typed = list(typed_options(chosen))
     also = [each for each in typed if not each.startswith(("--method ", "--rate "))]
     plain = settings.but(jobs=None).plain()
-    fields = {choice.path: chosen[choice.name] for choice in CHOICES if choice.name in chosen}
-    simple = all(path.count(".") == 1 and not path.startswith("acoustics") for path in fields)
-    given = ", ".join(f"{path.partition('.')[2]}={value!r}" for path, value in fields.items())
+    simple = all(path.count(".") == 1 and not path.startswith("acoustics") for path in chosen)
+    given = ", ".join(f"{path.partition('.')[2]}={value!r}" for path, value in chosen.items())
     by_name = f'MODES["{mode}"]()' + (f".but({given})" if given else "")
     return {
         "mode": mode if near else "",
         **form,
         "gain": settings.target.gain,
-        "ears_db": chosen.get("ears", ""),
-        "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "height" in chosen else "",
+        "ears_db": chosen.get("target.ears", ""),
+        "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "target.grid.height" in chosen else "",
         "line": ", ".join(
             [
                 mode if near else "custom settings",

@@ -29,7 +29,7 @@ from midair.rig import (
     solve_to_file,
     write_report,
 )
-from midair.settings import CHOICES, MODES, Mode, Settings
+from midair.settings import MODES, Mode, Settings
 from midair.solvers import METHODS, takes
 from midair.studio.jobs import Progressed
 from midair.studio.take_data import describe_settings, stamp_of
@@ -64,11 +64,7 @@ class SolveRequest:
 def settings_of(order: SolveRequest) -> Settings:
     """Return the settings of a request; InputError if one is unknown, out of range or not taken by the solver."""
     settings = MODES[order.mode]()
-    known = {choice.name: choice for choice in CHOICES}
-    for name, value in order.choices:
-        if name not in known:
-            raise InputError(f"{name}: expected one of {', '.join(known)}")
-        settings = known[name].put(settings, value)
+    settings = settings.but(**{name.replace("-", "_"): value for name, value in order.choices})
     settings.solver.check()
     return settings
 

@@ -16,7 +16,16 @@ from midair.rig import aligned_pair, original_of_drive
 from midair.settings import Settings
 from midair.targets import add_lead
 
-COARSE = ["--points", "4", "--pitch", "11mm", "--method", "fast", "--iterations", "1", "1", "--guard", "0mm"]
+COARSE = [
+    "--set",
+    "target.grid={rows=4,columns=4,pitch=0.011}",
+    "--method",
+    "fast",
+    "--set",
+    "solver.iterations=[1,1]",
+    "--set",
+    "solver.guard=0.0",
+]
 
 pytestmark = pytest.mark.usefixtures("with_take")
 

@@ -110,7 +110,16 @@ def test_a_clipped_wav_and_a_magnitude_are_named(answer):
     assert "magnitude" in " ".join(told["notes"])
 
 
-COARSE = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.2s"]
+COARSE = [
+    "--mode",
+    "quick",
+    "--set",
+    "target.grid={rows=4,columns=4,pitch=0.011}",
+    "--set",
+    "solver.guard=0.0",
+    "--duration",
+    "0.2s",
+]
 
 
 def test_info_reports_ridges_as_real_and_felt(answer):

@@ -13,10 +13,8 @@ from midair.cli import run
 QUICK = [
     "--mode",
     "paper",
-    "--points",
-    "6",
-    "--pitch",
-    "11mm",
+    "--set",
+    "target.grid={rows=6,columns=6,pitch=0.011}",
     "--method",
     "fast",
     "--start-at",
@@ -52,7 +50,7 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
     Path("a take.h5").write_bytes(Path("take.h5").read_bytes())
     report, other = Path("mine & yours.html"), Path("equal.html")
     common = [*QUICK[:6], "--method", "lm", "--start-at", "0.1s", "--duration", "0.05s", "--corrections", "0"]
-    typed = ["loop", "a take.h5", str(report), *common, "--seed", "3", "--amplitudes", "bounded"]
+    typed = ["loop", "a take.h5", str(report), *common, "--seed", "3", "--set", "solver.amplitudes=bounded"]
     assert run(typed) == 0
     (said,) = re.findall(r"<pre>(.*?)</pre>", report.read_text(encoding="utf-8"), re.DOTALL)
     (line,) = html.unescape(said).strip().splitlines()
@@ -67,7 +65,16 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 @pytest.mark.long
 def test_budget_trades_levels_at_the_ears(capsys):
-    words = ["budget", "take.h5", "--points", "6", "--pitch", "11mm", "--duration", "0.03s", "--lead", "5ms"]
+    words = [
+        "budget",
+        "take.h5",
+        "--set",
+        "target.grid={rows=6,columns=6,pitch=0.011}",
+        "--duration",
+        "0.03s",
+        "--lead",
+        "5ms",
+    ]
     assert run([*words, "--gain", "3", "--trade", "100dB,118dB,120dB", "--json"]) == 0
     first, second, third = json.loads(capsys.readouterr().out)
     assert first["ears"] <= 100

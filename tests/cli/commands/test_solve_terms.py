@@ -9,7 +9,16 @@ from midair.files import load_solution, load_target
 from midair.model import Medium
 from midair.targets import frames_without_lead
 
-SMALL = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
+SMALL = [
+    "--mode",
+    "paper",
+    "--set",
+    "target.grid={rows=6,columns=6,pitch=0.011}",
+    "--start-at",
+    "20ms",
+    "--duration",
+    "10ms",
+]
 SMALL += ["--lead", "0s"]
 
 
@@ -23,7 +32,8 @@ def stroke(tmp_path_factory):
 @pytest.mark.long
 def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     drive = tmp_path / "am.drive.h5"
-    words = "--method fast --guard 22mm --amplitudes bounded --smooth 0.003 --level auto --fit cells --backend numpy"
+    lines = "guard.margin=0.022 amplitudes=bounded smooth=0.003 level=auto fit=cells backend=numpy"
+    words = f"--method fast {' '.join(f'--set solver.{line}' for line in lines.split())}"
     assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == 0
     solution = load_solution(drive)
     made = solution.drive.provenance.steps[-1].settings
@@ -39,7 +49,7 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
 def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
     drive = tmp_path / "am.drive.h5"
     # The lead of the slow bias is almost silent, and does not count.
-    words = "--method fast --mapping slow-bias --temperature 22C --robust 2C --lead 40ms"
+    words = "--method fast --mapping slow-bias --temperature 22C --set solver.robust=2 --lead 40ms"
     assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL[:-2]]) == 0
     assert load_solution(drive).drive.provenance.steps[-1].settings["robust_c"] == 2
     (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("E in other air"))

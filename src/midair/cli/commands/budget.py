@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
 
 from rich.table import Table
 
@@ -75,7 +74,7 @@ def budget_command(
     options = options or SolveOptions()
     levels = _levels(trade)
     if levels and getattr(options, "mode", None) is None and getattr(options, "settings_file", None) is None:
-        options = cast("SolveOptions", replace(cast("Any", options), mode="quiet"))
+        options = replace(options, mode="quiet")
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)

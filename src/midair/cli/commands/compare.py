@@ -103,9 +103,7 @@ def compare_command(
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         if options not in (None, BandOptions()):
-            raise InputError(
-                "--band, --rate, --inverse: expected a recording as second file, got a drive, which has them"
-            )
+            raise InputError("--band, --rate: expected a recording as second file, got a drive, which has them")
         settings, take, told = _played(original, reproduced, palm, VirtualRig(seed=seed, spread=spread), film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):

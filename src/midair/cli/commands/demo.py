@@ -10,7 +10,7 @@ from pathlib import Path
 from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
 from midair.cli.console import banner, confirmed, out, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Force, Seed, SolveOptions, Time, mode_name, paper_options
+from midair.cli.options import Force, Seed, SolveOptions, Time
 from midair.cli.output import level_rows
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
@@ -100,7 +100,7 @@ def demo_command(
     out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers")
     banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    paper = paper_options(options)
+    paper = options.of_paper()
     ways = [options] if paper is None else [options, paper]
     with progress_bars() as stage:
         with touched_by as touched:
@@ -119,7 +119,7 @@ def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage:
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=stage)
     return Outcome.of(
-        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=mode_name(options)
+        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=options.mode_name
     )
 
 

@@ -207,9 +207,8 @@ def recordings_command(
     names = [name for axis in axes for name in {field for _, (field, _) in axis}]
     if len(set(names)) < len(names):
         raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
-    made: Any = options
     variants = [
-        (" ".join(spelt for spelt, _ in chosen), replace(made, **dict(choice for _, choice in chosen)))
+        (" ".join(spelt for spelt, _ in chosen), replace(options, **dict(choice for _, choice in chosen)))
         for chosen in itertools.product(*axes)
     ]
     for _, chosen in variants:

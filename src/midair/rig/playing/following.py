@@ -71,7 +71,7 @@ class Follower:
     ) -> None:
         if drive.level.ndim > 1:
             raise InputError(
-                "--follow: expected one level for all transducers, got one for each; use --amplitudes equal"
+                "--follow: expected one level for all transducers, got one for each; solve again with equal amplitudes"
             )
         self.rules, self.solved = rules or FollowRules(), middle_of(grid)
         self._tracker, self._drive, self._report = tracker, drive, report

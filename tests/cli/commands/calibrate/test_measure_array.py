@@ -10,7 +10,16 @@ from midair.files import load_array_calibration, load_solution, open_take, save,
 from midair.model import ArrayCalibration, Calibration, Recording, TransducerArray
 from midair.rig import keep_array_calibration
 
-QUICK = ("--mode", "paper", "--points", "4", "--iterations", "3", "2", "--duration", "0.01s")
+QUICK = (
+    "--mode",
+    "paper",
+    "--set",
+    "target.grid={rows=4,columns=4}",
+    "--set",
+    "solver.iterations=[3,2]",
+    "--duration",
+    "0.01s",
+)
 
 
 def known(array):
@@ -95,7 +104,16 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
 def test_the_virtual_array_plays_on_measured_transducers(capsys):
     """A measured array that is half as strong presses a quarter; a quarter of a turn on all of them is not heard."""
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
-    words = ["--points", "4", "--pitch", "11mm", "--method", "fast", "--mode", "paper", "--guard", "0mm"]
+    words = [
+        "--set",
+        "target.grid={rows=4,columns=4,pitch=0.011}",
+        "--method",
+        "fast",
+        "--mode",
+        "paper",
+        "--set",
+        "solver.guard=0.0",
+    ]
     assert run(["solve", "take.h5", *words, "--start-at", "0.15s", "--duration", "0.02s", "-f"]) == 0
     array = TransducerArray.autd3()
     for name, response in (("whole", 1.0), ("half", 0.5), ("turned", 1j), ("silent", 1e-6)):
