@@ -1,30 +1,39 @@
 """Settings of live touch: the source of the keywords of `live`, the options of the command and the studio's form."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from midair.devices import ExposureChoices
 from midair.errors import InputError
-from midair.files import load_calibration, load_placement, load_sensor
+from midair.files import load_sensor
 from midair.model import (
     BAND,
     HEIGHT,
     HEIGHTS,
     RATE,
     Acoustics,
-    ArrayCalibration,
-    Calibration,
     ControlGrid,
     Medium,
-    Placement,
     SensorWiring,
 )
-from midair.rig.names import array_calibration_named
-from midair.rig.playing import check_follow, default_exposure
+from midair.rig.playing import RigSettings
 from midair.targets import MappingStream
-from midair.validation import Declared, check_settings, documented, setting
+from midair.validation import documented, setting
+
+_STORED = {
+    "device": "device",
+    "follow": "follow",
+    "height": "height_m",
+    "gain": "gain",
+    "hold": "hold_s",
+    "delay": "filter_delay_s",
+    "latency": "latency_s",
+    "mapping": "mapping",
+    "offset": "offset_pa",
+    "band": "band_hz",
+}
+"""Names in the provenance of a take."""
 
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 """Mappings that live touch supports."""
@@ -32,7 +41,7 @@ LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveSettings(Declared):
+class LiveSettings(RigSettings):
     """Settings of a run of live touch, in SI units.
 
     Raises InputError if a value is out of range or does not fit another.
@@ -42,31 +51,11 @@ class LiveSettings(Declared):
         "virtual:towel",
         "Sensor: lsl:NAME, serial:PORT, ni:CHANNELS; or virtual:towel (brush, sponge ...), replay:FILE, which repeat.",
     )
-    device: str = setting("virtual", "Array: virtual, autd3, autd3:INTERFACE or autd3:emulator.", stored="device")
-    calibration: Calibration | None = setting(
-        None, "Calibration of the sensor, a file of midair calibrate.", load=load_calibration
-    )
-    array_calibration: ArrayCalibration | Literal["none"] | None = setting(
-        None,
-        "Measured transducers to solve for, NAME.array.h5 of midair calibrate array; none: the model's. "
-        "[default: the calibration stored for a real --device]",
-        load=array_calibration_named,
-    )
     wiring: SensorWiring | None = setting(
         None, "TOML file of the sensor with the order of its channels.", load=load_sensor, option="sensor-file"
     )
-    follow: str | None = setting(
-        None,
-        "Tracker of the palm to which each frame is steered, such as leap: or replay:hand.csv.\n"
-        "Sound fades while the palm is outside 100 x 100 x 60 mm or tilted by more than 15 degrees, or not tracked.",
-        stored="follow",
-    )
-    tracker_latency: float | None = setting(
-        None, "Latency of the tracker, from a pose to its arrival.", unit="s", limits=(0, 1)
-    )
-    confidence: float = setting(0.3, "Confidence of the tracker below which the sound fades, 0 to 1.", limits=(0, 1))
-    height: float = setting(HEIGHT, "Height of the palm above the array.", unit="m", limits=HEIGHTS, stored="height_m")
-    gain: float = setting(1.0, "Factor on the pressure.", limits=(0, 100), above=True, stored="gain")
+    height: float = setting(HEIGHT, "Height of the palm above the array.", unit="m", limits=HEIGHTS)
+    gain: float = setting(1.0, "Factor on the pressure.", limits=(0, 100), above=True)
     level: float = setting(
         1.0,
         "Highest drive level of any transducer, 0 to 1; the exposure check assumes the worst case at this level.",
@@ -79,14 +68,12 @@ class LiveSettings(Declared):
         "Delay from sampling a frame to emitting it; all computing and sending must fit into it.",
         unit="s",
         limits=(0.002, 0.02),
-        stored="hold_s",
     )
     delay: float = setting(
         0.006,
         "Delay of the inverse sensor filter, 2 to 10 ms; shorter is less accurate.",
         unit="s",
         limits=(0.002, 0.01),
-        stored="filter_delay_s",
     )
     latency: float | None = setting(
         None,
@@ -94,15 +81,13 @@ class LiveSettings(Declared):
         "transducers; it replaces --delay, --hold and --mapping. [default: 13 ms, as these set it]",
         unit="s",
         limits=(0.12, 0.3),
-        stored="latency_s",
     )
     mapping: LiveMapping = setting(
         "half-wave",
         "How signed pressure is made positive: half-wave; constant-offset (needs --offset); "
         "slow-bias (90 ms more delay).",
-        stored="mapping",
     )
-    offset: float | None = setting(None, "Offset of the mapping constant-offset.", unit="Pa", stored="offset_pa")
+    offset: float | None = setting(None, "Offset of the mapping constant-offset.", unit="Pa")
     faintest: float = setting(
         0.1,
         "Pressure on the strongest cell below which a frame is silent: the sensor's noise is not played.",
@@ -110,32 +95,22 @@ class LiveSettings(Declared):
         limits=(0, np.inf),
         option="",
     )
-    band: tuple[float, float] = setting(BAND, "Lowest and highest frequency to reproduce.", unit="Hz", stored="band_hz")
-    silencer: Literal["off", "quarter", "half", "default"] = setting("off", "How the units smooth phase steps.")
-    placement: Placement | None = setting(
-        None,
-        "TOML file with position and rotation of the units. [default: two by two, side by side]",
-        load=load_placement,
-    )
+    band: tuple[float, float] = setting(BAND, "Lowest and highest frequency to reproduce.", unit="Hz")
     acoustics: Acoustics = setting(
         lambda: Acoustics(medium=Medium.at()), "Air of the room and directivity of the transducers.", option=""
     )
-    exposure: ExposureChoices = setting(default_exposure, "Exposure limits.", option="")
     cooling_limit: float | None = setting(
         None, "Longest pause in silence while units are too hot; None ends the run at once.", unit="s", option=""
     )
     priority: int = setting(
         20, "Real-time priority of the process to request, 1 to 99; 0 requests none.", limits=(0, 99)
     )
-    participant: str = setting("", "Code of the person at the array, for the log of playback and the hours of a day.")
-    seed: int = setting(0, "Random seed of a virtual sensor.")
     duration: float | None = setting(
         None, "Time to play. [default: until Ctrl-C]", unit="s", limits=(0, np.inf), above=True
     )
 
     def __post_init__(self) -> None:
-        check_settings(self)
-        check_follow(self.follow, self.tracker_latency, self.confidence)
+        RigSettings.__post_init__(self)
         if (self.mapping == "constant-offset") != (self.offset is not None):
             raise InputError(
                 "offset: expected a value in Pa for constant-offset and none for other mappings, got "
@@ -174,7 +149,7 @@ class LiveSettings(Declared):
         """Return the settings that the provenance of a take states."""
         medium = self.acoustics.medium
         air = {"sound_m_s": medium.speed, "temperature_c": medium.temperature, "humidity": medium.humidity}
-        kept = {one.metadata["stored"]: getattr(self, one.name) for one in fields(self) if "stored" in one.metadata}
+        kept = {name: getattr(self, field) for field, name in _STORED.items()}
         return {**kept, **air, "air_stated": self.exposure.room is not None}
 
 

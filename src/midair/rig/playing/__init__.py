@@ -13,7 +13,7 @@ from .following import play_followed as play_followed
 from .following import tracker_name as tracker_name
 from .following import wait_until as wait_until
 from .play_settings import PlaySettings as PlaySettings
-from .play_settings import check_follow as check_follow
+from .play_settings import RigSettings as RigSettings
 from .play_settings import default_exposure as default_exposure
 from .rerecording import play_cleared as play_cleared
 from .rerecording import rerecord as rerecord

@@ -33,18 +33,13 @@ def default_exposure() -> ExposureChoices:
     return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
 
 
-def check_follow(follow: str | None, latency: float | None, confidence: float) -> None:
-    """Raise InputError for settings of a tracker without its name; UnknownDeviceError if no tracker has that name."""
-    if follow is None and (latency is not None or confidence != 0.3):
-        raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
-    if follow is not None:
-        tracker_options(follow)
-
-
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlaySettings(Declared):
-    """Settings of an array, its sensor and a playback, in SI units; InputError if a value is out of range."""
+class RigSettings(Declared):
+    """Settings of an array and its sensor that playing and live touch share.
+
+    InputError if a value is out of range; UnknownDeviceError if no tracker has the name in `follow`.
+    """
 
     device: str = setting(
         "virtual",
@@ -53,16 +48,13 @@ class PlaySettings(Declared):
         "autd3-simulator, autd3-server: the makers' programs on this computer.\n"
         "pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.\n",
     )
-    sensor: str | None = setting(
-        None, "Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS."
-    )
     calibration: Calibration | None = setting(
         None, "Calibration of that sensor, a file of midair calibrate.", load=load_calibration
     )
     array_calibration: ArrayCalibration | Literal["none"] | None = setting(
         None,
         "Measured transducers, NAME.array.h5 of midair calibrate array: those of the virtual device; for a real one "
-        "those to solve for in a loop, by default its stored calibration; none: the model's.",
+        "those to solve for, by default its stored calibration; none: the model's.",
         load=array_calibration_named,
     )
     placement: Placement | None = setting(
@@ -73,16 +65,11 @@ class PlaySettings(Declared):
     silencer: SilencerChoice = setting(
         "off", "How the array smooths phase steps: over a quarter or half of a frame; default: the firmware's 1 ms."
     )
-    repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, 100_000), playback=True)
-    delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
+    exposure: ExposureChoices = setting(default_exposure, "Exposure limits of every drive.", playback=True, option="")
     participant: str = setting(
         "",
         "Code of the person at the array for log and hours of a day, not a name. The virtual device logs nothing.",
         playback=True,
-    )
-    exposure: ExposureChoices = setting(default_exposure, "Exposure limits of every drive.", playback=True)
-    cooling: Cooling | None = setting(
-        None, "How to wait for units that are too hot; None ends playback.", playback=True
     )
     follow: str | None = setting(
         None,
@@ -95,6 +82,29 @@ class PlaySettings(Declared):
     )
     confidence: float = setting(
         0.3, "Confidence of the tracker below which the sound fades, 0 to 1.", limits=(0, 1), playback=True
+    )
+    seed: int = setting(0, "Random seed of the virtual rig: transducer strengths and noise.")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.follow is not None:
+            tracker_options(self.follow)
+        elif self.tracker_latency is not None or self.confidence != 0.3:
+            raise InputError("--tracker-latency, --confidence: expected --follow with them, got none")
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaySettings(RigSettings):
+    """Settings of an array, its sensor and a playback, in SI units; InputError if a value is out of range."""
+
+    sensor: str | None = setting(
+        None, "Sensor that re-records a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS."
+    )
+    repeats: int = setting(1, "Number of times to play the drive, without gaps.", limits=(1, 100_000), playback=True)
+    delay: float = setting(0.0, "Time before the first frame.", unit="s", limits=(0, 3600), playback=True)
+    cooling: Cooling | None = setting(
+        None, "How to wait for units that are too hot; None ends playback.", playback=True
     )
     steer_only: bool = setting(
         False, "Do not fit followed frames to the tilt, the turn and the distance of the palm.", playback=True
@@ -115,8 +125,3 @@ class PlaySettings(Declared):
         "Differences between the virtual transducers: default, boards (phases as measured on published boards) or "
         "data-sheets (limits of data sheets).",
     )
-    seed: int = setting(0, "Random seed of the virtual rig: transducer strengths and noise.")
-
-    def __post_init__(self) -> None:
-        check_settings(self)
-        check_follow(self.follow, self.tracker_latency, self.confidence)
