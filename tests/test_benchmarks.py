@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,12 @@ def test_a_benchmark_says_what_it_prints(monkeypatch, capsys):
             program.main()
         assert ended.value.code == 0, name
         assert f"benchmarks.{name}" in capsys.readouterr().out
+
+
+def test_programs_that_draw_pictures_of_the_docs_find_their_imports():
+    pytest.importorskip("playwright")
+    for path in sorted((ROOT / "docs").glob("*_pictures.py")):
+        assert runpy.run_path(str(path))
 
 
 def test_every_benchmark_that_a_page_or_make_names_is_there():
