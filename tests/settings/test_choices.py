@@ -33,6 +33,8 @@ def test_any_setting_is_a_line_of_a_file():
     made = MODES["best"]().with_lines(lines.split())
     assert (made.target.grid.rows, made.solver.level, made.solver.iterations) == (6, "auto", (2, 1))
     assert made.solver.guard.ceiling == MODES["best"]().solver.guard.ceiling
+    assert MODES["best"]().with_lines(["acoustics.medium.temperature=30"]) == MODES["best"]().but(temperature=30.0)
+    assert MODES["best"]().but(guard=0.03).solver.guard == made.solver.guard
     assert MODES["best"]().with_lines(["solver.guard=0.0"]) == MODES["best"]().but(guard=0.0)
     for wrong in ("rows", "solver.levl=1", "solver.level=loud", "target.grid.rows=[", "=3"):
         with pytest.raises(InputError):

@@ -4,7 +4,7 @@ import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -107,8 +107,9 @@ class Settings:
         """Return the settings with other values, named as in their groups: ``but(rate=4000.0, gain=2.0)``.
 
         Named without a group are also the height of the grid, the directivity, and the temperature and humidity of the
-        air. A number stands for the radius of the circle or the weight of quiet ears, of which the rest stays; 0
-        switches them off. The mapping "receptors" brings the circle that it needs.
+        air. A number stands for the radius of the circle, the margin of the guard or the weight of quiet ears or a
+        quiet palm, of which the rest stays; 0 switches them off. The mapping "receptors" brings the circle that it
+        needs.
 
         InputError if there is no setting of that name, or a value is out of range.
         """
@@ -124,9 +125,10 @@ class Settings:
             changes.setdefault("circle", self.target.circle or Circle())
         if isinstance(radius := changes.get("circle"), int | float):
             changes["circle"] = replace(self.target.circle or Circle(), radius=radius) if radius else None
-        if isinstance(weight := changes.get("quiet_ears"), int | float) and weight:
-            ears = self.solver.quiet_ears
-            changes["quiet_ears"] = replace(ears, weight=weight) if isinstance(ears, QuietEars) else weight
+        for term, number in (("guard", "margin"), ("quiet_ears", "weight"), ("quiet_palm", "weight")):
+            value, before = changes.get(term), getattr(self.solver, term)
+            if isinstance(value, int | float) and value and is_dataclass(before) and not isinstance(before, type):
+                changes[term] = replace(before, **{number: value})
         if unknown := sorted(set(changes) - set(_GROUPS)):
             known = ", ".join([*_GROUPS, "acoustics", "height", "directivity", "temperature", "humidity"])
             raise InputError(f"settings: expected some of {known}, got {', '.join(unknown)}")
@@ -141,8 +143,15 @@ class Settings:
         Text needs no quotes: ``solver.level=auto``. InputError if a name or a value is not valid.
         """
         plain = self.plain()
-        for line in lines:
-            _merge(plain, _parsed(line))
+        for values in map(_parsed, lines):
+            acoustics: Any = values.get("acoustics", {})
+            air: Any = acoustics.get("medium", {}) if isinstance(acoustics, Mapping) else {}
+            told = ("temperature", "humidity", "alpha")
+            if isinstance(air, Mapping) and air and set(air) <= set(told):
+                medium = plain["acoustics"]["medium"]
+                # The rest of the air follows from these.
+                plain["acoustics"]["medium"] = {name: medium[name] for name in told if name in medium}
+            _merge(plain, values)
         return Settings.from_plain(plain)
 
     def measured(self, calibration: ArrayCalibration) -> "Settings":

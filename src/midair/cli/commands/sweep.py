@@ -188,8 +188,8 @@ def recordings_command(
     sources
         Recordings with a calibration.
     vary
-        Options of midair solve to vary, as OPTION=VALUE,VALUE.
-        Example: method=fast,glide height=150mm,200mm band="20Hz 470Hz,20Hz 200Hz"
+        Options of midair solve to vary, as OPTION=VALUE,VALUE, or any setting by its name in a settings file.
+        Example: method=fast,glide height=150mm,200mm solver.fit=cells,windows band="20Hz 470Hz,20Hz 200Hz"
     start_at
         Start of the part to use in each recording.
     duration
@@ -204,11 +204,11 @@ def recordings_command(
     options = options or SolveOptions()
     # Every combination: its name, and its options.
     axes = [_axis(text) for text in vary]
-    names = [name for axis in axes for name in {field for _, (field, _) in axis}]
+    names = [text.partition("=")[0].strip() for text in vary]
     if len(set(names)) < len(names):
         raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
     variants = [
-        (" ".join(spelt for spelt, _ in chosen), replace(options, **dict(choice for _, choice in chosen)))
+        (" ".join(spelt for spelt, _ in chosen), _with(options, [choice for _, choice in chosen]))
         for chosen in itertools.product(*axes)
     ]
     for _, chosen in variants:
@@ -218,6 +218,11 @@ def recordings_command(
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
     sweep = RecordingSweep(trials=tuple(trials), bits=bits)
     return solve_and_show(sweep, output, scheduler=scheduler, workers=workers)
+
+
+def _with(options: SolveOptions, choices: Sequence[Choice]) -> SolveOptions:
+    lines = tuple(line for field, line in choices if field == "set")
+    return replace(options, **dict(choices) | {"set": (*options.set, *lines)})
 
 
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
@@ -234,6 +239,8 @@ def _axis(text: str) -> list[tuple[str, Choice]]:
     name, equals, values = text.partition("=")
     if not equals or not all(value.strip() for value in values.split(",")):
         raise InputError(f"--vary: expected OPTION=VALUE,VALUE such as height=150mm,200mm, got {text!r}")
+    if "." in name:
+        return [(f"{name}={value}", ("set", f"{name.strip()}={value.strip()}")) for value in values.split(",")]
     field = name.strip().replace("-", "_")
     return [
         (f"{name}={value.strip()}", (field, _read(name.strip(), field, value.split()))) for value in values.split(",")
