@@ -8,7 +8,6 @@ from .design.plan import balanced_latin_square as balanced_latin_square
 from .design.plan import block_order as block_order
 from .design.plan import draw_plan as draw_plan
 from .design.question import Stimulus as Stimulus
-from .design.session_state import Policy as Policy
 from .design.session_state import answers_table as answers_table
 from .design.session_state import replay as replay
 from .design.session_state import unfinished_sessions as unfinished_sessions

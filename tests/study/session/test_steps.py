@@ -214,17 +214,6 @@ def test_several_sessions_follow_each_other(tmp_path):
     assert table["session"].tolist() == [1] * 8 + [2] * 8
 
 
-def test_a_restart_in_the_second_session_leaves_the_first_alone(tmp_path):
-    plan = plan_of(block(name="b1"), block(name="b2", session=2))
-    go(plan, tmp_path / "log")
-    go(plan, tmp_path / "log", steps=4)
-    with Session(plan, 1, tmp_path / "log", SilentPresenter(), policy="restart") as one:
-        one.acknowledge()  # agrees to go on
-        assert one.step.number == 9
-    found = standing(plan, tmp_path / "log")
-    assert (len(found.answers), found.interruptions) == (8, 1)
-
-
 @pytest.mark.parametrize(
     ("changes", "why"),
     [

@@ -214,21 +214,6 @@ def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
     assert replay(read_events(tmp_path / "log.jsonl"), plan, 1).interruptions == 1
 
 
-@pytest.mark.parametrize(("policy", "again"), [("restart", 0), ("block", 15)])
-def test_policies_discard_answers_but_keep_them_in_the_log(plan, tmp_path, policy, again):
-    interrupted(plan, tmp_path / "log.jsonl", after=12 + 3 * 4 + 6)
-    screen = Script(plan)
-    with session(plan, tmp_path / "log.jsonl", policy=policy) as one:
-        run(one, screen)
-    assert screen.asked[0][0] == plan.of(1)[again].code
-    events = read_events(tmp_path / "log.jsonl")
-    progress = replay(events, plan, 1)
-    assert progress.next_trial == len(plan.of(1))
-    assert progress.withdrawn == (12 + 3 * 4 + 6 if policy == "restart" else 6)
-    assert sum(event["event"] == "answer" for event in events) == len(progress.answers) + progress.withdrawn
-    assert [event["policy"] for event in events if event["event"] == "resume"] == [policy]
-
-
 @pytest.mark.long
 def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
     interrupted(plan, tmp_path / "a.jsonl", after=21)
@@ -242,7 +227,7 @@ def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
 def test_a_finished_session_asks_nothing_again(plan, tmp_path):
     for _ in range(2):
         screen = Script(plan)
-        with session(plan, tmp_path / "log.jsonl", policy="restart") as one:
+        with session(plan, tmp_path / "log.jsonl") as one:
             assert run(one, screen).kind == "done"
     assert screen.asked == []
 

@@ -4,16 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from hashlib import sha256
-from typing import Any, Literal
+from typing import Any
 
 from pandas import DataFrame
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.question import right_answer
-
-Policy = Literal["resume", "restart", "block"]
-"""After an interruption: continue with the unfinished trial, repeat the session, or repeat the block."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +56,6 @@ class SessionState:
     """Stimuli of adaptive trials by trial code."""
     interruptions: int = 0
     """How often the session was resumed."""
-    withdrawn: int = 0
-    """Answers that a policy discarded; they stay in the log."""
     simulated: bool = False
     """Whether a simulated participant gave any answer."""
     waived: frozenset[str] = frozenset()
@@ -111,18 +106,6 @@ class SessionState:
             return ()
         return tuple(name for name in trial.questions if (trial.code, name) not in self.answers)
 
-    def redo(self, policy: Policy) -> tuple[str, ...]:
-        """Codes of the trials whose answers a policy discards."""
-        index = self.next_trial
-        # Includes the interrupted trial: some of its questions may have been answered.
-        if policy == "restart":
-            current = self.trials[min(index, len(self.trials) - 1)].session
-            return tuple(trial.code for trial in self.trials[: index + 1] if trial.session == current)
-        if policy == "block" and index < len(self.trials):
-            block = self.trials[index].block
-            return tuple(trial.code for trial in self.trials[: index + 1] if trial.block == block)
-        return ()
-
 
 def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *, name: str = "log") -> SessionState:
     """Compute the state of a participant's session from its events, the lines of the log in order.
@@ -148,7 +131,7 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
     chosen, form, began = dict[str, str](), dict[str, str](), dict[int, str]()
     failed, markers = dict[str, int](), list[SentMarker]()
     stops, consents = list[str](), list[str]()
-    interruptions = withdrawn = 0
+    interruptions = 0
     opened = simulated = broken_off = stopped = False
     for event in events:
         kind = event["event"]
@@ -180,10 +163,7 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
             case "consent":
                 consents.append(_field(event, "sha256", str))
             case "resume":
-                again, before = set(event["redo"]), len(answers)
-                answers = {key: answer for key, answer in answers.items() if key[0] not in again}
-                chosen = {code: name for code, name in chosen.items() if code not in again}
-                interruptions, withdrawn = interruptions + 1, withdrawn + before - len(answers)
+                interruptions += 1
             case "present" if "stimulus" in event:
                 chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
             case "silent":
@@ -224,7 +204,6 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
         answers=answers,
         chosen=chosen,
         interruptions=interruptions,
-        withdrawn=withdrawn,
         simulated=simulated,
         waived=waived,
         untrained=untrained,

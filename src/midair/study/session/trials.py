@@ -19,7 +19,7 @@ from midair.model import Medium
 from midair.study.design.adaptive_block import next_stimulus
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.question import Question, Stimulus
-from midair.study.design.session_state import Policy, SessionState, replay, right_answer_of_trial
+from midair.study.design.session_state import SessionState, replay, right_answer_of_trial
 from midair.study.design.study_design import Design
 from midair.study.event_markers import EventMarkers
 from midair.study.session.event_log import EventLog, read_events
@@ -184,12 +184,11 @@ class Session:
 
     Raises MismatchError on entering, if the log follows another plan; BrokenFileError on entering, if it is damaged.
 
-    Participants are numbered from 1, and an existing `log` with answers is continued. `policy` is how an interrupted
-    session continues, always at the beginning of a trial: "resume" repeats the unfinished trial and asks only
-    unanswered questions; the others discard answers, which stay in the log. `simulated` (a simulated participant takes
-    part) is stored in the log and all results, `room` (the air, None if unknown) in the log, `about` as further fields
-    of its "open" event, such as the masking noise. `clock` is the computer's by default. Open outputs in `markers` get
-    a marker at each trial and answer; stimuli are marked by a `MarkedPresenter`.
+    Participants are numbered from 1, and an existing `log` with answers is continued: the unfinished trial is presented
+    again and asks only unanswered questions. `simulated` (a simulated participant takes part) is stored in the log and
+    all results, `room` (the air, None if unknown) in the log, `about` as further fields of its "open" event, such as
+    the masking noise. `clock` is the computer's by default. Open outputs in `markers` get a marker at each trial and
+    answer; stimuli are marked by a `MarkedPresenter`.
     """
 
     def __init__(
@@ -199,7 +198,6 @@ class Session:
         log: Path,
         presenter: Presenter,
         *,
-        policy: Policy = "resume",
         simulated: bool = False,
         room: Medium | None = None,
         clock: Clock | None = None,
@@ -211,7 +209,6 @@ class Session:
         # Simulated answers need no sync: the model would give the same ones again.
         self._log = EventLog(log, synced=not isinstance(presenter, SilentPresenter))
         self._presenter = presenter
-        self._policy: Policy = policy
         self._simulated = simulated
         self._room = None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity}
         self._clock = clock or Clock()
@@ -234,7 +231,7 @@ class Session:
             about = {"participant": self.participant, "simulated": self._simulated, "room": self._room}
             self._write("open", plan=self.plan.digest, session=due.session, **about, **self._about)
             if before.broken_off and before.next_trial < len(before.trials):
-                self._write("resume", policy=self._policy, redo=list(before.redo(self._policy)))
+                self._write("resume")
         except BaseException:
             self._log.close()
             raise

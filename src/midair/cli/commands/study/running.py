@@ -11,7 +11,6 @@ from midair.study import (
     NO_TOUCH,
     InstantClock,
     Plan,
-    Policy,
     Session,
     SilentPresenter,
     SimulatedParticipant,
@@ -32,7 +31,6 @@ def run_command(
     /,
     *,
     participant: int = 0,
-    policy: Policy = "resume",
     simulate: bool = False,
     d_prime: float = 1.2,
     array: str = "none",
@@ -51,8 +49,6 @@ def run_command(
     ----------
     participant
         Number of the participant, from 1; 0 with --simulate: all who are not done.
-    policy
-        How to resume an interrupted session: with the unfinished trial, from the start, or from the start of the block.
     simulate
         Simulate the participant's answers; everything made from them is marked SIMULATED.
     d_prime
@@ -82,7 +78,7 @@ def run_command(
     folder = StudyFolder(study)
     plan = folder.plan()
     if simulate:
-        return _run_simulated(folder, plan, participant, policy, d_prime)
+        return _run_simulated(folder, plan, participant, d_prime)
     if participant < 1:
         raise InputError("participant: expected --participant N from 1, or --simulate, got neither")
     check_not_withdrawn(folder, participant)
@@ -118,7 +114,6 @@ def run_command(
             participant,
             folder.log(participant),
             rig.presenter,
-            policy=policy,
             simulated=rig.simulated,
             room=room,
             about=rig.about,
@@ -148,7 +143,7 @@ def _is_finished(folder: StudyFolder, plan: Plan, participant: int) -> bool:
     return standing.next_trial == len(standing.trials)
 
 
-def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
+def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, d_prime: float) -> int:
     gone = withdrawn(folder)
     everybody = [number for number in range(1, plan.design.participants + 1) if number not in gone]
     numbers = [participant] if participant else everybody
@@ -158,7 +153,7 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
         presenter, log = SilentPresenter(), folder.log(number)
         screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter, number=number)
         for _ in range(plan.design.sessions):
-            with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=InstantClock()) as session:
+            with Session(plan, number, log, presenter, simulated=True, clock=InstantClock()) as session:
                 run(session, screen)
         out().print(f"participant {number}: done")
     warn_simulated(NO_PERSON)
