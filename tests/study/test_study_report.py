@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from midair.errors import InputError
 from midair.study import analyse, confusion_matrix, data_of_columns, report_page
 from midair.study.findings.choice_findings import Choices
 from midair.study.study_report import (
@@ -94,16 +93,15 @@ def test_bars_are_the_f_measures_and_the_line_is_chance():
     assert not figure.texts
 
 
-@pytest.mark.parametrize(("factors", "panels"), [(1, 1), (2, 1), (3, 2)])
-def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, panels):
-    names = ["surface", "object", "rated"][3 - factors :]
-    where = np.indices((2, 3, 3)[3 - factors :]).reshape(factors, -1)
+@pytest.mark.parametrize("factors", [1, 2])
+def test_ratings_are_drawn_by_one_or_two_factors(factors):
+    names = ["object", "rated"][2 - factors :]
+    where = np.indices((3, 3)[2 - factors :]).reshape(factors, -1)
     columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
     mean = np.linspace(2, 6, where.shape[1])
     ratings = pd.DataFrame({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
-    figure = rating_figure(ratings, names, simulated=False)
-    assert len(figure.axes) == panels
-    shown = [y for axes in figure.axes for box in axes.containers for y in box.lines[0].get_ydata()]
+    (axes,) = rating_figure(ratings, names, simulated=False, title="", span=(0, 8)).axes
+    shown = [y for box in axes.containers for y in box.lines[0].get_ydata()]
     assert sorted(shown) == pytest.approx(mean.tolist())
 
 
@@ -114,7 +112,7 @@ def test_long_names_stay_apart_and_inside():
     table = pd.DataFrame({"cloth": names * 2, "hand": [f"the {i} hand" for i in range(2) for _ in names]})
     table = table.assign(mean=3.0, low=2.0, high=4.0)
     both = [
-        rating_figure(part, list(part)[-4::-1], simulated=True)
+        rating_figure(part, list(part)[-4::-1], simulated=True, title="", span=(0, 8))
         for part in (table[["cloth", "mean", "low", "high"]][:4], table)
     ]
     for figure in (confusion_figure(shown, simulated=True), f_figure(shown, simulated=True), *both):
@@ -125,8 +123,3 @@ def test_long_names_stay_apart_and_inside():
         assert slanted or all(left.x1 < right.x0 for left, right in pairwise(labels))
         for box in [*labels, *(legend.get_window_extent() for legend in figure.legends)]:
             assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
-
-
-def test_four_factors_are_too_many():
-    with pytest.raises(InputError, match="one to three"):
-        rating_figure(pd.DataFrame({}), ["a", "b", "c", "d"], simulated=False)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pandas import DataFrame
 
-from midair.errors import InputError
 from midair.figures import STYLE, Picture, label_axes, new_figure, plain_axes, png_bytes, render_page
 from midair.files import for_json
 from midair.study.findings.analysis import Choices, Report
@@ -170,34 +169,18 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
 
 
 def rating_figure(
-    ratings: DataFrame,
-    within: Sequence[str],
-    *,
-    simulated: bool,
-    title: str = "",
-    span: tuple[float, float] | None = None,
+    ratings: DataFrame, within: Sequence[str], *, simulated: bool, title: str, span: tuple[float, float]
 ) -> Figure:
-    """Mean ratings with confidence intervals; with three factors one panel for each level of the first (Fig. 8).
+    """Mean ratings with confidence intervals (Fig. 8).
 
-    `ratings` has the columns of the factors, mean, low, high. The last factor of `within` is the colour, the one before
-    it the axis; a single factor is the axis. `title` is that of a single panel, `span` the range of the rating axis.
-    Raises InputError for more than three factors.
+    `ratings` has the columns of the factors, mean, low, high. The last of two factors of `within` is the colour, the
+    one before it the axis; a single factor is the axis. `span` is the range of the rating axis.
     """
-    if not 1 <= len(within) <= 3:
-        raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
-    panels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
-    figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated)
-    shared = None
-    for place, panel in enumerate(panels):
-        axes = figure.add_subplot(1, len(panels), place + 1, sharey=shared)
-        head = f"{within[0]}: {panel}" if panel else title
-        plain_axes(axes, title=head, x=within[-2:][0], y="" if shared else "rating, 95 % within people")
-        shared = shared or axes
-        rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
-        _rating_panel(axes, rows, within[-2:][0], within[-1] if len(within) > 1 else "")
-        if span is not None:
-            axes.set_ylim(span)
-    handles, names = figure.axes[0].get_legend_handles_labels()
+    figure = new_figure(3.9, 3, simulated=simulated)
+    axes = plain_axes(figure.add_subplot(), title=title, x=within[0], y="rating, 95 % within people")
+    _rating_panel(axes, ratings, within[0], within[1] if len(within) > 1 else "")
+    axes.set_ylim(span)
+    handles, names = axes.get_legend_handles_labels()
     if names:
         columns = max(1, min(len(names), 3, int(18 * figure.get_figwidth()) // (max(map(len, names)) + 6)))
         figure.legend(handles, names, fontsize=8, frameon=False, ncols=columns, loc="outside lower center")
