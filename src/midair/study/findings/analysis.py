@@ -42,20 +42,6 @@ def question_findings(data: StudyData) -> list[Finding]:
     return found
 
 
-def _reason(row: dict[str, object]) -> str:
-    if row["private"]:
-        return "it is private: its answers stay in the logs"
-    if not row["asked"]:
-        return "neither a block nor the form asks it"
-    if not row["given"]:
-        return "it has no answer"
-    if row["kind"] == "text":
-        return "its answers are texts; the exported tables contain them"
-    if not row["analysed"]:
-        return "its answers belong to familiarisation or checks, or the plan excludes them"
-    return "no analysis supports it"
-
-
 def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
     kind = rows["kind"].iloc[0]
     if kind == "magnitude":
@@ -176,13 +162,6 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     # The order matters: all jobs use the same random generator.
     for job in report_progress(jobs, len(jobs)):
         findings += job()
-    if data.questions is not None:
-        rows = data.questions.to_dict("records")
-        notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
-        silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
-        words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
-        table = DataFrame(data.questions, columns=["question", "text", "kind", "given", "analysed"])
-        findings.append(Finding(title="Questions of the plan", words=words, table=table.assign(part=notes)))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

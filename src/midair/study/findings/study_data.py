@@ -54,9 +54,6 @@ class StudyData:
     texts: columns participant, question, kind, stimulus, answer, right."""
     form: DataFrame | None = None
     """Answers to the form of analysed participants, with the same columns."""
-    questions: DataFrame | None = None
-    """Every question of the plan: columns question, text, kind, private, asked, given and analysed (numbers of
-    answers), and part (section of the report with its analysis; empty if there is none)."""
     thresholds: DataFrame | None = None
     """Thresholds of each participant, see `thresholds_of`."""
     margin: float = 0.1
@@ -83,8 +80,8 @@ def data_of_answers(
 ) -> StudyData:
     """Sort the answers of a study (`answers_table`) by the planned analyses.
 
-    `thresholds` is the result of `thresholds_of`, `excluded` that of `excluded_participants`; `design` gives the list
-    of all questions and the form. Raises InputError if no answer is scored.
+    `thresholds` is the result of `thresholds_of`, `excluded` that of `excluded_participants`; `design` gives the
+    form. Raises InputError if no answer is scored.
     """
     scored = answers if answers.empty else answers.loc[answers["scored"].to_numpy(bool)]
     if scored.empty:
@@ -102,12 +99,6 @@ def data_of_answers(
     listed = scored["question"].isin(analysis.rated).to_numpy(bool) & counts
     rest = scored.loc[(single | ~(named | listed)) & (scored["kind"] != "text").to_numpy(bool)]
     form = _form_rows(scored, design)
-    parts = {
-        "Identification": scored.loc[named],
-        "Ratings": rated,
-        "Question {}": rest,
-        "Question {} of the form": form,
-    }
     return StudyData(
         choices=_choices(scored.loc[asked & counts], analysis.condition),
         other_choices=_other_choices(scored.loc[asked & ~counts], analysis),
@@ -119,7 +110,6 @@ def data_of_answers(
         excluded=excluded,
         others=rest if len(rest) else None,
         form=form if len(form) else None,
-        questions=None if design is None else _questions(answers, design, parts),
         thresholds=thresholds,
         margin=analysis.margin,
         options=design.question(analysis.choice).options if design is not None and analysis.choice else (),
@@ -272,40 +262,6 @@ def _form_rows(scored: DataFrame, design: Design | None) -> DataFrame:
     ]
     table = DataFrame(rows, columns=["participant", "question", "kind", "answer"])
     return table.assign(stimulus="the form", right="n/a")
-
-
-def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame]) -> DataFrame:
-    """Every question of the plan with its number of answers and the parts of the report that analyse them."""
-    asked = {
-        name
-        for block in design.blocks
-        for names in (block.questions, *(one.questions for one in block.extras))
-        for name in names
-    }
-    counts = {part: Counter(table["question"].tolist()) for part, table in parts.items()}
-    given = Counter(answers["question"].tolist())
-    rows: list[dict[str, Any]] = []
-    for question in design.questions:
-        name = question.name
-        many = {part.format(name): count[name] for part, count in counts.items()}
-        people = answers.drop_duplicates("participant")
-        filled = people[name].tolist() if name in design.form and name in people else []
-        where = [part for part, number in many.items() if number]
-        where += ["factor between participants of the R script"] if name in design.analysis.between else []
-        rows.append(
-            {
-                "question": name,
-                "text": question.text,
-                "kind": question.kind,
-                "private": question.private,
-                "asked": name in asked or name in design.form,
-                "given": given[name] + len(filled) - filled.count("n/a"),
-                # Answers of these kinds may be in two parts.
-                "analysed": max(many.values()) if question.kind in _SINGLE else sum(many.values()),
-                "part": "; ".join(where),
-            }
-        )
-    return DataFrame(rows)
 
 
 def _other_choices(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
