@@ -115,6 +115,7 @@ def everything(folder):
 
 @pytest.mark.long
 def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
+    (tmp_path / "table.R").write_text("# my own analysis")
     before = everything(tmp_path)
     assert midair(["study", "withdraw", "s", "2", "--force"]) == 0
     said = capsys.readouterr().out

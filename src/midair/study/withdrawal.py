@@ -49,7 +49,11 @@ def export(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
         raise FileError(f"{script.name}: expected a new file beside {path.name}, the file exists; choose another name")
     # Logged before the export exists, so that a withdrawal also finds an interrupted one.
     log_derived_file(folder, path, kind)
-    return _write(folder, path, kind)
+    written = _write(folder, path, kind)
+    if kind == "csv":
+        write_file(script, script_of_plan(folder.plan().design, table=path.name, script=script.name))
+        written.append(script)
+    return written
 
 
 def _write(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
@@ -60,10 +64,8 @@ def _write(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
     if kind == "bids":
         unfinished = tuple(unfinished_sessions(sessions))
         return write_bids(answers, plan.design, path, unfinished=unfinished, markers=markers_table(sessions))
-    script = path.with_suffix(".R")
     write_csv(answers, path)
-    write_file(script, script_of_plan(plan.design, table=path.name, script=script.name))
-    return [path, script]
+    return [path]
 
 
 def log_derived_file(folder: StudyFolder, path: Path, kind: str, **options: int) -> None:
