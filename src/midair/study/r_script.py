@@ -110,7 +110,7 @@ def script_of_plan(design: Design, *, table: str, script: str) -> str:
             )
         )
     for block in design.blocks:
-        if block.adaptive and block.scored:
+        if block.strength and block.scored:
             question = design.question(block.questions[0])
             guess = "TRUE" if question.kind == "yes-no" else f"1 / {max(len(question.answers), 2)}"
             chosen = [f"d$block == {_text(block.name)}", f"d$question == {_text(question.name)}"]

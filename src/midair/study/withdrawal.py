@@ -51,7 +51,8 @@ def export(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
     log_derived_file(folder, path, kind)
     written = _write(folder, path, kind)
     if kind == "csv":
-        write_file(script, script_of_plan(folder.plan().design, table=path.name, script=script.name))
+        text = script_of_plan(folder.plan().design, table=path.name, script=script.name)
+        write_file(script, text, private=True)
         written.append(script)
     return written
 
