@@ -33,7 +33,7 @@ LINES = {
     "patterns datasets": 1767,
     "view figures": 2040,
     "cli": 6746,
-    "study": 6364,
+    "study": 6365,
     "studio": 6048,
     "sweep": 500,
     "paper": 480,
