@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from numbers import Integral
+from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
@@ -100,7 +100,8 @@ T = TypeVar("T")
 
 def _term(value: float | T | None, made: Callable[[float], T]) -> T | None:
     """A term, or the one that is made of its number; None for 0 and None."""
-    return (made(value) if value else None) if isinstance(value, int | float) else value
+    number: Any = value
+    return (made(float(number)) if number else None) if isinstance(number, Real) else number
 
 
 @documented
