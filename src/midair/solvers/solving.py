@@ -57,9 +57,8 @@ def solve(
     """
     check_type(target, "target", AmplitudeFrames)
     check_type(array, "array", TransducerArray)
-    return SolvePlan.of(target, array, settings, acoustics=acoustics, bits=bits, **changes).solve(
-        target, None, progress
-    )[0]
+    plan = SolvePlan.of(target, array, settings, acoustics=acoustics, bits=bits, **changes)
+    return plan.solve(target, None, progress)[0]
 
 
 _READ = 256
