@@ -1,13 +1,9 @@
 import json
-from dataclasses import replace
 
 import pytest
 
 from midair.cli import run
-from midair.evaluate import error_at_temperature
-from midair.files import load_solution, load_target
-from midair.model import Medium
-from midair.targets import frames_without_lead
+from midair.files import load_solution
 
 SMALL = [
     "--mode",
@@ -46,20 +42,11 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
 
 
 @pytest.mark.long
-def test_a_temperature_range_reaches_the_drive_and_its_ends_are_printed(stroke, tmp_path, capsys):
+def test_a_temperature_range_reaches_the_drive(stroke, tmp_path):
     drive = tmp_path / "am.drive.h5"
-    # The lead of the slow bias is almost silent, and does not count.
     words = "--method fast --mapping slow-bias --temperature 22C --set solver.robust=2 --lead 40ms"
     assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL[:-2]]) == 0
     assert load_solution(drive).drive.provenance.steps[-1].settings["robust_c"] == 2
-    (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("E in other air"))
-    target, drive = load_target(drive), load_solution(drive).drive
-    inside = frames_without_lead(target.provenance, target.frames, target.rate)
-    target = replace(target, amplitude=target.amplitude[inside])
-    drive = replace(drive, phase=drive.phase[inside], level=drive.level[inside])
-    cold = 100 * error_at_temperature(drive, target, Medium.at(temperature=20.0)).mean()
-    assert f"{cold:.1f} % at 20 °C, " in told
-    assert "at 24 °C" in told
 
 
 @pytest.mark.long
