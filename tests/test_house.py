@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1871,
-    "settings streaming .": 2680,
+    "settings streaming .": 2675,
     "physics": 3105,
     "recordings targets correct evaluate": 4065,
     "calibration": 3102,
@@ -32,7 +32,7 @@ LINES = {
     "rig": 9438,
     "patterns datasets": 1767,
     "view figures": 2040,
-    "cli": 6746,
+    "cli": 6713,
     "study": 6365,
     "studio": 6048,
     "sweep": 500,

@@ -26,17 +26,7 @@ from midair.model import (
 )
 from midair.physics import MEASURED, UNLIKE, Transducers, check_frame_rate, focus_amplitude, level_if_unlike
 from midair.settings import Settings
-from midair.solvers import (
-    Cells,
-    Free,
-    QuietPalm,
-    Windows,
-    check_memory,
-    memory_of,
-    one_blas_thread,
-    solve,
-    solve_parts,
-)
+from midair.solvers import Cells, Free, QuietPalm, Windows, check_memory, memory_of, one_blas_thread, solve, solve_parts
 from midair.streaming import blocks, read_frames
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
 

@@ -11,15 +11,7 @@ from dataclasses import Field, dataclass, field, fields, make_dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    TypeVar,
-    cast,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, ClassVar, TypeVar, cast, get_origin, get_type_hints
 
 from cyclopts import Group, Parameter, Token
 

@@ -59,11 +59,7 @@ CHOICES = (
     Choice("quiet-ears", "solver.quiet_ears.weight", "Solver", "Penalty on sound at ears; 30: strong."),
     Choice("jobs", "solver.jobs", "Solver", "Blocks that glide solves at once; default: cores."),
     Choice(
-        "temperature",
-        "acoustics.medium.temperature",
-        "Air",
-        "Air temperature; none: the paper's 14 C (340 m/s).",
-        "C",
+        "temperature", "acoustics.medium.temperature", "Air", "Air temperature; none: the paper's 14 C (340 m/s).", "C"
     ),
     Choice("humidity", "acoustics.medium.humidity", "Air", "Relative humidity of the air, 0 to 100 %.", "%"),
     Choice("directivity", "acoustics.directivity", "Air", "Directivity model of a transducer."),

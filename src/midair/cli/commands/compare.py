@@ -6,13 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from midair.cli.comparisons import (
-    plain,
-    print_metrics,
-    print_palm,
-    print_ratios,
-    settings_of_rerecording,
-)
+from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios, settings_of_rerecording
 from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write

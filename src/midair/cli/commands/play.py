@@ -10,12 +10,7 @@ from typing import Any
 from midair import devices, files, rig
 from midair.cli.comparisons import unreproduced_rows
 from midair.cli.console import banner, print_note, print_rows, progress_bars
-from midair.cli.exposure_options import (
-    AirOptions,
-    ExposureOptions,
-    HeatOptions,
-    print_air,
-)
+from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
 from midair.cli.options import (
     Force,
     Lead,

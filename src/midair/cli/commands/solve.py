@@ -5,18 +5,8 @@ from pathlib import Path
 from midair import files, rig
 from midair.cli.comparisons import unreproduced_rows, with_array_calibration
 from midair.cli.console import banner, progress_bars
-from midair.cli.exposure_options import (
-    print_air,
-)
-from midair.cli.options import (
-    ArrayCalibration,
-    Force,
-    Json,
-    Lead,
-    PartLength,
-    SolveOptions,
-    StartAt,
-)
+from midair.cli.exposure_options import print_air
+from midair.cli.options import ArrayCalibration, Force, Json, Lead, PartLength, SolveOptions, StartAt
 from midair.cli.output import may_write, print_table, reserved, solve_error, warn_level
 from midair.headroom import level_of
 from midair.settings import Settings

@@ -10,13 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from midair.calibration import (
-    BeamPlan,
-    BeamSetting,
-    MeasureSettings,
-    calibrate,
-    measure_calibration,
-)
+from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, calibrate, measure_calibration
 from midair.cli.console import out, progress_bars
 from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
 from midair.cli.import_options import calibration_from_options, stated_sensitivity
