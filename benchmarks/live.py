@@ -28,7 +28,6 @@ from midair.model import ControlGrid, TransducerArray
 from midair.physics import (
     transfer_matrix,
 )
-from midair.rig.live_touch.touch_ring import STEP
 
 PARTS = ("run", "latency", "bands", "deaths")
 THINGS = ("towel", "sponge", "brush")
@@ -89,7 +88,6 @@ def run(frames: int, *, priority: int, sensor: str, hold: float, latency: float 
                     "computer": session.opened.granted.words(),
                     "rehearsal": session.opened.rehearsal.words(),
                 }
-                left = session.ring.histogram("left")
     except MidairError as wrong:
         print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}", flush=True)
         return None
@@ -99,9 +97,6 @@ def run(frames: int, *, priority: int, sensor: str, hold: float, latency: float 
     print("  " + ", ".join(f"{name} {told[name]}" for name in names))
     for name in ("left_ms", "work_ms"):
         print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
-    wide = round(0.5e-3 / STEP)
-    steps = [(0.5 * (place // wide), int(left[place : place + wide].sum())) for place in range(0, len(left), wide)]
-    print("  left, frames from each half ms on: " + ", ".join(f"{begin:g}: {count}" for begin, count in steps if count))
     return told
 
 

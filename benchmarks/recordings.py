@@ -17,9 +17,9 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_info
 
-from benchmarks.clock import fastest, frame_times, heading, line, load, timed
+from benchmarks.clock import fastest, heading, line, load, timed
 from benchmarks.sequence import warm
-from benchmarks.targets import ARRAY, moving_blob, problem_of, towel
+from benchmarks.targets import ARRAY
 from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
@@ -31,13 +31,13 @@ from midair.pipeline import (
     target_amplitude,
 )
 from midair.settings import Settings, best_mode, paper_mode
-from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
+from midair.solvers import Fast, Glide, Guard, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.problem import GuardField
 
 RATE = 8000.0
-PARTS = ("paper", "best", "jobs", "live")
+PARTS = ("paper", "best", "jobs")
 
 
 def main() -> None:
@@ -62,7 +62,6 @@ def main() -> None:
                 "paper": lambda: paper(options.plain_frames, 1.2 * options.length),
                 "best": lambda: best(0.5 * options.length),
                 "jobs": lambda: jobs(options.length),
-                "live": lambda: live(1.2 * options.length),
             }[part]()
 
 
@@ -187,42 +186,6 @@ def jobs(seconds: float) -> None:
         line(f"{count} jobs", time.perf_counter() - begin, time.process_time() - cpu, digits="22")
         first = phase if first is None else first
         print(f"{'':36}identical to one job: {'yes' if np.array_equal(phase, first) else 'NO'}")
-
-
-def live(seconds: float) -> None:
-    """The live solver on three sequences."""
-    settings = paper_mode()
-    noise = problem(resample_pressure(pressure_of(_noise(seconds)), settings.target.rate), settings, 0.1)
-    print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
-    heading("E mean", "E worst", "CPU p50", "CPU p99", "p50 ms", "p99 ms")
-    frames = round(1000 * seconds)
-    spots = (
-        ("spot", problem_of(moving_blob(frames), 0.1)),
-        ("towel", towel(frames, 0.1)),
-        (f"noise (seed {_NOISE})", noise),
-    )
-    for label, asked in spots:
-        theta, wall, cpu = frame_times(Live(), asked)
-        error = error_of(asked, theta)[asked.amplitude.any(axis=1)][10:]
-        line(
-            label,
-            error.mean(),
-            error.max(),
-            *np.percentile(cpu, [50, 99]),
-            *np.percentile(wall, [50, 99]),
-            digits="442222",
-        )
-
-
-_NOISE = 34
-
-
-def _noise(seconds: float, seed: int = _NOISE) -> np.ndarray:
-    """Independent noise of 25 to 460 Hz on every cell."""
-    rng, frames = np.random.default_rng(seed), round(seconds * RATE)
-    frequency = np.fft.rfftfreq(frames, 1 / RATE)
-    spectrum = np.fft.rfft(rng.normal(size=(frames, 16)), axis=0)
-    return np.fft.irfft(spectrum * ((frequency > 25) & (frequency < 460))[:, None], frames, axis=0)
 
 
 def _time(seconds: float) -> np.ndarray:

@@ -117,7 +117,7 @@ def main():
     figures = {"load": [round(each, 1) for each in os.getloadavg()]}
     if set(given.part) - {"deaths"}:
         with opened(given.takes) as (page, server, took):
-            figures |= took | found_takes(page)
+            figures |= took
             for part, measure in ROOMS.items():
                 if part in given.part:
                     figures[part] = measure(page, server, given.seconds)
@@ -128,17 +128,6 @@ def main():
         from benchmarks.studio_deaths import deaths
 
         deaths()
-
-
-def found_takes(page):
-    """Time of a search in the list of takes, until the page is laid out again."""
-    took = page.evaluate(
-        """() => { const began = performance.now(), search = document.querySelector('input[type=search]');
-        search.value = '99'; search.dispatchEvent(new Event('input')); document.body.offsetHeight;
-        const ended = performance.now(); search.value = ''; search.dispatchEvent(new Event('input'));
-        return ended - began; }"""
-    )
-    return {"search_ms": round(took, 1)}
 
 
 def reproduce(page, server, seconds):

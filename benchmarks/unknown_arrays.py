@@ -5,9 +5,8 @@ of the mean, quality factors +-15 %, phases of 0.1 rad besides, 1 % dead, units 
 place (standard deviations), the sensor 1 mm aside. Recordings come from a forward model of this file: a sum of
 spherical waves from its own positions, a directivity interpolated from the published table, transducers integrated at
 16 kHz, cells averaged over 1 mm points. The start is not known to the fit, as with a real array.
-Only the sensor's electronics and its calibration are midair's. Printed are
-errors against the truth, the share within the stated uncertainties, and CPU time; `check` changes the array afterwards
-and prints what the short check reports.
+Only the sensor's electronics and its calibration are midair's. Printed are errors against the truth, the share within
+the stated uncertainties, and CPU time.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from benchmarks.clock import load, timed
-from midair.calibration import ArrayCodes, ArrayField, ArrayPlan, array_codes, check_array, fit_array
+from midair.calibration import ArrayCodes, ArrayField, ArrayPlan, array_codes, fit_array
 from midair.calibration.measure.unit_poses import differences
 from midair.model import POSE_AIMS, Acoustics, ArrayCalibration, Medium, TransducerArray
 from midair.physics import SensorModel, calibration_of, sense
@@ -130,8 +129,8 @@ def record(
     )
 
 
-def measured(seed: int, seconds: float, checked: bool) -> tuple[list[str], dict[str, tuple[np.ndarray, np.ndarray]]]:
-    """Lines about the calibration of a simulated array, with its short checks if `checked`, and its scores."""
+def measured(seed: int, seconds: float) -> tuple[list[str], dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Lines about the calibration of a simulated array, and its scores."""
     truth, model = draw(seed), SensorModel().with_spread(seed=seed)
     codes = array_codes(ARRAY, model.grid, ArrayPlan(duration=seconds), acoustics=ROOM, height=HEIGHT)
     assumed = ArrayField(array=ARRAY, codes=codes, acoustics=ROOM, calibration=calibration_of(model), height=HEIGHT)
@@ -144,7 +143,6 @@ def measured(seed: int, seconds: float, checked: bool) -> tuple[list[str], dict[
             f"array {seed}: {truth.dead.sum()} dead, {missed} missed, {wrong} wrongly; remainder {left:.2f} times "
             f"the noise; {cost / 1e3:.0f} s of CPU",
             *(f"  not told apart: {names}, {times:.1f} times the aim" for names, times in found.inseparable().items()),
-            *(check(truth, assumed, found, seed) if checked else []),
         ]
     return lines, scores(truth, found)
 
@@ -184,43 +182,16 @@ def scores(truth: Truth, found: ArrayCalibration) -> dict[str, tuple[np.ndarray,
     }
 
 
-def check(truth: Truth, assumed: ArrayField, known: ArrayCalibration, seed: int) -> list[str]:
-    """What a check of two seconds reports after nothing and after each change."""
-    model = SensorModel().with_spread(seed=seed)
-    codes = array_codes(ARRAY, model.grid, ArrayPlan(duration=2.0), acoustics=ROOM, height=HEIGHT)
-    assumed = replace(assumed, codes=codes)
-    place = replace(truth, sensor=truth.sensor + np.array([1e-3, -1e-3, 0.5e-3]))
-    late, dead = truth.pose.copy(), truth.dead.copy()
-    late[1, 6] += 300e-9
-    dead[[10, 400, 800]] = True
-    warm = Medium.at(temperature=24.0, humidity=0.5)
-    changes = {
-        "the sensor put down again": (place, ROOM.medium),
-        "unit 1 late by 300 ns": (replace(place, pose=late), ROOM.medium),
-        "10, 400 and 800 dead": (replace(place, dead=dead), ROOM.medium),
-        "2 K warmer than stated": (place, warm),
-    }
-    lines = list[str]()
-    for name, (changed, medium) in changes.items():
-        volts = record(codes, changed, model, seed=seed + 1, medium=medium)
-        found, cost = timed(lambda volts=volts: check_array(assumed, volts, known, synchronous=False))
-        said = "; ".join(found.problems()) or "holds"
-        lines.append(f"  {name}: {said} ({found.warming:+.1f} K, {cost / 1e3:.0f} s of CPU)")
-    return lines
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.unknown_arrays", description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="*", default=list(range(10)), help="arrays (default 0 to 9)")
     parser.add_argument("--seconds", type=float, default=8.0, help="duration of the codes in s (default 8)")
-    parser.add_argument("--checks", type=int, default=2, help="number of arrays that are checked again (default 2)")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     options = parser.parse_args()
     print(load())
     together: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     with ProcessPoolExecutor(options.jobs) as pool:
-        checked = [number < options.checks for number in range(len(options.seeds))]
-        for lines, errors in pool.map(measured, options.seeds, [options.seconds] * len(checked), checked):
+        for lines, errors in pool.map(measured, options.seeds, [options.seconds] * len(options.seeds)):
             print(*lines, sep="\n", flush=True)
             for name, (error, sure) in errors.items():
                 together.setdefault(name, []).append((error.ravel(), sure.ravel()))

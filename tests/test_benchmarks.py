@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks"
 SMALLEST = {
     "benchmarks": ["--others", "0", "--strengths", ".1", "--methods", "naive", "--part", "static"],
-    "benchmarks.recordings": ["--length", ".05", "--plain-frames", "2", "--part", "paper", "best", "jobs", "live"],
+    "benchmarks.recordings": ["--length", ".05", "--plain-frames", "2", "--part", "paper", "best", "jobs"],
     "benchmarks.playback": ["--seconds", ".02", "--rate", "4000"],
     "benchmarks.air": ["--heights", ".2", "--duration", ".002"],
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],

@@ -179,7 +179,7 @@ def test_what_cannot_be_told_apart_is_said_in_words():
 @pytest.mark.slow
 def test_units_of_an_array_that_the_method_does_not_expect():
     """996 transducers of a wide spread from another forward model; fits that end beside the minimum show only here."""
-    _, scores = unknown_array(3, 4.0, False)
+    _, scores = unknown_array(3, 4.0)
     for name, aim in (("x and y of units, mm", 0.1), ("z of units, mm", 0.1), ("angles of units, deg", 0.1)):
         error, uncertainty = scores[name]
         assert np.sqrt(np.mean(error**2)) < aim
