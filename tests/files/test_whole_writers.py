@@ -22,7 +22,7 @@ def stopped(request, tmp_path_factory):
     assert done.returncode == 0, done.stderr
     told = [json.loads(line) for line in done.stdout.splitlines() if line[:1] == "{"]
     found = {how: {line["name"]: line for line in told if line["how"] == how} for how in ("refused", "killed")}
-    assert len(found["refused"]) >= (13 if request.param else 16)
+    assert len(found["refused"]) >= (13 if request.param else 15)
     assert set(found["refused"]) == set(found["killed"])
     return found
 
