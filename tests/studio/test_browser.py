@@ -594,7 +594,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     picture("side-by-side")
     page.until("document.querySelectorAll('.job').length === 0", timeout=120)
     button("Make the report").click()
-    page.until("!document.querySelector('#to-report').hidden", timeout=120)
+    page.until("!document.querySelector('#to-report').hidden", timeout=300)
     assert "reproduced in midair" in (studio.folder / "corduroy-01.report.html").read_text(encoding="utf-8")
     page.page.get_by_role("link", name="Reproduce").click()
     for edit, values, made in (("cut", {"From": "0.1s", "To": "0.3s"}, 2), ("fade", {"Fade in": "50ms"}, 3)):
