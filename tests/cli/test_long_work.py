@@ -37,8 +37,11 @@ SLOW = (
 )
 """Beginnings of those whose whole run takes longer than a fast test may."""
 
-FAST = ("import song.wav", "info take.h5", "cut", "calibrate take.h5")
-"""Beginnings of one of each kind of work: a reader, an inspection, an edit, a calibration."""
+FAST = ("import song.csv", "info take.drive.h5")
+"""Beginnings of a reader and an inspection, which are fast tests."""
+
+AT_ONCE = ("import song.wav", "cut", "trim", "join", "gain", "mask", "resample", "export take.h5 take.mat")
+"""Beginnings of those without a bar, since a recording is read at once."""
 
 OWN_BARS = (
     "calibrate b",
@@ -100,7 +103,11 @@ def lines(*slow):
     return [pytest.param(each, marks=() if each.startswith(FAST) else marks[each]) for each in LINES]
 
 
-@pytest.mark.parametrize("line", lines("sweep"))
+def with_bars(*slow):
+    return [each for each in lines(*slow) if not each.values[0].startswith(AT_ONCE)]
+
+
+@pytest.mark.parametrize("line", with_bars("sweep"))
 def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, capsys, monkeypatch):
     made_now(line)
     begin, begun = Progress.add_task, []

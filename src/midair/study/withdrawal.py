@@ -44,14 +44,14 @@ def export(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
     Returns the written files. Raises InputError without answers, and FileError if a file exists or the folder is not
     empty.
     """
-    script = path.with_suffix(".R")
+    plan, script = folder.plan(), path.with_suffix(".R")
     if kind == "csv" and script.exists():
         raise FileError(f"{script.name}: expected a new file beside {path.name}, the file exists; choose another name")
     # Logged before the export exists, so that a withdrawal also finds an interrupted one.
     log_derived_file(folder, path, kind)
     written = _write(folder, path, kind)
     if kind == "csv":
-        text = script_of_plan(folder.plan().design, table=path.name, script=script.name)
+        text = script_of_plan(plan.design, table=path.name, script=script.name)
         write_file(script, text, private=True)
         written.append(script)
     return written
