@@ -43,10 +43,11 @@ def names_of(module):
 
 
 def exports(module):
-    """Names in ``from .x import Y as Y`` statements of a package, and those in its ``__all__``."""
+    """Names in ``from .x import Y as Y`` statements of a package, and those in its ``__all__``, each once."""
     tree = ast.parse(inspect.getsource(module))
     imported = [alias for each in ast.walk(tree) if isinstance(each, ast.ImportFrom) for alias in each.names]
-    return [each.name for each in imported if each.name == each.asname] + list(getattr(module, "__all__", []))
+    names = [each.name for each in imported if each.name == each.asname]
+    return list(dict.fromkeys([*names, *getattr(module, "__all__", [])]))
 
 
 def directive(full, value):
