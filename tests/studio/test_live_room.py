@@ -65,13 +65,19 @@ def test_an_error_of_the_studio_is_answered(talk, studio, capsys):
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_stop_before_it_is_armed_is_not_forgotten(talk, studio, monkeypatch):
-    async def release():
-        studio.playing.permit.stop()
+def test_a_stop_before_the_array_is_lent_is_not_forgotten(talk, studio, monkeypatch):
+    asked = []
 
-    monkeypatch.setattr(studio.panels["record"], "release", release)
+    async def let_go(do, **_):
+        asked.append(do)
+        if do == "let go":
+            studio.playing.permit.stop()
+        return {"units": "", "count": 996, "simulated": True}
+
+    monkeypatch.setattr(studio.playing._player, "ask", let_go)
     studio.panels["live"]._checked = {3: _request()}
     assert "stopped on request" in begin(talk)
+    assert asked[0] == "let go"
     assert not studio.playing.permit.armed
     assert studio.store.state["live"]["state"] == "idle"
 

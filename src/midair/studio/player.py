@@ -49,8 +49,6 @@ from midair.rig import (
     open_tracker,
     tracker_name,
 )
-from midair.studio.live_frames import LiveRuns
-from midair.studio.take_data import exposed
 from midair.studio.work import led_pressure
 from midair.studio.worker_process import StudioPipe, end_with_studio
 from midair.study import Headphones
@@ -200,10 +198,6 @@ class _Player(PlayObserver):
     loops: FramePlayer | None = None
     """Plays a pattern in a loop."""
     number: int = 0
-    live: LiveRuns = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.live = LiveRuns(self.pipe, self.permit)
 
     def act(self, order: Mapping[str, Any]) -> Any:
         """Handle one request."""
@@ -232,16 +226,10 @@ class _Player(PlayObserver):
                             self.permit.check(order["leave"], "silence")
                             time.sleep(0.02)
                     return True
-                case "live check":
-                    return self.live.check(order["request"])
-                case "live":
-                    # Its loop opens the array; "open" follows.
-                    self._close()
-                    return self.live.begin(order)
-                case "keep":
-                    return self.live.keep(order)
                 case _:
-                    return True  # "end" of a run that is over
+                    # "let go": another process uses the array for a while.
+                    self._close()
+                    return True
         except LinkLostError:
             # Units that stopped answering are opened again for the next drive.
             with suppress(Exception):
@@ -259,7 +247,6 @@ class _Player(PlayObserver):
         """Silence an open array, from any thread."""
         if self.array is not None:
             self.array.silence()
-        self.live.silence()
 
     def stop(self) -> None:
         """STOP, from any thread; returns when the array is silent."""
@@ -489,3 +476,25 @@ def _choices(order: Mapping[str, Any]) -> ExposureChoices:
         up_to=order.get("up_to", np.inf),
         room=order.get("room"),
     )
+
+
+def exposed(found: Any) -> dict[str, Any]:
+    """Return an exposure for the page: level and limit of each place in dB."""
+    place, _ = found.worst
+    return {
+        "worst": place.name,
+        "excess_db": round(float(found.excess), 2),
+        "pressure_pa": round(float(found.pressure), 2),
+        "profile": found.profile.name,
+        "heat": found.heat,
+        "measured_in": found.measured_in,
+        "places": [
+            {
+                "name": place.name,
+                "peak_db": round(float(found.peak[number]), 1),
+                "limit_db": place.limit,
+                "enforced": place.enforced,
+            }
+            for number, place in enumerate(found.profile.places)
+        ],
+    }

@@ -283,25 +283,3 @@ def _wanted(path: str, stamp: str) -> AmplitudeFrames:
     take = _take(path, stamp)
     settings = Settings().but(rate=take.recording.rate)
     return target_amplitude(pressure_of(take, settings), settings)
-
-
-def exposed(found: Any) -> dict[str, Any]:
-    """Return an exposure for the page: level and limit of each place in dB."""
-    place, _ = found.worst
-    return {
-        "worst": place.name,
-        "excess_db": round(float(found.excess), 2),
-        "pressure_pa": round(float(found.pressure), 2),
-        "profile": found.profile.name,
-        "heat": found.heat,
-        "measured_in": found.measured_in,
-        "places": [
-            {
-                "name": place.name,
-                "peak_db": round(float(found.peak[number]), 1),
-                "limit_db": place.limit,
-                "enforced": place.enforced,
-            }
-            for number, place in enumerate(found.profile.places)
-        ],
-    }

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe, connection, parent_process
@@ -181,12 +181,12 @@ class StudioPipe:
             if (value := act(order)) is not NO_ANSWER:
                 self.answer(order, value)
 
-    def answer(self, order: Mapping[str, Any], value: Any) -> None:
+    def answer(self, order: dict[str, Any], value: Any) -> None:
         """Send the result of a request."""
         self.send("answer", id=order.get("id", 0), value=value)
 
     @contextmanager
-    def answering(self, order: Mapping[str, Any]) -> Generator[None]:
+    def answering(self, order: dict[str, Any]) -> Generator[None]:
         """Answer a request by the error of the block, if it fails; the process goes on."""
         try:
             yield

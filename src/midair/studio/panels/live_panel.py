@@ -11,10 +11,13 @@ from midair.errors import DeviceStateError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics
 from midair.rig import LiveMapping, LiveSettings, Subject, take_path
-from midair.studio.live_frames import REMEMBERED
+from midair.studio.live_process import REMEMBERED, run_live
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.record_panel import Feed, VisibleRange
 from midair.studio.studio_state import Arguments, Page, declared
+from midair.studio.worker_process import WorkerProcess
+
+GONE = "live: the process ended, so the loop went silent; start again"
 
 
 class CheckLive(Arguments):
@@ -55,7 +58,7 @@ class KeepLast(Arguments):
 
 
 class LivePanel(Panel):
-    """Live touch: the player runs it, with the sensor of the panel Record."""
+    """Live touch: borrows the array, and the sensor of the panel Record."""
 
     name, title, script = "live", "Live", WEB / "room-live.js"
 
@@ -63,7 +66,16 @@ class LivePanel(Panel):
         super().__init__(context)
         self._playing = context.playing
         self.feed = Feed()
-        self._playing.on_live = self._on_message
+        # Not a daemon, since it has a child process. It ends when its studio does.
+        self._live = WorkerProcess(
+            run_live,
+            self._on_message,
+            name="live watch",
+            absent="live: expected a running process, it has ended; start again",
+            gone=GONE,
+            call=context.later,
+            daemon=False,
+        )
         self._runs = itertools.count(1)
         self._checked: dict[int, dict[str, Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -94,7 +106,6 @@ class LivePanel(Panel):
     async def check(self, _: Page, order: CheckLive) -> Any:
         """Return the worst-case exposure of a level."""
         self._idle()
-        self._playing.check_idle()
         room = self._context.air.medium
         given = order.model_dump(include={"sensor", "mapping", "gain", "level"})
         request: dict[str, Any] = {
@@ -117,13 +128,15 @@ class LivePanel(Panel):
             "acoustics": None if room is None else Acoustics(medium=room),
             "seed": self._context.seed,
         }
-        found = await self._playing.ask("live check", request=request)
+        if not self._live.process:
+            self._live.start(self._playing.permit)
+        found = await self._live.ask("check", request=request)
         self._checked = {found["number"]: request} if found["number"] else {}
         self._store.put(exposure={"take": "", **found})
         return found
 
     async def begin(self, page: Page, order: BeginLive) -> Any:
-        """Borrow the sensor, arm, and start; answers when it plays."""
+        """Borrow array and sensor, arm, and start; answers when it plays."""
         self._idle()
         request = self._checked.pop(order.admission, None)
         if request is None:
@@ -134,13 +147,13 @@ class LivePanel(Panel):
         self._show(state="opens", said="", share=1.0, take=None)
         try:
             await self._context.panels["record"].release()
-            leave = self._playing.arm_live(page, f"live {request['sensor']}", stops=stops)
+            leave = await self._playing.lend(page, f"live {request['sensor']}", stops=stops)
         except MidairError as wrong:
             self._show(state="idle", said=str(wrong))
             raise
         self._store.put(live_goes=None)
         try:
-            about = await self._playing.ask("live", admission=order.admission, leave=leave)
+            about = await self._live.ask("begin", admission=order.admission, leave=leave)
         except MidairError as wrong:
             await self._over(str(wrong))
             raise
@@ -161,11 +174,11 @@ class LivePanel(Panel):
     async def keep(self, _: Page, order: KeepLast) -> Any:
         """Save the last seconds as a take that Reproduce opens."""
         about = self._store.state.get("live_about")
-        if not about:
+        if not self._live.process or not about:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         notes = Subject(object="live", surface=about["sensor"].partition(":")[2][:40])
         path = take_path(self._takes.folder.path, notes, repeats=1)
-        found = await self._playing.ask("keep", seconds=order.seconds, path=str(path), notes=dict(notes.notes))
+        found = await self._live.ask("keep", seconds=order.seconds, path=str(path), notes=dict(notes.notes))
         self._show(take=found)
         self._context.show_takes()
         return found
@@ -175,12 +188,15 @@ class LivePanel(Panel):
         if self._state["state"] == "opens":
             self._playing.permit.stop()
         elif self._state["state"] == "plays":
-            self._playing.send("end")
+            self._live.send("end")
         return True
 
     def close(self) -> None:
-        """Send no more frames."""
+        """End the process."""
         self.feed.close()
+        if self._live.process:
+            self._playing.permit.stop()
+            self._live.close(3)
 
     def _idle(self) -> None:
         if self._state["state"] != "idle":
@@ -195,13 +211,15 @@ class LivePanel(Panel):
                 self._playing.emits(said["emitting"])
             case "follow":
                 self._show(said=said["text"])
+            case "heat":
+                self._playing.paused(said["text"], waits=True)
             case "ended":
                 if said["goes"]:
                     self._store.put(live_goes={**(self._store.state.get("live_goes") or {}), **said["goes"]})
                 self._do(self._over(said["error"] or "ended normally, with a fade-out"))
             case _:
                 if self._state["state"] == "plays":
-                    self._do(self._over("the player ended, so the loop went silent; start again"))
+                    self._do(self._over(GONE))
 
     async def _over(self, said: str) -> None:
         self._show(state="ends", said=said)

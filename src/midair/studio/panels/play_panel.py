@@ -133,9 +133,6 @@ class PlayPanel:
         self._stops = self.permit.stops
         self.played: list[Any] = []
         self.request: Callable[[SolveForm, str], SolveRequest] | None = None
-        self.on_live: Callable[[dict[str, Any]], object] = bool
-        """Called with each message of live touch, and when the player has ended."""
-        self.ask, self.send = self._player.ask, self._player.send
         self._state: dict[str, Any] = {
             "state": "starts",
             "device": device,
@@ -198,7 +195,7 @@ class PlayPanel:
 
     async def check(self, _: Page, order: CheckExposure) -> Any:
         """Check the exposure of a drive and return it."""
-        self.check_idle()
+        self._busy()
         return await self._admit(order)
 
     async def _admit(self, order: CheckExposure, up_to: float = inf, *, loop: bool = False) -> Any:
@@ -248,7 +245,7 @@ class PlayPanel:
 
     async def play(self, page: Page, order: PlayNow) -> Any:
         """Arm and play; answers when it is over, which a loop is after a STOP or an error."""
-        self.check_idle()
+        self._busy()
         self._seen(page)
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
@@ -348,7 +345,7 @@ class PlayPanel:
     def _experimenter(self) -> Page:
         if self.permit.stops != self._stops:
             raise StoppedError("play: stopped on request")
-        self.check_idle()
+        self._busy()
         page = self._store.pages.get(self._store.control.holder)
         if page is None or not page.visible or time.monotonic() - page.last_alive > ALIVE:
             raise DeviceStateError(
@@ -372,21 +369,27 @@ class PlayPanel:
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
-    def arm_live(self, page: Page, what: str, *, stops: int) -> LeaseToken:
-        """Arm for live touch, until `take_back`; DeviceStateError if something plays.
+    async def lend(self, page: Page, what: str, *, stops: int) -> LeaseToken:
+        """Lend the array to a process, until `take_back`; DeviceStateError if busy.
 
-        `stops` is the number of stop requests when the page asked: a later one refuses it.
+        `stops` is the number of stop requests when the page asked: a later one refuses the array.
         """
-        self.check_idle()
+        self._busy()
         self._seen(page)
-        if self.permit.stops != stops:
-            raise StoppedError("live: stopped on request")
         self._show(state="plays", take=what, done=0, total=0, said="")
+        try:
+            await self._player.ask("let go")
+            self._seen(page)
+            if self.permit.stops != stops:
+                raise StoppedError("live: stopped on request")
+        except MidairError:
+            await self._open()
+            raise
         self._controls = page.number
         return self.permit.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
-        """Open the array again after live touch has ended."""
+        """Open the array again after the process that borrowed it has ended."""
         self.permit.disarm()
         self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
@@ -394,7 +397,7 @@ class PlayPanel:
             self._show(said=said)
 
     def emits(self, emitting: bool) -> None:
-        """Show whether live touch emits sound."""
+        """Show whether a borrowed array emits sound."""
         self._show(emitting=emitting)
 
     def wait(self, _: Page, __: Arguments) -> bool:
@@ -437,8 +440,7 @@ class PlayPanel:
         self._store.show_control()
         return True
 
-    def check_idle(self) -> None:
-        """Raise DeviceStateError if something plays."""
+    def _busy(self) -> None:
         if self._state["state"] == "plays":
             raise DeviceStateError("play: expected an idle array, something plays; press STOP or wait for its end")
 
@@ -467,13 +469,10 @@ class PlayPanel:
             case "palm":
                 self._store.put(palm=said["palm"])
             case "heat":
-                self.paused(said["text"], waits=said.get("waits", False))
+                self.paused(said["text"])
             case "stopped":
                 self._show(emitting=False, said="silenced")
-            case "frames" | "goes" | "follow" | "ended":
-                self.on_live(said)
             case _:
-                self.on_live(said)
                 self._store.put(palm=None)
                 self._show(state="starts", emitting=False, said="the player ended unexpectedly and is starting again")
 

@@ -1,13 +1,14 @@
-"""Live touch in the player: starts the loop, sends its frames to the pages, keeps the last minute.
+"""The process that supervises live touch for the studio: starts the loop, reads its frames, keeps the last minute.
 
-The loop is a child process of the player, so that nothing here can delay it; it goes silent when the player ends. The
-sound field that the page shows is computed here, not in the server.
+The loop is a child process, so that nothing here can delay it; it goes silent when this process ends, and this process
+ends with the studio. The sound field that the page shows is computed here, not in the server.
 """
 
+import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices import Cooling, PlayLease, amplitude_of
-from midair.errors import DeviceError, DeviceStateError, ExposureError, InputError, MidairError
+from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.model import RATE, ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
 from midair.rig import (
@@ -31,8 +32,8 @@ from midair.rig import (
     live_clearance,
 )
 from midair.solvers import one_blas_thread
-from midair.studio.take_data import exposed
-from midair.studio.worker_process import NO_ANSWER, StudioPipe
+from midair.studio.player import exposed
+from midair.studio.worker_process import NO_ANSWER, StudioPipe, end_with_studio
 from midair.view import Kind, Section, encode_counts, fit_interpolation, pack
 
 EVERY = 1 / 120
@@ -43,6 +44,18 @@ PHASES = 15.0
 
 REMEMBERED = 60.0
 """Seconds that can be saved as a take afterwards."""
+
+
+def run_live(pipe: StudioPipe, permit: PlayLease) -> None:
+    """Main function of the process, which ends with its studio; `pipe` carries requests, frames and status."""
+    with suppress(AttributeError, OSError):
+        # The loop does not wait for this process; pages may wait for both.
+        os.nice(5)
+    # The loop reads the stop within a millisecond and goes silent; then this process ends, whatever it does.
+    end_with_studio(permit.stop, patience=1.0)
+    with one_blas_thread():
+        supervisor = _LiveSupervisor(pipe, permit)
+        pipe.serve(supervisor.act)
 
 
 class RecentFrames:
@@ -146,26 +159,29 @@ class LiveView:
         return field
 
 
-class LiveRuns:
-    """Checks, starts and keeps runs of live touch, one at a time."""
+class _LiveSupervisor:
+    """Serves the requests of the studio, and one run of live touch at a time."""
 
     def __init__(self, pipe: StudioPipe, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
         self._checked: dict[int, LiveSettings] = {}
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
-        self._silent = threading.Event()
-        self._silent.set()
 
-    def silence(self) -> None:
-        """Wait until the loop, which reads the lease every millisecond, has ended; the lease is stopped.
+    def act(self, order: dict[str, Any]) -> Any:
+        """Handle one request."""
+        match order["do"]:
+            case "check":
+                return self._check(order["request"])
+            case "begin":
+                self._begin(order)
+            case "keep":
+                self._keep(order)
+            case _:
+                pass  # the run to be ended is over already
+        return NO_ANSWER
 
-        Callable from any thread; raises DeviceError if it takes more than 2 s.
-        """
-        if not self._silent.wait(2.0):
-            raise DeviceError("live: expected the loop to end within 2 s, it goes on; the array's failsafe acts")
-
-    def check(self, request: dict[str, Any]) -> dict[str, Any]:
+    def _check(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
         order = LiveSettings().but(**request)
         try:
@@ -188,18 +204,13 @@ class LiveRuns:
             **exposed(admission.exposure),
         }
 
-    def begin(self, order: Mapping[str, Any]) -> Any:
+    def _begin(self, order: dict[str, Any]) -> None:
         """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
-        with one_blas_thread():
-            self._begin(order)
-        return NO_ANSWER
-
-    def _begin(self, order: Mapping[str, Any]) -> None:
         settings = self._checked.pop(order["admission"], None)
         if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
-        cooling = Cooling(report=lambda text: self._pipe.send("heat", text=text, waits=True))
+        cooling = Cooling(report=lambda text: self._pipe.send("heat", text=text))
 
         def told(text: str) -> None:
             if text.startswith("follow"):
@@ -219,20 +230,12 @@ class LiveRuns:
                 kept = RecentFrames(opened.sensor.count, sight.array.count, most)
                 self._past = session.order, opened, kept
                 plays = True
-                self._silent.clear()
                 self._pipe.answer(order, {**_session_info(session), **about})
-                try:
-                    self._watch(session, sight, kept)
-                except MidairError:
-                    # The loop reported its end, as after a stop: it is silent before its process has ended.
-                    self._silent.set()
-                    raise
+                self._watch(session, sight, kept)
         except MidairError as wrong:
             if not plays:
                 raise
             error = str(wrong)
-        finally:
-            self._silent.set()
         # Last frames that the loop wrote before it went silent.
         if self._past is not None:
             self._hand_on(session, sight, self._past[2])
@@ -251,13 +254,7 @@ class LiveRuns:
                 order = self._pipe.receive()
                 if order is None or order["do"] == "end":
                     return
-                self._pipe.handle(order, self._meanwhile)
-
-    def _meanwhile(self, order: Mapping[str, Any]) -> Any:
-        """Handle a request while it plays."""
-        if order["do"] != "keep":
-            raise DeviceStateError("play: expected an idle array, live touch plays; end it, then try again")
-        return self.keep(order)
+                self._pipe.handle(order, self.act)
 
     def _hand_on(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> NDArray[Any]:
         """Send new frames to the page and keep them."""
@@ -269,7 +266,7 @@ class LiveRuns:
             self._pipe.send("frames", data=[pack([section]) for section in sight.sections(found)])
         return found
 
-    def keep(self, order: Mapping[str, Any]) -> Any:
+    def _keep(self, order: dict[str, Any]) -> None:
         """Save the last seconds as a take while the run goes on."""
         if self._past is None or not self._past[2].frames:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
@@ -288,7 +285,6 @@ class LiveRuns:
                 self._pipe.answer(order, {"name": path.name, **found})
 
         threading.Thread(target=write, name="keep").start()
-        return NO_ANSWER
 
 
 def _session_info(session: LiveSession) -> dict[str, Any]:
