@@ -121,6 +121,7 @@ class Observer:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1500)
 def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
     commands = printed()
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
@@ -143,6 +144,7 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1500)
 @pytest.mark.parametrize(
     ("template", "least", "questions"),
     [
@@ -152,7 +154,7 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
     ],
 )
 def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal, tmp_path, template, least, questions):
-    commands = [line.replace("detection", template) for line in printed("The other three templates")]
+    commands = [line.replace("detection", template) for line in printed("There are three more templates")]
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
     prompts = [
         ("Press Enter to continue", ["Enter"]),
