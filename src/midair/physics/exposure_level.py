@@ -155,7 +155,7 @@ class Exposure:
         """One line: accuracy of the levels."""
         bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
         rough = [place.name for place in self.profile.places if not place.enforced and place.reach > 0]
-        around = "loudest of the whole volume and of all moments, averaged over 0.25 ms"
+        around = "loudest of the whole volume, at moments at most 0.125 ms apart"
         lines = [f"{', '.join(bounded)}: {around}"] if bounded else []
         lines += [f"{', '.join(rough)}: maximum of 27 points; a focus between them is missed"] if rough else []
         return "; ".join(lines)
