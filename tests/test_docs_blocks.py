@@ -203,7 +203,8 @@ def patterns():
 def with_a_rerecording():
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
     copyfile("take.h5", "take.rerecorded.h5")
-    coarse = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.1s"]
+    few = ["--set", "target.grid.rows=4", "--set", "target.grid.columns=4", "--set", "target.grid.pitch=0.011"]
+    coarse = ["--mode", "quick", "--duration", "0.1s", *few, "--set", "solver.guard=0.0"]
     assert run(["solve", "take.h5", *coarse]) == 0
 
 

@@ -36,7 +36,7 @@ def solved(path, *words):
     return load_solution(path)
 
 
-FEW = ["--points", "6", "--pitch", "11mm"]
+FEW = ["--set", "target.grid.rows=6", "--set", "target.grid.columns=6", "--set", "target.grid.pitch=0.011"]
 
 
 def errors(drive, target, q):
