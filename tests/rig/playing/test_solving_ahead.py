@@ -212,7 +212,8 @@ def test_a_recording_that_plays_on_emulated_units_is(case, request):
     end = log()[-1]
     print(case, playing.returncode, end["outcome"], end["reason"], end.get("gap_s"))
     # Beside busy programs, the units can lose the computer: then all ends in silence, and no file stays.
-    played = case == "starved" and playing.returncode == 0
+    # Solving may also come too late: then the touch has gaps, which ends with status 1 as well.
+    played = case == "starved" and (playing.returncode == 0 or end.get("gap_s", 0) > 0)
     assert (end["event"], end["outcome"]) == ("end", "played" if played else "failed" if case != "stopped" else case)
     assert len(list(Path().glob("*drive*"))) == played
     if case == "killed":
