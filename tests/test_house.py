@@ -63,6 +63,17 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
+SCRIPTS = 9_600
+"""Most lines of JavaScript, formatted as Prettier does with 100 columns."""
+
+
+def test_scripts_of_pages_stay_below_their_lines_and_have_short_ones():
+    lines = [line for path in SRC.rglob("*.js") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(lines) <= SCRIPTS
+    # Text that people read is not cut.
+    assert [line for line in lines if len(line) > 100 and not set(line) & set("\"`'")] == []
+
+
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
     *sorted((ROOT / "docs").glob("*.md")),

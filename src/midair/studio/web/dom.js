@@ -2,22 +2,29 @@
 
 /** make("button.main", {type: "button", onclick}, "Solve", ...) */
 export function make(what, properties = {}, ...children) {
-  const [tag, ...classes] = what.split("."), made = document.createElement(tag);
+  const [tag, ...classes] = what.split("."),
+    made = document.createElement(tag);
   if (classes.length) made.className = classes.join(" ");
   for (const [name, value] of Object.entries(properties)) {
     if (value === undefined || value === null || value === false) continue;
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name in made && !name.includes("-") && name !== "list" && name !== "form") made[name] = value;
+    else if (name in made && !name.includes("-") && name !== "list" && name !== "form")
+      made[name] = value;
     else made.setAttribute(name, value === true ? "" : value);
   }
-  made.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  made.append(...children.flat().filter(child => child !== null && child !== undefined));
   return made;
 }
 
 /** A panel with title, an element at the right of it, and contents. */
 export function panel(title, aside, ...children) {
   const right = aside instanceof Node ? aside : make("span", {}, aside ?? "");
-  const made = make("section.panel", {}, make("header", {}, make("h2", {}, title), right), ...children);
+  const made = make(
+    "section.panel",
+    {},
+    make("header", {}, make("h2", {}, title), right),
+    ...children,
+  );
   made.aside = right;
   made.setAttribute("aria-label", title);
   return made;
@@ -33,14 +40,22 @@ field.count = 0;
 
 /** A select element from [[value, text], ...]. */
 export function choice(options, value, onchange) {
-  const made = make("select", { onchange }, ...options.map(([key, words]) => make("option", { value: key }, words)));
+  const made = make(
+    "select",
+    { onchange },
+    ...options.map(([key, words]) => make("option", { value: key }, words)),
+  );
   made.value = value;
   return made;
 }
 
 /** Names and values. */
 export function rows(pairs) {
-  return make("dl.rows", {}, ...pairs.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]));
+  return make(
+    "dl.rows",
+    {},
+    ...pairs.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]),
+  );
 }
 
 /** A short message at the bottom of the page, also for screen readers. */
@@ -52,15 +67,28 @@ export function toast(words) {
 
 /** Await a request; show its error as a message and return null. */
 export async function tried(promise) {
-  try { return await promise; } catch (wrong) { toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message); return null; }
+  try {
+    return await promise;
+  } catch (wrong) {
+    toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message);
+    return null;
+  }
 }
 
 /** Whether an array can play: one that failed is opened again by the next check. */
-export const playable = (player) => ["ready", "failed"].includes(player?.state);
+export const playable = player => ["ready", "failed"].includes(player?.state);
 
-/** Open a dialog over the page. It has a STOP of its own while something plays, since the page behind it cannot be pressed. */
+/** Open a dialog over the page. It has a STOP of its own while something plays, since the page
+    behind it cannot be pressed. */
 export function openModal(dialog, link) {
   dialog.querySelector(".stop")?.remove();
-  dialog.append(make("button.stop", { type: "button", title: "Silences the array at once", onclick: () => tried(link.stop()) }, "STOP ", make("kbd", {}, "Esc")));
+  dialog.append(
+    make(
+      "button.stop",
+      { type: "button", title: "Silences the array at once", onclick: () => tried(link.stop()) },
+      "STOP ",
+      make("kbd", {}, "Esc"),
+    ),
+  );
   dialog.showModal();
 }

@@ -2,31 +2,65 @@
 
 import { make, openModal, tried } from "/web/dom.js";
 
-/** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was solved. */
+/** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was
+    solved. */
 export async function solveTake(link, given) {
   let answer = await tried(link.order("reproduce", "solve", given));
   while (answer?.asks) {
     const said = await mayReplace(link, answer.asks);
-    answer = said ? await tried(link.order("reproduce", "solve", { ...given, ...(said === "both" ? { beside: true } : { replaces: answer.asks.replaces }) })) : null;
+    answer = said
+      ? await tried(
+          link.order("reproduce", "solve", {
+            ...given,
+            ...(said === "both" ? { beside: true } : { replaces: answer.asks.replaces }),
+          }),
+        )
+      : null;
   }
   return answer;
 }
 
 function mayReplace(link, { files, made, new: settings }) {
-  const dialog = document.getElementById("replace"), [first, again] = files, button = (value, words, title, more = {}) => make("button", { type: "button", title, onclick: () => dialog.close(value), ...more }, words);
+  const dialog = document.getElementById("replace"),
+    [first, again] = files,
+    button = (value, words, title, more = {}) =>
+      make("button", { type: "button", title, onclick: () => dialog.close(value), ...more }, words);
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
-  dialog.replaceChildren(make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
-    make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that no longer exists.`),
-      ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
-    make("div.buttons", {}, ...(made ? [button("both", "Keep both", "The new drive gets another name")] : []), button("yes", made ? "Replace" : "Remove and solve", "Cannot be undone"), button("", "Cancel", "Solves nothing", { autofocus: true })));
+  dialog.replaceChildren(
+    make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
+    make(
+      "div",
+      { id: "replace-words" },
+      make(
+        "p",
+        {},
+        made
+          ? `${first} exists, ${made}.`
+          : `${first} exists, made from a drive that no longer exists.`,
+      ),
+      ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []),
+      make("p", {}, `The new drive: ${settings}.`),
+    ),
+    make(
+      "div.buttons",
+      {},
+      ...(made ? [button("both", "Keep both", "The new drive gets another name")] : []),
+      button("yes", made ? "Replace" : "Remove and solve", "Cannot be undone"),
+      button("", "Cancel", "Solves nothing", { autofocus: true }),
+    ),
+  );
   openModal(dialog, link);
-  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }));
+  return new Promise(resolve =>
+    dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }),
+  );
 }
 
 export function jobsShown(link) {
-  const aside = document.getElementById("jobs"), shown = new Map(), gone = new Set();
-  link.on("jobs", (jobs) => {
+  const aside = document.getElementById("jobs"),
+    shown = new Map(),
+    gone = new Set();
+  link.on("jobs", jobs => {
     for (const job of jobs) {
       if (gone.has(job.number)) continue;
       const over = !["waits", "runs"].includes(job.state);
@@ -48,19 +82,47 @@ export function jobsShown(link) {
 }
 
 function build(link, { number, title }) {
-  const bar = make("progress", { max: 1, "aria-label": title }), words = make("span.quiet"), state = make("span");
-  const cancel = make("button", { type: "button", "aria-label": `cancel: ${title}`, title: "Ends this job; nothing unfinished is kept", onclick: () => tried(link.order("jobs", "cancel", { number })) }, "Cancel");
-  const root = make("div.job", { role: "group", "aria-label": title }, make("div.row", {}, make("strong", {}, title), cancel), bar, make("div.row", {}, words, state));
+  const bar = make("progress", { max: 1, "aria-label": title }),
+    words = make("span.quiet"),
+    state = make("span");
+  const cancel = make(
+    "button",
+    {
+      type: "button",
+      "aria-label": `cancel: ${title}`,
+      title: "Ends this job; nothing unfinished is kept",
+      onclick: () => tried(link.order("jobs", "cancel", { number })),
+    },
+    "Cancel",
+  );
+  const root = make(
+    "div.job",
+    { role: "group", "aria-label": title },
+    make("div.row", {}, make("strong", {}, title), cancel),
+    bar,
+    make("div.row", {}, words, state),
+  );
   return {
     root,
     tell(job) {
-      if (job.total && job.state === "runs") bar.value = job.done / job.total; else if (job.state === "done") bar.value = 1;
-      words.textContent = job.state === "failed" ? job.error : job.state === "waits" ? "waiting" : job.state === "runs" ? job.stage : job.state;
+      if (job.total && job.state === "runs") bar.value = job.done / job.total;
+      else if (job.state === "done") bar.value = 1;
+      words.textContent =
+        job.state === "failed"
+          ? job.error
+          : job.state === "waits"
+            ? "waiting"
+            : job.state === "runs"
+              ? job.stage
+              : job.state;
       words.className = job.state === "failed" ? "bad" : "quiet";
-      state.textContent = job.state === "runs" && job.rate ? `${said(job.rate)}/s${job.left_s === null ? "" : `, ${said(job.left_s)} s left`}` : "";
+      state.textContent =
+        job.state === "runs" && job.rate
+          ? `${said(job.rate)}/s${job.left_s === null ? "" : `, ${said(job.left_s)} s left`}`
+          : "";
       cancel.hidden = !["waits", "runs"].includes(job.state);
     },
   };
 }
 
-const said = (value) => (value >= 10 ? Math.round(value) : Math.round(value * 10) / 10);
+const said = value => (value >= 10 ? Math.round(value) : Math.round(value * 10) / 10);

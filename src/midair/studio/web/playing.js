@@ -1,4 +1,5 @@
-/* The dialog before playing: exposure, remedies if it is too high, and a button that must be held. */
+/* The dialog before playing: exposure, remedies if it is too high, and a button that must be
+    held. */
 
 import { field, make, openModal, tried } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
@@ -8,82 +9,326 @@ const HOLD = 600; // ms
 
 /** `correct`: with phases corrected for the air of the room. */
 export function askToPlay(studio, take, correct = false, solve = undefined) {
-  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", protection_db: 0, repeats: 1, correct_air: correct, solve, follow: "" };
-  const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
-  const simulated = link.state.player.device === "virtual", hold = make(simulated ? "button.main" : "button.main.hold", { type: "button", disabled: true, id: "hold", title: simulated ? "Plays and re-records" : "Hold for 0.6 s" }, simulated ? "Play" : "Hold to play");
+  const { link } = studio,
+    dialog = document.getElementById("exposure"),
+    given = {
+      take,
+      attenuate: false,
+      override: "",
+      protection_db: 0,
+      repeats: 1,
+      correct_air: correct,
+      solve,
+      follow: "",
+    };
+  const verdict = make("p", { role: "status" }, "checking …"),
+    table = make("table"),
+    refused = make("div.column");
+  const simulated = link.state.player.device === "virtual",
+    hold = make(
+      simulated ? "button.main" : "button.main.hold",
+      {
+        type: "button",
+        disabled: true,
+        id: "hold",
+        title: simulated ? "Plays and re-records" : "Hold for 0.6 s",
+      },
+      simulated ? "Play" : "Hold to play",
+    );
   const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
-  const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
+  const repeats = make("input", {
+    type: "number",
+    min: 1,
+    max: 100,
+    value: "1",
+    onchange: () => {
+      given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1));
+      check();
+    },
+  });
   const loop = make("input", { type: "checkbox", id: "loop" });
-  const tracker = make("input", { type: "text", id: "follow", autocomplete: "off", placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv", onchange: follow });
-  const latency = make("input", { type: "number", id: "latency", min: 0, max: 1000, placeholder: "measured", onchange: follow });
+  const tracker = make("input", {
+    type: "text",
+    id: "follow",
+    autocomplete: "off",
+    placeholder: "leap:, lsl:NAME, osc:PORT, replay:FILE.csv",
+    onchange: follow,
+  });
+  const latency = make("input", {
+    type: "number",
+    id: "latency",
+    min: 0,
+    max: 1000,
+    placeholder: "measured",
+    onchange: follow,
+  });
   const palm = palmView(link);
   function follow() {
     given.follow = tracker.value.trim();
-    if (given.follow && latency.value !== "") given.latency_ms = Number(latency.value); else delete given.latency_ms;
+    if (given.follow && latency.value !== "") given.latency_ms = Number(latency.value);
+    else delete given.latency_ms;
     check();
   }
-  const protection = make("input", { type: "number", min: 0, max: 40, value: "0", onchange: () => { given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0)); check(); } });
-  const measured = make("p.quiet"), hot = heatWarning(link, "hot-play");
-  let admission = 0, checks = 0, looping = false, timer = 0;
-  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, hot, table, measured, make("div.column", {}, field("Times", repeats, "How often it plays in sequence"), field("Loop until STOP", loop, "A drive that is solved meanwhile is played from the next pass"), field("Ear protection of everyone here, dB at 40 kHz", protection, "Is subtracted from the level at the ears"), field("Follow the palm of a tracker", tracker, "Steers each frame to the palm; the sound fades when the palm is lost"), field("Its latency, ms", latency, "Time from a pose of the palm to its arrival; empty: as measured")), palm, refused,
-    make("div.buttons", {}, hold, make("button", { type: "button", title: "Back to the panel", onclick: () => dialog.close() }, "Close")), done,
-    make("p.quiet", {}, "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it."));
+  const protection = make("input", {
+    type: "number",
+    min: 0,
+    max: 40,
+    value: "0",
+    onchange: () => {
+      given.protection_db = Math.max(0, Math.min(40, Number(protection.value) || 0));
+      check();
+    },
+  });
+  const measured = make("p.quiet"),
+    hot = heatWarning(link, "hot-play");
+  let admission = 0,
+    checks = 0,
+    looping = false,
+    timer = 0;
+  dialog.replaceChildren(
+    make(
+      "h2",
+      { id: "exposure-title" },
+      `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`,
+    ),
+    verdict,
+    hot,
+    table,
+    measured,
+    make(
+      "div.column",
+      {},
+      field("Times", repeats, "How often it plays in sequence"),
+      field(
+        "Loop until STOP",
+        loop,
+        "A drive that is solved meanwhile is played from the next pass",
+      ),
+      field(
+        "Ear protection of everyone here, dB at 40 kHz",
+        protection,
+        "Is subtracted from the level at the ears",
+      ),
+      field(
+        "Follow the palm of a tracker",
+        tracker,
+        "Steers each frame to the palm; the sound fades when the palm is lost",
+      ),
+      field(
+        "Its latency, ms",
+        latency,
+        "Time from a pose of the palm to its arrival; empty: as measured",
+      ),
+    ),
+    palm,
+    refused,
+    make(
+      "div.buttons",
+      {},
+      hold,
+      make(
+        "button",
+        { type: "button", title: "Back to the panel", onclick: () => dialog.close() },
+        "Close",
+      ),
+    ),
+    done,
+    make(
+      "p.quiet",
+      {},
+      "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it.",
+    ),
+  );
 
   async function check() {
     hold.disabled = true;
-    const turn = ++checks, found = await tried(link.order("play", "check", given));
+    const turn = ++checks,
+      found = await tried(link.order("play", "check", given));
     if (turn !== checks) return; // a later check withdraws this one
-    if (!found) { verdict.textContent = "the exposure could not be checked"; return; }
+    if (!found) {
+      verdict.textContent = "the exposure could not be checked";
+      return;
+    }
     admission = found.number;
     measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
-    verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.` : found.refused || found.verdict;
+    verdict.textContent =
+      found.outcome === "exceeded"
+        ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.`
+        : found.refused || found.verdict;
     if (found.replaces) verdict.append(` ${found.replaces} exists and will be replaced.`);
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
-    table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
-      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (advice)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
+    table.replaceChildren(
+      make(
+        "thead",
+        {},
+        make(
+          "tr",
+          {},
+          ...["place", "loudest frame", "limit"].map((name, i) =>
+            make(`th${i ? ".number" : ""}`, { scope: "col" }, name),
+          ),
+        ),
+      ),
+      make(
+        "tbody",
+        {},
+        ...found.places.map(place =>
+          make(
+            "tr",
+            {},
+            make("td", {}, place.name + (place.enforced ? "" : " (advice)")),
+            make("td.number", {}, `${place.peak_db} dB`),
+            make("td.number", {}, `${place.limit_db} dB`),
+          ),
+        ),
+      ),
+    );
     hold.disabled = !admission || !link.controls;
     refused.replaceChildren();
     if (!found.refused) return;
     const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
-    refused.append(make("div.buttons", {}, make("button", { type: "button", title: "Plays more weakly, within the limits", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate to meet the profile")),
+    refused.append(
+      make(
+        "div.buttons",
+        {},
+        make(
+          "button",
+          {
+            type: "button",
+            title: "Plays more weakly, within the limits",
+            onclick: () => {
+              given.attenuate = true;
+              given.override = "";
+              check();
+            },
+          },
+          "Attenuate to meet the profile",
+        ),
+      ),
       field("Or play it on your own responsibility", name, "Your name is logged with the play"),
-      make("div.buttons", {}, make("button", { type: "button", title: "Needs your name; wear hearing protection", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "Play above the profile on my responsibility")));
+      make(
+        "div.buttons",
+        {},
+        make(
+          "button",
+          {
+            type: "button",
+            title: "Needs your name; wear hearing protection",
+            onclick: () => {
+              if (name.value.trim()) {
+                given.override = name.value;
+                given.attenuate = false;
+                check();
+              } else name.focus();
+            },
+          },
+          "Play above the profile on my responsibility",
+        ),
+      ),
+    );
   }
   function press() {
     if (hold.disabled || timer) return;
     hold.classList.add("held");
-    timer = setTimeout(() => { release(); play(); }, HOLD);
+    timer = setTimeout(() => {
+      release();
+      play();
+    }, HOLD);
   }
-  function release() { hold.classList.remove("held"); clearTimeout(timer); timer = 0; }
+  function release() {
+    hold.classList.remove("held");
+    clearTimeout(timer);
+    timer = 0;
+  }
   async function play() {
     hold.disabled = true;
     done.hidden = false;
-    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; if (player.said && !looping) verdict.textContent = player.said; });
+    const off = link.on("player", player => {
+      done.value = player.total ? player.done / player.total : 0;
+      if (player.said && !looping) verdict.textContent = player.said;
+    });
     looping = loop.checked;
-    if (looping) verdict.textContent = "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
+    if (looping)
+      verdict.textContent =
+        "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
     const report = await tried(link.order("play", "play", { admission, loop: looping }));
     looping = false;
     if (!dialog.open) tried(link.order("play", "unfollow"));
     off();
     done.hidden = true;
-    verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
+    verdict.textContent = report
+      ? report.output
+        ? `played, and re-recorded as ${report.output}`
+        : `played ${report.frames} frames, ${report.late ?? 0} late`
+      : link.state.player.said;
     verdict.className = report ? "good" : "bad";
     if (report) {
-      const more = [make("button", { type: "button", id: "play-again", title: "Replaces the re-recording", onclick: () => { for (const one of more) one.remove(); check(); } }, "Check and play again"), ...(report.output && !take.endsWith(".toml") ? [make("button", { type: "button", id: "to-compare", title: "Re-recording beside the original", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare")] : [])];
+      const more = [
+        make(
+          "button",
+          {
+            type: "button",
+            id: "play-again",
+            title: "Replaces the re-recording",
+            onclick: () => {
+              for (const one of more) one.remove();
+              check();
+            },
+          },
+          "Check and play again",
+        ),
+        ...(report.output && !take.endsWith(".toml")
+          ? [
+              make(
+                "button",
+                {
+                  type: "button",
+                  id: "to-compare",
+                  title: "Re-recording beside the original",
+                  onclick: () => {
+                    dialog.close();
+                    studio.go("compare", take);
+                  },
+                },
+                "Compare",
+              ),
+            ]
+          : []),
+      ];
       hold.parentElement.append(...more);
     }
-    if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }
+    if (dialog.open) {
+      given.override = "";
+      setTimeout(() => {
+        if (dialog.open && !report) check();
+      }, 300);
+    }
   }
-  if (simulated) hold.addEventListener("click", play); // no sound: one press is enough
+  if (simulated)
+    hold.addEventListener("click", play); // no sound: one press is enough
   else {
     hold.addEventListener("pointerdown", press);
-    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) hold.addEventListener(name, release);
-    hold.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) { event.preventDefault(); press(); } });
+    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"])
+      hold.addEventListener(name, release);
+    hold.addEventListener("keydown", event => {
+      if ((event.key === " " || event.key === "Enter") && !event.repeat) {
+        event.preventDefault();
+        press();
+      }
+    });
     hold.addEventListener("keyup", release);
   }
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
-  dialog.addEventListener("close", () => { hot.off(); palm.off(); if (!looping) tried(link.order("play", "unfollow")); }, { once: true });
+  dialog.addEventListener(
+    "close",
+    () => {
+      hot.off();
+      palm.off();
+      if (!looping) tried(link.order("play", "unfollow"));
+    },
+    { once: true },
+  );
   openModal(dialog, link);
   check();
 }

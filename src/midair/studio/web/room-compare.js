@@ -1,10 +1,23 @@
-/* Panel Compare: original and re-recording, their differences, perceptual metrics, and a correction to apply. */
+/* Panel Compare: original and re-recording, their differences, perceptual metrics, and a
+    correction to apply. */
 
 import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { make, panel, rows, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
-import { chosen, driveButtons, driveLabel, drivesOf, leadOf, listed, otherDrive, rowOf, sections, takeOf, takesList } from "/web/take.js";
+import {
+  chosen,
+  driveButtons,
+  driveLabel,
+  drivesOf,
+  leadOf,
+  listed,
+  otherDrive,
+  rowOf,
+  sections,
+  takeOf,
+  takesList,
+} from "/web/take.js";
 
 export default class Compare {
   constructor(studio) {
@@ -12,77 +25,294 @@ export default class Compare {
     this.link = studio.link;
     this.name = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("palms", () => this.control()), this.link.on("budgets", () => this.control()), this.link.on("jobs", () => this.control())];
+    this._offs = [
+      this.link.on("takes", () => this._takes()),
+      this.link.on("comparisons", () => this._takes()),
+      this.link.on("palms", () => this.control()),
+      this.link.on("budgets", () => this.control()),
+      this.link.on("jobs", () => this.control()),
+    ];
   }
-  leave() { this.left = true; for (const off of this._offs) off(); this._close(); }
-  moved({ take }) { if (take && take !== this.name) { this.before = takeOf(this.name) === takeOf(take) ? this.name : ""; this.name = take; this.found = null; this._takes(); } }
+  leave() {
+    this.left = true;
+    for (const off of this._offs) off();
+    this._close();
+  }
+  moved({ take }) {
+    if (take && take !== this.name) {
+      this.before = takeOf(this.name) === takeOf(take) ? this.name : "";
+      this.name = take;
+      this.found = null;
+      this._takes();
+    }
+  }
   /** Key B: the other drive of the take, at the same time and with the same sound. */
   swap() {
     const other = otherDrive(this.link.state.takes, this.name, this.before);
     if (other !== this.name) this.studio.go("compare", other);
   }
-  get transport() { return this._transport ?? null; }
+  get transport() {
+    return this._transport ?? null;
+  }
   _build() {
     this.list = takesList();
-    this.compare = make("button", { type: "button", title: "computes the figures of this drive and its re-recording again", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
-    this.report = make("button", { type: "button", id: "report", title: "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare", onclick: async () => { const take = this.name, settings = await this._settings(); if (settings) tried(this.link.order("compare", "report", { take, ...settings })); } }, "Make the report");
-    this.budget = make("button", { type: "button", id: "budget", title: "error of each stage of the reproduction, simulated for the first second; takes some seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Error budget");
-    this.palm = make("button", { type: "button", id: "palm", title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "Simulate the palm");
+    this.compare = make(
+      "button",
+      {
+        type: "button",
+        title: "computes the figures of this drive and its re-recording again",
+        onclick: () => tried(this.link.order("compare", "compare", { take: this.name })),
+      },
+      "Compare again",
+    );
+    this.report = make(
+      "button",
+      {
+        type: "button",
+        id: "report",
+        title:
+          "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare",
+        onclick: async () => {
+          const take = this.name,
+            settings = await this._settings();
+          if (settings) tried(this.link.order("compare", "report", { take, ...settings }));
+        },
+      },
+      "Make the report",
+    );
+    this.budget = make(
+      "button",
+      {
+        type: "button",
+        id: "budget",
+        title:
+          "error of each stage of the reproduction, simulated for the first second; takes some seconds",
+        onclick: () => tried(this.link.order("compare", "budget", { take: this.name })),
+      },
+      "Error budget",
+    );
+    this.palm = make(
+      "button",
+      {
+        type: "button",
+        id: "palm",
+        title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
+        onclick: () => tried(this.link.order("compare", "palm", { take: this.name })),
+      },
+      "Simulate the palm",
+    );
     this.pressed = make("div");
     this.spent = make("div", { id: "spent" });
-    this.apply = make("button.main", { type: "button", title: "solves again with the suggested gain, as another drive", onclick: () => this._apply() }, "Apply");
-    this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
+    this.apply = make(
+      "button.main",
+      {
+        type: "button",
+        title: "solves again with the suggested gain, as another drive",
+        onclick: () => this._apply(),
+      },
+      "Apply",
+    );
+    this.shown = make(
+      "a",
+      { target: "_blank", rel: "noopener", hidden: true, id: "to-report" },
+      "Open the report",
+    );
     this.suggested = make("div");
     this.drives = make("div");
     this.beside = make("div", { id: "side-by-side" });
-    this.sounds = Object.fromEntries([["original", "original"], ["again", "re-recorded"]].map(([name, words]) => [name, make("audio", { controls: true, preload: "none", "aria-label": `sum of the cells, ${words}` })]));
-    this.listen = panel("Listen", "sum of the cells, one level", ...Object.entries(this.sounds).map(([name, audio]) => make("div", {}, make("span.quiet", {}, name === "again" ? "re-recorded" : name), audio)));
+    this.sounds = Object.fromEntries(
+      [
+        ["original", "original"],
+        ["again", "re-recorded"],
+      ].map(([name, words]) => [
+        name,
+        make("audio", {
+          controls: true,
+          preload: "none",
+          "aria-label": `sum of the cells, ${words}`,
+        }),
+      ]),
+    );
+    this.listen = panel(
+      "Listen",
+      "sum of the cells, one level",
+      ...Object.entries(this.sounds).map(([name, audio]) =>
+        make("div", {}, make("span.quiet", {}, name === "again" ? "re-recorded" : name), audio),
+      ),
+    );
     this.traces = make("div.box");
     this.spectrum = make("div.box");
     this.card = make("div");
-    this.other = make("p.bad", { id: "other-drive", role: "status", hidden: true }, "This re-recording was made from an earlier drive: play the current drive in Reproduce.");
-    this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
+    this.other = make(
+      "p.bad",
+      { id: "other-drive", role: "status", hidden: true },
+      "This re-recording was made from an earlier drive: play the current drive in Reproduce.",
+    );
+    this.tracesPanel = panel(
+      "Cells, Pa",
+      make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")),
+      this.traces,
+    );
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
-    this.studio.main.append(make("div.compare", {},
-      make("div.column.left", {}, Object.assign(panel("Takes", null, this.list, this.drives), { className: "panel grow" }), this.listen,
-        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
-      make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("Differences", null, make("div.card", { tabIndex: 0 }, this.other, this.beside, this.spent, this.pressed, this.card))));
+    this.studio.main.append(
+      make(
+        "div.compare",
+        {},
+        make(
+          "div.column.left",
+          {},
+          Object.assign(panel("Takes", null, this.list, this.drives), { className: "panel grow" }),
+          this.listen,
+          panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)),
+          panel(
+            "Report",
+            null,
+            make("div.buttons", {}, this.compare, this.budget, this.palm, this.report),
+            this.shown,
+          ),
+        ),
+        make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
+        panel(
+          "Differences",
+          null,
+          make(
+            "div.card",
+            { tabIndex: 0 },
+            this.other,
+            this.beside,
+            this.spent,
+            this.pressed,
+            this.card,
+          ),
+        ),
+      ),
+    );
   }
   control() {
-    const row = rowOf(this.link.state.takes, this.name), controls = this.link.controls;
+    const row = rowOf(this.link.state.takes, this.name),
+      controls = this.link.controls;
     this.compare.disabled = !controls || !row?.played;
     this.report.disabled = !controls || !row;
     this.palm.disabled = this.budget.disabled = !controls || !row?.solved;
     this._pressed(row);
     this.apply.disabled = !controls || !this.found?.suggested_gain;
     this.shown.hidden = !row?.report;
-    this.shown.href = row?.sample ? `/file/${encodeURI(this.name)}.report.html` : `/file/${encodeURI(this.name.replace(/\.\w+(?=@|$)/, "").replace("@", "."))}.report.html`;
+    this.shown.href = row?.sample
+      ? `/file/${encodeURI(this.name)}.report.html`
+      : `/file/${encodeURI(this.name.replace(/\.\w+(?=@|$)/, "").replace("@", "."))}.report.html`;
   }
   _takes() {
     const takes = this.link.state.takes ?? [];
-    const every = takes.flatMap((row) => [row, ...row.drives]);
-    this.name ||= (every.find((row) => row.compared) ?? every.find((row) => row.played) ?? (takes[0] && { name: leadOf(takes[0]) }))?.name ?? "";
-    listed(this.list, takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(leadOf(row))}`, "aria-current": row.name === takeOf(this.name) ? "true" : null },
-      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, ["compared", "played"].find((what) => [row, ...row.drives].some((each) => each[what])) ?? "")))));
-    const row = rowOf(takes, this.name), found = row?.compared && this.link.state.comparisons?.[this.name];
+    const every = takes.flatMap(row => [row, ...row.drives]);
+    this.name ||=
+      (
+        every.find(row => row.compared) ??
+        every.find(row => row.played) ??
+        (takes[0] && { name: leadOf(takes[0]) })
+      )?.name ?? "";
+    listed(
+      this.list,
+      takes.map(row =>
+        make(
+          "li",
+          {},
+          make(
+            "a",
+            {
+              href: `#compare/${encodeURI(leadOf(row))}`,
+              "aria-current": row.name === takeOf(this.name) ? "true" : null,
+            },
+            make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")),
+            make(
+              "small",
+              {},
+              ["compared", "played"].find(what => [row, ...row.drives].some(each => each[what])) ??
+                "",
+            ),
+          ),
+        ),
+      ),
+    );
+    const row = rowOf(takes, this.name),
+      found = row?.compared && this.link.state.comparisons?.[this.name];
     if (found && found !== this.found) this._show(found);
-    if (!found) { this.found = null; this._close(); this._empty(row); }
+    if (!found) {
+      this.found = null;
+      this._close();
+      this._empty(row);
+    }
     this._drives(row);
     this.other.hidden = !found || !row.drive || found.drive === row.drive;
     this.control();
   }
   /** The drives of the take, and the figures of those that were compared, side by side. */
   _drives(row) {
-    const comparisons = this.link.state.comparisons ?? {}, label = (name) => driveLabel(name, comparisons[name]?.mode, comparisons[name]?.gain);
-    this.drives.replaceChildren(...driveButtons(this.studio, this.name, ({ name, compared, played }) => [label(name), compared && comparisons[name] ? "" : played ? "played" : "not played", ""]));
-    const shown = drivesOf(rowOf(this.link.state.takes, takeOf(this.name))).filter((each) => each.compared && comparisons[each.name]);
-    this.beside.replaceChildren(...(shown.length < 2 ? [] : [make("h3", {}, "Side by side"), make("table", {}, make("thead", {}, make("tr", {}, make("th", { scope: "col" }, ""), ...shown.map((each) => make("th.number", { scope: "col" }, each.name === this.name ? make("strong", {}, label(each.name)) : label(each.name))))),
-      make("tbody", {}, ...comparisons[shown[0].name].figures.map(([name], i) => make("tr", {}, make("td", {}, name), ...shown.map((each) => make("td.number", {}, comparisons[each.name].figures[i]?.[1] ?? "–"))))))]));
+    const comparisons = this.link.state.comparisons ?? {},
+      label = name => driveLabel(name, comparisons[name]?.mode, comparisons[name]?.gain);
+    this.drives.replaceChildren(
+      ...driveButtons(this.studio, this.name, ({ name, compared, played }) => [
+        label(name),
+        compared && comparisons[name] ? "" : played ? "played" : "not played",
+        "",
+      ]),
+    );
+    const shown = drivesOf(rowOf(this.link.state.takes, takeOf(this.name))).filter(
+      each => each.compared && comparisons[each.name],
+    );
+    this.beside.replaceChildren(
+      ...(shown.length < 2
+        ? []
+        : [
+            make("h3", {}, "Side by side"),
+            make(
+              "table",
+              {},
+              make(
+                "thead",
+                {},
+                make(
+                  "tr",
+                  {},
+                  make("th", { scope: "col" }, ""),
+                  ...shown.map(each =>
+                    make(
+                      "th.number",
+                      { scope: "col" },
+                      each.name === this.name
+                        ? make("strong", {}, label(each.name))
+                        : label(each.name),
+                    ),
+                  ),
+                ),
+              ),
+              make(
+                "tbody",
+                {},
+                ...comparisons[shown[0].name].figures.map(([name], i) =>
+                  make(
+                    "tr",
+                    {},
+                    make("td", {}, name),
+                    ...shown.map(each =>
+                      make("td.number", {}, comparisons[each.name].figures[i]?.[1] ?? "–"),
+                    ),
+                  ),
+                ),
+              ),
+            ),
+          ]),
+    );
     for (const [name, audio] of Object.entries(this.sounds)) {
-      const src = row?.compared ? `/sound/${name}?take=${encodeURIComponent(this.name)}&stamp=${row.stamp}` : "", { currentTime, paused } = audio;
+      const src = row?.compared
+          ? `/sound/${name}?take=${encodeURIComponent(this.name)}&stamp=${row.stamp}`
+          : "",
+        { currentTime, paused } = audio;
       if (audio.getAttribute("src") === src) continue;
-      if (!src) { audio.removeAttribute("src"); audio.load(); continue; }
+      if (!src) {
+        audio.removeAttribute("src");
+        audio.load();
+        continue;
+      }
       audio.src = src;
       audio.currentTime = currentTime; // both sides of A/B go on from the same moment
       if (!paused) audio.play().catch(() => {});
@@ -90,77 +320,217 @@ export default class Compare {
     this.listen.hidden = !row?.compared;
   }
   _pressed(row) {
-    const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
-    this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
-      make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "touched cells"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
-        make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
-      make("p.quiet", {}, `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. Touched cells: output against the original, later stages ideal.`)] : []));
+    const palm = this.link.state.palms?.[this.name],
+      budget = this.link.state.budgets?.[this.name];
+    this.spent.replaceChildren(
+      ...(budget && budget.stamp === row?.drive
+        ? [
+            make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
+            make(
+              "table",
+              {},
+              make(
+                "thead",
+                {},
+                make(
+                  "tr",
+                  {},
+                  ...["stage", "alone", "touched cells"].map((name, i) =>
+                    make(`th${i ? ".number" : ""}`, { scope: "col" }, name),
+                  ),
+                ),
+              ),
+              make(
+                "tbody",
+                {},
+                ...budget.rows.map(([name, alone, far, what]) =>
+                  make(
+                    "tr",
+                    { title: what },
+                    make("td", {}, name),
+                    make("td.number", {}, alone),
+                    make("td.number", {}, far),
+                  ),
+                ),
+              ),
+            ),
+            make(
+              "p.quiet",
+              {},
+              `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. Touched cells: output against the original, later stages ideal.`,
+            ),
+          ]
+        : []),
+    );
     // Results of a replaced drive are not shown.
-    this.pressed.replaceChildren(...(palm && palm.stamp === row?.drive ? [make("h3", {}, "Pressure on the whole palm ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
-      make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`)] : []));
+    this.pressed.replaceChildren(
+      ...(palm && palm.stamp === row?.drive
+        ? [
+            make(
+              "h3",
+              {},
+              "Pressure on the whole palm ",
+              make("strong.simulated", {}, "SIMULATED"),
+            ),
+            rows(palm.rows),
+            make(
+              "p.quiet",
+              {},
+              `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`,
+            ),
+          ]
+        : []),
+    );
   }
   _empty(row) {
-    const words = !row ? "no takes yet" : row.played ? "not compared in this session: press Compare again" : row.solved ? "play it in Reproduce first: the re-recording is compared here" : "solve it and play it in Reproduce first";
+    const words = !row
+      ? "no takes yet"
+      : row.played
+        ? "not compared in this session: press Compare again"
+        : row.solved
+          ? "play it in Reproduce first: the re-recording is compared here"
+          : "solve it and play it in Reproduce first";
     this.traces.replaceChildren(make("div.nothing", {}, words));
     this.spectrum.replaceChildren(make("div.nothing", {}, ""));
     this.card.replaceChildren(make("p.quiet", {}, words));
     this.suggested.replaceChildren(make("span.quiet", {}, "available after a comparison"));
   }
   async _show(found) {
-    const { frame, channel, span } = this.transport ?? {}, same = this.transport && takeOf(this.shownOf ?? "") === takeOf(this.name);
+    const { frame, channel, span } = this.transport ?? {},
+      same = this.transport && takeOf(this.shownOf ?? "") === takeOf(this.name);
     this.shownOf = this.name;
     this.found = found;
     this._close();
-    this.card.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []), rows(found.figures),
+    this.card.replaceChildren(
+      ...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []),
+      rows(found.figures),
       ...(found.verdict ? [make("h3", {}, found.verdict)] : []),
-      ...found.card.map(([name, value, meaning]) => make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning))));
-    this.suggested.replaceChildren(rows([["gain", found.gain.toPrecision(3)], ["re-recorded level", `× ${found.measured_gain.toPrecision(3)}`], ["suggested gain", found.suggested_gain ?? "none"]]));
-    const track = (name, label) => new Track({ rate: found.rate_hz, capacity: found.frames, unit: "Pa", name, label });
-    const tracks = { original: track("original", "original"), again: track("again", "re-recorded") };
-    const transport = (this._transport = new Transport({ frames: found.frames, rate: found.rate_hz }));
+      ...found.card.map(([name, value, meaning]) =>
+        make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning)),
+      ),
+    );
+    this.suggested.replaceChildren(
+      rows([
+        ["gain", found.gain.toPrecision(3)],
+        ["re-recorded level", `× ${found.measured_gain.toPrecision(3)}`],
+        ["suggested gain", found.suggested_gain ?? "none"],
+      ]),
+    );
+    const track = (name, label) =>
+      new Track({ rate: found.rate_hz, capacity: found.frames, unit: "Pa", name, label });
+    const tracks = {
+      original: track("original", "original"),
+      again: track("again", "re-recorded"),
+    };
+    const transport = (this._transport = new Transport({
+      frames: found.frames,
+      rate: found.rate_hz,
+    }));
     transport.channels = found.channel_correlation.length;
     transport.channel = found.spectrum.channel;
     transport.span = transport.whole = Math.min(0.5, found.frames / found.rate_hz);
-    if (same) { Object.assign(transport, { channel, span, playing: false }); transport.seek(frame); }
+    if (same) {
+      Object.assign(transport, { channel, span, playing: false });
+      transport.seek(frame);
+    }
     this.traces.replaceChildren();
     this.spectrum.replaceChildren();
-    const { footer } = this.studio, overview = make("div.box"), bar = make("div.row"), seek = (frame) => transport.seek(frame);
+    const { footer } = this.studio,
+      overview = make("div.box"),
+      bar = make("div.row"),
+      seek = frame => transport.seek(frame);
     footer.replaceChildren(overview, bar);
     footer.hidden = false;
     controls(transport, bar);
-    this.pictures = [new TracesPicture(this.traces, { label: "Original and re-recorded", track: tracks.original, over: tracks.again, choose: (channel) => transport.set({ channel }), seek }),
-      new OverviewPicture(overview, { label: "The whole take", track: tracks.original, seek, frames: found.frames })];
+    this.pictures = [
+      new TracesPicture(this.traces, {
+        label: "Original and re-recorded",
+        track: tracks.original,
+        over: tracks.again,
+        choose: channel => transport.set({ channel }),
+        seek,
+      }),
+      new OverviewPicture(overview, {
+        label: "The whole take",
+        track: tracks.original,
+        seek,
+        frames: found.frames,
+      }),
+    ];
     this._spectrum(found.spectrum);
-    transport.run((state) => { for (const picture of this.pictures) picture.draw(state); });
+    transport.run(state => {
+      for (const picture of this.pictures) picture.draw(state);
+    });
     for (let second = 0; second * found.rate_hz < found.frames; second++)
       for (const name of ["original", "again"])
-        for (const section of (await tried(sections(name, this.name, second))) ?? []) { tracks[name].add(section); transport.set({}); }
+        for (const section of (await tried(sections(name, this.name, second))) ?? []) {
+          tracks[name].add(section);
+          transport.set({});
+        }
     this.control();
   }
   _spectrum({ frequency, db, channel }) {
-    const canvas = make("canvas", { role: "img", tabIndex: 0 }), box = this.spectrum;
-    canvas.setAttribute("aria-label", `Spectrum of channel ${channel}, original and re-recorded, 10 to ${Math.round(frequency.at(-1))} Hz`);
+    const canvas = make("canvas", { role: "img", tabIndex: 0 }),
+      box = this.spectrum;
+    canvas.setAttribute(
+      "aria-label",
+      `Spectrum of channel ${channel}, original and re-recorded, 10 to ${Math.round(frequency.at(-1))} Hz`,
+    );
     Object.assign(canvas.style, { position: "absolute", inset: 0, width: "100%", height: "100%" });
     box.append(canvas);
     this.spectrumPanel.aside.textContent = `channel ${channel}, the strongest; dB re 1 Pa²/Hz`;
-    const top = Math.max(...db.flat()), bottom = top - 60;
+    const top = Math.max(...db.flat()),
+      bottom = top - 60;
     const draw = () => {
-      const ratio = devicePixelRatio || 1, w = (canvas.width = box.clientWidth * ratio), h = (canvas.height = box.clientHeight * ratio), pen = canvas.getContext("2d"), style = getComputedStyle(box), ink = (name) => style.getPropertyValue(name);
-      const left = 38 * ratio, base = h - 20 * ratio, x = (f) => left + ((f - frequency[0]) / (frequency.at(-1) - frequency[0])) * (w - left - 8 * ratio), y = (level) => ((top + 3 - level) / (top + 3 - bottom)) * base;
+      const ratio = devicePixelRatio || 1,
+        w = (canvas.width = box.clientWidth * ratio),
+        h = (canvas.height = box.clientHeight * ratio),
+        pen = canvas.getContext("2d"),
+        style = getComputedStyle(box),
+        ink = name => style.getPropertyValue(name);
+      const left = 38 * ratio,
+        base = h - 20 * ratio,
+        x = f =>
+          left + ((f - frequency[0]) / (frequency.at(-1) - frequency[0])) * (w - left - 8 * ratio),
+        y = level => ((top + 3 - level) / (top + 3 - bottom)) * base;
       pen.clearRect(0, 0, w, h);
       pen.font = `${11 * ratio}px system-ui, sans-serif`;
       pen.fillStyle = ink("--view-quiet");
       pen.strokeStyle = ink("--view-line");
       pen.lineWidth = ratio / 2;
-      const widest = (64 * ratio * (frequency.at(-1) - frequency[0])) / (w - left), step = [10, 20, 50, 100, 200, 500, 1000, 2000].find((each) => each >= widest) ?? 5000;
-      for (let f = 0; f <= frequency.at(-1); f += step) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + step > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
-      for (let level = Math.ceil(bottom / 20) * 20; level < top; level += 20) { pen.beginPath(); pen.moveTo(left, y(level)); pen.lineTo(w, y(level)); pen.stroke(); pen.textAlign = "right"; pen.fillText(`${level} dB`, left - 3 * ratio, y(level) + 4 * ratio); }
+      const widest = (64 * ratio * (frequency.at(-1) - frequency[0])) / (w - left),
+        step = [10, 20, 50, 100, 200, 500, 1000, 2000].find(each => each >= widest) ?? 5000;
+      for (let f = 0; f <= frequency.at(-1); f += step) {
+        if (f < frequency[0]) continue;
+        pen.beginPath();
+        pen.moveTo(x(f), 0);
+        pen.lineTo(x(f), base);
+        pen.stroke();
+        pen.textAlign = "center";
+        pen.fillText(
+          `${f}${f + step > frequency.at(-1) ? " Hz" : ""}`,
+          Math.min(x(f), w - 18 * ratio),
+          h - 5 * ratio,
+        );
+      }
+      for (let level = Math.ceil(bottom / 20) * 20; level < top; level += 20) {
+        pen.beginPath();
+        pen.moveTo(left, y(level));
+        pen.lineTo(w, y(level));
+        pen.stroke();
+        pen.textAlign = "right";
+        pen.fillText(`${level} dB`, left - 3 * ratio, y(level) + 4 * ratio);
+      }
       db.forEach((levels, i) => {
         pen.strokeStyle = ink(i ? "--view-second" : "--view-trace");
         pen.lineWidth = (i ? 2.2 : 1.4) * ratio;
         pen.setLineDash(i ? [6 * ratio, 3 * ratio] : []);
         pen.beginPath();
-        levels.forEach((level, k) => { const at = [x(frequency[k]), y(Math.max(bottom, level))]; if (k) pen.lineTo(...at); else pen.moveTo(...at); });
+        levels.forEach((level, k) => {
+          const at = [x(frequency[k]), y(Math.max(bottom, level))];
+          if (k) pen.lineTo(...at);
+          else pen.moveTo(...at);
+        });
         pen.stroke();
       });
       pen.setLineDash([]);
@@ -169,13 +539,16 @@ export default class Compare {
     this._watch.observe(box);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw, { once: true });
   }
-  /** The settings of the drive in view, as a request needs them; null if the take cannot be opened. */
+  /** The settings of the drive in view, as a request needs them; null if the take cannot be
+      opened. */
   async _settings() {
     const facts = await tried(this.link.order("reproduce", "open", { take: this.name }));
     return facts && chosen(facts.drive?.settings ?? {});
   }
   async _apply() {
-    const take = this.name, gain = this.found.suggested_gain, settings = await this._settings();
+    const take = this.name,
+      gain = this.found.suggested_gain,
+      settings = await this._settings();
     const answer = settings && (await solveTake(this.link, { take, ...settings, gain }));
     if (answer) this.studio.go("reproduce", answer.take);
   }
