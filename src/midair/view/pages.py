@@ -95,7 +95,7 @@ def one_module(*more: str) -> str:
     """Return view.js, transport.js, page.js and further files as one module, for use inside a single page."""
     names = ("view.js", "transport.js", "page.js", *more)
     parts = [(WEB / name).read_text(encoding="utf-8") for name in names]
-    return "\n".join(re.sub(r'^import .* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
+    return "\n".join(re.sub(r'^import [^;]* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
 
 
 def style() -> str:
