@@ -32,7 +32,7 @@ from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement
 from midair.physics import focus_phase
 from midair.rig import PlaySettings, open_tracker
-from midair.rig.playing import clear_followed, play_followed
+from midair.rig.playing.following import clear_followed, play_followed
 
 Values = NDArray[np.float64]
 GRID = ControlGrid(rows=4, columns=4, pitch=5e-3)

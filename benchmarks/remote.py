@@ -31,7 +31,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_time
 from midair.rig import PlaySettings, remote
-from midair.rig.remote import MESSAGES
+from midair.rig.remote.messages import MESSAGES
 
 PATTERN = """duration_s = {seconds}
 rate_hz = {rate}

@@ -41,7 +41,7 @@ from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
 from midair.rig import OpenRig, Session, default_exposure, opening, remote
-from midair.rig.remote import MESSAGES
+from midair.rig.remote.messages import MESSAGES
 
 ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
 CIRCLE = Path(__file__).parents[1] / "patterns" / "adaptics" / "circle-grow.adaptics"

@@ -8,8 +8,10 @@ from midair.devices import ArrayDevice, ExposureChoices, ImmediateArray, SensorD
 from midair.errors import DeviceStateError, InputError
 from midair.model import ArrayCalibration, Drive, TransducerArray
 from midair.physics import Transducers
-from midair.rig.names import KeptCalibration, VirtualRig, array_calibration_for, array_named, sensor_named
-from midair.rig.playing import PlaySettings, immediate_array
+from midair.rig.names.array_names import KeptCalibration, array_calibration_for, array_named
+from midair.rig.names.sensor_names import VirtualRig, sensor_named
+from midair.rig.playing.following import immediate_array
+from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
 from midair.targets import sensor_from_provenance
 

@@ -8,8 +8,9 @@ from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
 from midair.model import Event, Progress, SensorWiring
-from midair.rig.names import VirtualRig, sensor_named
-from midair.rig.takes import Drift, RecordSettings, TakeOrder, View, record_take
+from midair.rig.names.sensor_names import VirtualRig, sensor_named
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_state import Drift, RecordSettings, TakeOrder, View
 from midair.validation import check_type
 
 

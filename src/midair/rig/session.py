@@ -30,22 +30,13 @@ from midair.errors import DeviceStateError, InputError
 from midair.files import OpenedTake, check_memory_for, load_solution, load_target
 from midair.model import AmplitudeFrames, Drive, PressureFrames, Progress, Recording, Solution, TransducerArray
 from midair.physics import Exposure
-from midair.rig.names import open_tracker
+from midair.rig.names.sensor_names import open_tracker
 from midair.rig.opening import OpenRig, frame_rig, open_rig
-from midair.rig.playing import (
-    PlaySettings,
-    SolvedAhead,
-    check_air,
-    clear_followed,
-    correct_air_of_file,
-    default_exposure,
-    follow_as_set,
-    grid_of,
-    play_cleared,
-    play_followed,
-    rerecord,
-    tracker_name,
-)
+from midair.rig.playing.air_check import check_air, correct_air_of_file
+from midair.rig.playing.following import clear_followed, follow_as_set, grid_of, play_followed, tracker_name
+from midair.rig.playing.play_settings import PlaySettings, default_exposure
+from midair.rig.playing.rerecording import play_cleared, rerecord
+from midair.rig.playing.solving_ahead import SolvedAhead
 from midair.settings import Settings
 from midair.validation import check_type
 

@@ -7,7 +7,8 @@ place of the recorder that follows when they are renamed.
 import numpy as np
 
 import midair
-from midair.rig.live_touch import LiveSettings, Touch
+from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.touch import Touch
 
 take = midair.record("virtual:towel", 0.6)
 frames = take.recording.samples[350:550].reshape(200, -1)

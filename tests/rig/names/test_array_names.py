@@ -17,8 +17,7 @@ from midair.model import (
     TransducerArray,
 )
 from midair.rig import keep_array_calibration, keep_array_check, kept_array_calibration, open_rig
-from midair.rig.names import calibration_age
-from midair.rig.names.array_names import array_named
+from midair.rig.names.array_names import array_named, calibration_age
 from midair.settings import best_mode
 from midair.solvers import solve
 

@@ -6,7 +6,7 @@ import pytest
 
 from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
-from midair.rig.playing import check_air
+from midair.rig.playing.air_check import check_air
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)

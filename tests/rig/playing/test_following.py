@@ -30,7 +30,14 @@ from midair.physics import (
     steering_phase,
 )
 from midair.rig import PlaySettings, open_tracker, play
-from midair.rig.playing import Follower, clear_followed, follow_simulated, immediate_array, play_followed, tracker_name
+from midair.rig.playing.following import (
+    Follower,
+    clear_followed,
+    follow_simulated,
+    immediate_array,
+    play_followed,
+    tracker_name,
+)
 from midair.settings import Settings
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)

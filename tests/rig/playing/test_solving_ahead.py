@@ -23,7 +23,7 @@ from midair.model import PressureFrames, SensorGrid, TransducerArray
 from midair.pipeline import reproduce_stream
 from midair.rig import PlaySettings, open_rig, play, play_pressure, record
 from midair.rig.opening import OpenRig
-from midair.rig.playing import SolvedAhead
+from midair.rig.playing.solving_ahead import SolvedAhead
 from midair.settings import Settings
 from midair.solvers import Glide
 

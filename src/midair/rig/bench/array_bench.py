@@ -58,7 +58,7 @@ from midair.physics import (
     sound_amplitude,
     transfer_matrix,
 )
-from midair.rig.correction import Stage, no_progress
+from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.session import Session
 from midair.validation import length
 

@@ -33,7 +33,7 @@ from midair.pipeline import (
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.correction.laboratory import laboratory_loss
-from midair.rig.names import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 from midair.targets import add_lead, mapping_of
 

@@ -12,7 +12,7 @@ from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.pipeline import calibrated_pressure
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.iteration import Stage, no_progress
-from midair.rig.names import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 from midair.rig.session import Session
 from midair.settings import Settings
 from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead

@@ -30,7 +30,7 @@ from midair.physics import (
     wavenumber,
 )
 from midair.rig.correction.correction_loop import Loop
-from midair.rig.names import VirtualRig
+from midair.rig.names.sensor_names import VirtualRig
 
 PICTURE_TITLE = "In a laboratory"
 

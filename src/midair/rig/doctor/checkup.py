@@ -18,7 +18,8 @@ from midair.model import HEIGHT, RATE, Acoustics, AmplitudeFrames, ControlGrid, 
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.progress import report_progress
 from midair.recordings import at_limit
-from midair.rig.names import SENSORS, array_named, source_sensor
+from midair.rig.names.array_names import array_named
+from midair.rig.names.sensor_names import SENSORS, source_sensor
 from midair.solvers import solve
 
 

@@ -28,7 +28,7 @@ from midair.errors import ExposureError, InputError
 from midair.files import write_file
 from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
-from midair.rig.bench import tone_answers
+from midair.rig.bench.identify import tone_answers
 from midair.rig.doctor.checkup import Check, broken, missing, ok, report_findings
 from midair.rig.session import Session
 

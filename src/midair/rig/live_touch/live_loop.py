@@ -20,7 +20,7 @@ from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.timing import TICK, RateMeter, Timetable
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
-from midair.rig.playing import Follower, FollowRules
+from midair.rig.playing.following import Follower, FollowRules
 
 
 class LiveSteering:

@@ -17,7 +17,7 @@ from midair.model import (
     Medium,
     SensorWiring,
 )
-from midair.rig.playing import RigSettings
+from midair.rig.playing.play_settings import RigSettings
 from midair.targets import MappingStream
 from midair.validation import documented, setting
 

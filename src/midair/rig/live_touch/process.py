@@ -35,8 +35,10 @@ from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
-from midair.rig.names import VirtualRig, array_calibration_for, open_tracker, sensor_named
-from midair.rig.playing import PlaySettings, immediate_array, tracker_name
+from midair.rig.names.array_names import array_calibration_for
+from midair.rig.names.sensor_names import VirtualRig, open_tracker, sensor_named
+from midair.rig.playing.following import immediate_array, tracker_name
+from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
 

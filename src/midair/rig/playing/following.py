@@ -29,7 +29,7 @@ from midair.devices import (
 from midair.errors import InputError, SilentFramesError, UnknownDeviceError
 from midair.model import ControlGrid, Drive, PalmPath, Progress
 from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steering_phase
-from midair.rig.names import open_tracker
+from midair.rig.names.sensor_names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
 

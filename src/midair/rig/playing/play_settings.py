@@ -23,7 +23,8 @@ from midair.model import (
     Placement,
     SensorGrid,
 )
-from midair.rig.names import array_calibration_named, tracker_options
+from midair.rig.names.array_names import array_calibration_named
+from midair.rig.names.sensor_names import tracker_options
 from midair.settings import TransducerSpread
 from midair.validation import Declared, check_settings, documented, setting
 

@@ -27,8 +27,9 @@ from midair.errors import InputError, MidairError
 from midair.model import Drive, PalmPath
 from midair.patterns import AdapticsPattern, Evaluated, Foci, draw_parts, read_adaptics
 from midair.physics import PoseBox
-from midair.rig.names import open_tracker
-from midair.rig.playing import PlaySettings, tracker_name
+from midair.rig.names.sensor_names import open_tracker
+from midair.rig.playing.following import tracker_name
+from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.remote.messages import checked, models, object_of
 from midair.rig.remote.player import FramePlayer, leave_realtime
 from midair.rig.remote.server import Client, Server, play_and_serve

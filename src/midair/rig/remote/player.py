@@ -30,8 +30,8 @@ from midair.errors import InputError, SilentFramesError
 from midair.files import load_solution
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
-from midair.rig.names import tracker_options
-from midair.rig.playing import Follower, FollowRules, grid_of, wait_until
+from midair.rig.names.sensor_names import tracker_options
+from midair.rig.playing.following import Follower, FollowRules, grid_of, wait_until
 from midair.rig.session import Session
 
 LEASE, FADE, WORD = 0.5, 0.005, 0.008

@@ -25,7 +25,7 @@ from midair.errors import DeviceError, DeviceStateError, FileError, InputError, 
 from midair.model import RATE
 from midair.patterns import PATTERN_ENDINGS
 from midair.rig.opening import frame_rig
-from midair.rig.playing import PlaySettings
+from midair.rig.playing.play_settings import PlaySettings
 from midair.rig.remote.messages import read_json, read_osc
 from midair.rig.remote.player import LEASE, FramePlayer
 from midair.rig.session import Session
