@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
-from midair.devices import check_exposure
 from midair.dsp import band_energies, resample
 from midair.errors import InputError
 from midair.evaluate import THIRD_OCTAVES
@@ -27,7 +26,7 @@ from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
 from midair.pipeline import calibrated_pressure, reproduce, required_lead, with_fitted_gain
-from midair.rig import VirtualRig, default_exposure, record, rerecord
+from midair.rig import Session, VirtualRig, record
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
@@ -191,7 +190,7 @@ def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -
     made = reproduce(asked, rig.array, with_fitted_gain(asked, rig.array, settings.but(strength=plan.strength)))
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        again = rerecord(check_exposure(made.solution.drive, array, default_exposure()), array, sensor)
+        again = Session.on(array, sensor, None).rerecord(made.solution.drive)
         heard = calibrated_pressure(again, sensor.calibration, settings, from_rest=True)
     return heard.cut(lead, original.frames / original.rate)
 

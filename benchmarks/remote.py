@@ -30,7 +30,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.live_outside import SILENT_PATTERN, frames_on, plain, watch_in_time
-from midair.rig import PlaySettings, remote
+from midair.rig import PlaySettings
+from midair.rig import serve as serve_files
 from midair.rig.remote.messages import MESSAGES
 
 PATTERN = """duration_s = {seconds}
@@ -96,7 +97,7 @@ class Here:
 
         how = {"settings": PlaySettings(**settings), "report": self.lines.append, "ready": note}
         self._pool = ThreadPoolExecutor(1)
-        self.end = self._pool.submit(serve or partial(remote.serve, folder, key=KEY, ports=(0, 0)), **how)
+        self.end = self._pool.submit(serve or partial(serve_files, folder, key=KEY, ports=(0, 0)), **how)
         assert ready.wait(patience), self.end
 
     def close(self):

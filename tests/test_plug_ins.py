@@ -11,7 +11,8 @@ import pytest
 
 from midair.cli import run
 from midair.files import formats, open_take
-from midair.rig import VirtualRig, names, sensor_named
+from midair.rig import VirtualRig, sensor_named
+from midair.rig.names.sensor_names import SENSORS
 
 PAGE = Path(__file__).parents[1] / "docs" / "plug-ins.md"
 
@@ -33,11 +34,11 @@ def my_lab(tmp_path, monkeypatch):
     (folder / "entry_points.txt").write_text(points)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.chdir(tmp_path)
-    for registry in (formats.FORMATS, names.SENSORS):
+    for registry in (formats.FORMATS, SENSORS):
         registry.__dict__.pop("_others", None)
     yield
     monkeypatch.undo()
-    for registry in (formats.FORMATS, names.SENSORS):
+    for registry in (formats.FORMATS, SENSORS):
         registry.__dict__.pop("_others", None)
 
 

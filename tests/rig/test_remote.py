@@ -40,7 +40,8 @@ from midair.files import save_palm_path
 from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
-from midair.rig import OpenRig, Session, default_exposure, opening, remote
+from midair.rig import FramePlayer, OpenRig, Session, default_exposure, opening, serve_adaptics
+from midair.rig.remote import adaptics
 from midair.rig.remote.messages import MESSAGES
 
 ARRAY, AIR = TransducerArray.autd3(), Acoustics(medium=Medium.at())
@@ -223,7 +224,7 @@ def test_hostile_messages_make_no_sound_and_few_lines(request, kind, count):
 def designed(tmp_path, monkeypatch):
     units = VirtualUnits(kept=100_000)
     monkeypatch.setattr(opening, "immediate_array", lambda *_, **__: virtual_immediate(units=units))
-    with closing(Here(tmp_path, units, serve=partial(remote.serve_adaptics, port=0))) as one:
+    with closing(Here(tmp_path, units, serve=partial(serve_adaptics, port=0))) as one:
         yield one
 
 
@@ -264,7 +265,7 @@ def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
     save_palm_path(PalmPath.from_rows(rows), tmp_path / "palm.csv")
     units = VirtualUnits(kept=1000)
     monkeypatch.setattr(opening, "immediate_array", lambda *_, **__: virtual_immediate(units=units))
-    how = {"serve": partial(remote.serve_adaptics, port=0), "follow": f"replay:{tmp_path / 'palm.csv'}"}
+    how = {"serve": partial(serve_adaptics, port=0), "follow": f"replay:{tmp_path / 'palm.csv'}"}
     with closing(Here(tmp_path, units, **how)) as one, one.client() as client:
 
         def hand():
@@ -273,7 +274,7 @@ def test_the_designer_gets_the_palm_while_it_is_tracked(tmp_path, monkeypatch):
             return found["data"]["tracking_frame"]["hand"]
 
         seen = [each for each in (hand() for _ in range(20)) if each]
-        monkeypatch.setattr(remote.adaptics, "PATIENCE", -1.0)
+        monkeypatch.setattr(adaptics, "PATIENCE", -1.0)
         wait_until(lambda: hand() is None)
     places = np.array([list(each["palm"]["position"].values()) for each in seen])
     assert (np.diff(places[:, 0]) >= 0).all()
@@ -287,8 +288,8 @@ def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_lev
     """A pattern is not known ahead, and plays without an end: 128 frames of it were a duty of .0004."""
     array = virtual_immediate(units=VirtualUnits(kept=1))
     with array, array.drives_to_come() as (quiet, begin):
-        player = remote.player.FramePlayer(Session(rig=OpenRig(array=array, sensor=None)), quiet, begin)
-        cleared = remote.adaptics.Stream(player, 50.0, None, print)._admission
+        player = FramePlayer(Session(rig=OpenRig(array=array, sensor=None)), quiet, begin)
+        cleared = adaptics.Stream(player, 50.0, None, print)._admission
     assert cleared.exposure.duty == pytest.approx(cleared.level, rel=0.05)
     assert cleared.level > 0.1
 
@@ -297,7 +298,7 @@ def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_lev
 @pytest.mark.parametrize("attenuate", [False, True])
 def test_the_designer_sounds_on_emulated_units_only_within_the_profile(tap, tmp_path, attenuate):
     choices = replace(default_exposure(), attenuate=attenuate)
-    how = {"serve": partial(remote.serve_adaptics, port=0), "device": f"autd3:{tap.address}", "exposure": choices}
+    how = {"serve": partial(serve_adaptics, port=0), "device": f"autd3:{tap.address}", "exposure": choices}
     if not attenuate:
         with pytest.raises(AssertionError, match="raised ExposureError"):
             Here(tmp_path, None, patience=5, **how)

@@ -83,13 +83,11 @@ if TYPE_CHECKING:
     from .opening import OpenRig as OpenRig
     from .opening import frame_rig as frame_rig
     from .opening import open_rig as open_rig
-    from .playing.air_check import correct_air_of_file as correct_air_of_file
     from .playing.following import FollowRules as FollowRules
     from .playing.following import grid_of as grid_of
     from .playing.following import tracker_name as tracker_name
     from .playing.play_settings import PlaySettings as PlaySettings
     from .playing.play_settings import default_exposure as default_exposure
-    from .playing.rerecording import rerecord as rerecord
     from .playing.solving_ahead import SolvedAhead as SolvedAhead
     from .prepare import pressure_of as pressure_of
     from .prepare import pressure_to_solve as pressure_to_solve
@@ -102,6 +100,7 @@ if TYPE_CHECKING:
     from .session import Played as Played
     from .session import PlayObserver as PlayObserver
     from .session import Session as Session
+    from .session import correct_air_of_file as correct_air_of_file
     from .session import play as play
     from .session import play_pressure as play_pressure
     from .takes.meters import Levels as Levels

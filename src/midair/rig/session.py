@@ -4,6 +4,8 @@ Command line, Python, loop, calibration, studies, servers and the studio play by
 events.
 """
 
+import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from midair.array_types import Array
+from midair.correct import correct_air
 from midair.devices import (
     ArrayDevice,
     ExposureChoices,
@@ -23,19 +26,21 @@ from midair.devices import (
     SensorDevice,
     Tracker,
     check_exposure,
+    check_exposure_level,
+    check_exposure_steered,
+    read_frames,
     signals_end_the_program,
     under_lease,
 )
-from midair.errors import DeviceStateError, InputError
+from midair.errors import DeviceStateError, InputError, MismatchError
+from midair.evaluate import error_at_temperature
 from midair.files import OpenedTake, check_memory_for, load_solution, load_target
-from midair.model import AmplitudeFrames, Drive, PressureFrames, Progress, Recording, Solution, TransducerArray
-from midair.physics import Exposure
+from midair.model import Drive, Medium, PressureFrames, Progress, Recording, Solution, TransducerArray
+from midair.physics import Exposure, PoseBox
 from midair.rig.names.sensor_names import open_tracker
 from midair.rig.opening import OpenRig, frame_rig, open_rig
-from midair.rig.playing.air_check import check_air, correct_air_of_file
 from midair.rig.playing.following import clear_followed, follow_as_set, grid_of, play_followed, tracker_name
 from midair.rig.playing.play_settings import PlaySettings, default_exposure
-from midair.rig.playing.rerecording import play_cleared, rerecord
 from midair.rig.playing.solving_ahead import SolvedAhead
 from midair.settings import Settings
 from midair.validation import check_type
@@ -135,19 +140,27 @@ class Session:
             self.observer.note(f"array calibration: {kept.described(Settings.of(drive.provenance) or Settings())}")
 
     def in_air(self, drive: Drive, chosen: PlaySettings, file: Path | None, *, correct: bool = False) -> Drive:
-        """State the air of the room, and return the drive, corrected for it if asked; `file` has its target."""
+        """State the air of the room, and return the drive, corrected for it if asked; `file` has its target.
+
+        Above a difference of `FAR` the line states E in this air. A virtual array plays in the drive's own air.
+        """
         room, array = chosen.exposure.room, self.rig.array
         if correct:
             if room is None or file is None:
                 raise InputError("correct_air: expected the file of a drive and the air of the room, got none")
-            own, drive = drive.acoustics.medium, correct_air_of_file(drive, file, room)
-            self.observer.note(f"air: phases corrected from {own} to {room}")
-
-        def target() -> AmplitudeFrames | None:
-            return None if file is None else load_target(file, streamed=True)
-
-        found = check_air(drive, room, target, simulated=array.simulated and not array.gated)
-        self.observer.note(found.said, warns=found.warns)
+            solved, drive = drive.acoustics.medium, correct_air_of_file(drive, file, room)
+            self.observer.note(f"air: phases corrected from {solved} to {room}")
+        own = drive.acoustics.medium
+        if room is None and array.simulated and not array.gated:
+            self.observer.note(f"air: {own}, the drive's own")
+        elif room is None:
+            unknown = f"room temperature unknown: the drive was solved for {own}; give it with --temperature"
+            self.observer.note(unknown, warns=True)
+        else:
+            far = abs(room.degrees - own.degrees) > FAR
+            said = f"air: the room has {room}, the drive was solved for {own}"
+            said += f": {_error_in_air(drive, room, file)}; solve it again for this air" if far else ""
+            self.observer.note(said, warns=far)
         return drive
 
     def clear(self, drive: Drive, settings: PlaySettings | None = None, *, endless: bool = False) -> Cleared:
@@ -160,12 +173,7 @@ class Session:
         chosen, array = settings or self.rig.settings, self.rig.array
         followed = list[str]()
         if chosen.follow is None or (array.simulated and not array.gated and not self.rig.by_frames):
-
-            def follow(line: str) -> None:
-                followed.append(line)
-                self.observer.note(line)
-
-            drive, chosen = follow_as_set(drive, chosen, follow)
+            drive, chosen = follow_as_set(drive, chosen, self._noted(followed))
             clearance = check_exposure(drive, array, chosen.exposure, repeats=chosen.repeats, endless=endless)
         elif self.rig.by_frames:
             clearance = clear_followed(drive, array, chosen, grid_of(drive), endless=endless)
@@ -175,6 +183,25 @@ class Session:
             )
         self.observer.cleared(array, drive, clearance)
         return Cleared(drive=drive, clearance=clearance, settings=chosen, followed=tuple(followed))
+
+    def _noted(self, lines: list[str]) -> Callable[[str], object]:
+        """A function that keeps each line, and shows it."""
+
+        def note(line: str) -> None:
+            lines.append(line)
+            self.observer.note(line)
+
+        return note
+
+    def clear_level(self, level: float, rate: float) -> ExposureClearance:
+        """Check the worst case of a level, for frames at a rate in Hz that are computed while they play."""
+        return check_exposure_level(level, self.rig.array, self.rig.settings.exposure, rate=rate)
+
+    def clear_places(self, still: Drive, samples: Drive) -> ExposureClearance:
+        """Check frames that are drawn while they play, by some of them; their heat is that of a `still` drive."""
+        choices, palm = self.rig.settings.exposure, np.zeros(3)
+        how: Any = {"box": PoseBox(), "solved": palm, "samples": samples, "endless": True}
+        return check_exposure_steered(still, self.rig.array, choices, **how)
 
     def play(
         self,
@@ -198,23 +225,55 @@ class Session:
             if clearance.box is not None:
                 return self._follow(cleared, how, told)
             told |= {"drive": clearance.check_for(array), "followed": cleared.followed}
-            how |= {"delay": chosen.delay, "room": chosen.exposure.room}
             if sensor is None:
-                return Played(**told, report=play_cleared(clearance, array, **how))
-            if chosen.delay and sensor.simulated:
-                raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {chosen.delay:g} s")
-            heard = rerecord(clearance, array, sensor, tail=tail, **how)
+                return Played(**told, report=self._sound(cleared, **how))
+            heard = self._sound_and_record(cleared, sensor, tail, **how)
             return Played(**told, take=OpenedTake(recording=heard, calibration=sensor.calibration))
+
+    def _sound(self, cleared: Cleared, **how: Any) -> PlayReport:
+        """Play with a log entry; SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array."""
+        chosen = cleared.settings
+        how |= {"delay": chosen.delay, "room": chosen.exposure.room, "watched": True}
+        with signals_end_the_program():
+            return self.rig.array.play(cleared.clearance, **how)
+
+    def _sound_and_record(
+        self, cleared: Cleared, sensor: SensorDevice, tail: float, *, progress: Progress | None, **how: Any
+    ) -> Recording:
+        """Play while the sensor records, from before the first frame to `tail` s after the last.
+
+        A simulated sensor records the first frame at time 0. A real array starts with a delay: `evaluate.find_delay`
+        finds where the drive begins. The sensor must buffer its samples until they are read.
+        """
+        array, clearance, delay = self.rig.array, cleared.clearance, cleared.settings.delay
+        if array.simulated != sensor.simulated:
+            raise MismatchError(
+                f"expected array and sensor both real or both virtual, got {array.name} and {sensor.name}"
+            )
+        if delay and sensor.simulated:
+            raise InputError(f"delay: expected 0 on the virtual array, which plays at once, got {delay:g} s")
+        drive = clearance.check_for(array)
+        sensor.start()
+        try:
+            began = time.monotonic()
+            # A virtual array emits no sound, and loops on the virtual rig would fill the play log.
+            if array.gated:
+                report = self._sound(cleared, progress=progress, **how)
+            else:
+                report = array.play(clearance, progress=progress)
+            lasted = clearance.repeats * drive.frames / drive.rate if sensor.simulated else time.monotonic() - began
+            samples = read_frames(sensor, round((lasted + tail) * sensor.rate))
+        finally:
+            sensor.stop()
+        played = {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate, "silencer": report.silencer}
+        life = replace(drive.provenance, source=f"{array.name} heard by {sensor.name}")
+        provenance = life.then("play", played, simulated=sensor.simulated)
+        return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)
 
     def _follow(self, cleared: Cleared, how: Any, told: Any) -> Played:
         """Play frame by frame, each steered to the palm."""
         followed, chosen, drive = list[str](), cleared.settings, cleared.drive
-
-        def report(line: str) -> None:
-            followed.append(line)
-            self.observer.note(line)
-
-        name = tracker_name(chosen.follow, chosen.tracker_latency)
+        report, name = self._noted(followed), tracker_name(chosen.follow, chosen.tracker_latency)
         with nullcontext(self.tracker) if self.tracker is not None else open_tracker(name) as tracker:
             array, clearance, grid = self.rig.frames, cleared.clearance, grid_of(drive)
             done = play_followed(drive, array, tracker, chosen, clearance, grid, report=report, **how)
@@ -248,6 +307,29 @@ class Session:
         played = self.play(cleared, source=source, progress=progress, lease=lease)
         whole = solving.finish()
         return replace(played, outcome=whole.outcome, exposure=whole.exposure, error=np.concatenate(solving.error))
+
+
+FAR = 2.0
+"""Difference of temperature in K between room and drive above which E is computed."""
+
+
+def correct_air_of_file(drive: Drive, source: Path, room: Medium) -> Drive:
+    """Correct the phases of the drive of a file around the centre of its control points; InputError without target."""
+    target = load_target(source, streamed=True)
+    if target is None:
+        raise InputError(f"{source}: expected a drive with its target for --correct-air, got none; solve it again")
+    return correct_air(drive, room, target.grid.position.mean(axis=0))
+
+
+def _error_in_air(drive: Drive, room: Medium, file: Path | None) -> str:
+    """E of 64 evenly spaced frames in the air of the room and in that of the drive, as text."""
+    target = None if file is None else load_target(file, streamed=True)
+    if target is None:
+        return "the error cannot be computed, since the file has no target"
+    here, own = (error_at_temperature(drive, target, each, frames=64) for each in (room, drive.acoustics.medium))
+    if not len(here):
+        return "the drive is silent"
+    return f"E {100 * here.mean():.1f} % instead of {100 * own.mean():.1f} %, the mean of {len(here)} frames"
 
 
 def play(

@@ -61,7 +61,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
 def test_a_play_with_gaps_begins_with_them_and_ends_with_status_1(capsys, monkeypatch):
     """Before, 543 ms of silence in 600 ms of touch were one row of many, with exit status 0."""
     found = PlayReport(frames=2400, duration=0.6, gap=0.543, late=1000)
-    monkeypatch.setattr(session, "play_cleared", lambda *_, **__: found)
+    monkeypatch.setattr(session.Session, "_sound", lambda *_, **__: found)
     assert run(["play", make("a.drive.h5"), *EMULATOR]) == 1
     printed = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "BROKEN the touch was broken: 543 ms of silence in 600 ms of touch, since this computer" in printed

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from midair.devices import check_exposure
 from midair.evaluate import advance, compare
 from midair.files import open_take, save
 from midair.model import (
@@ -23,7 +22,7 @@ from midair.model import (
 )
 from midair.physics import SKINS, PlaybackChain, Transducers, focus_amplitude, focus_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
-from midair.rig import VirtualRig, aligned_pair, default_exposure, pressure_of, record, rerecord, rerecord_drive
+from midair.rig import Session, VirtualRig, aligned_pair, pressure_of, record, rerecord_drive
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.settings import Settings, paper_mode
 from midair.solvers import solve
@@ -48,7 +47,7 @@ def test_the_recording_equals_that_of_play(made):
     heard = rerecord_drive(drive, original, asked, rig, palm=SPOT)
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        again = rerecord(check_exposure(drive, array, default_exposure()), array, sensor)
+        again = Session.on(array, sensor, None).rerecord(drive)
     np.testing.assert_array_equal(heard.recording.samples, again.samples)
     assert heard.recording.provenance.simulated
     assert heard.calibration is not None

@@ -4,11 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease, check_exposure_level
+from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease
 from midair.model import RATE
 from midair.rig.live_touch.live_settings import LiveSettings
-from midair.rig.live_touch.process import array_for
+from midair.rig.live_touch.process import live_rig
 from midair.rig.live_touch.session import LiveSession
+from midair.rig.session import Session
 
 
 def live(
@@ -84,5 +85,4 @@ def live_clearance(order: LiveSettings) -> ExposureClearance:
     `rate` is the frame rate in Hz. Raises ExposureError if the worst case at this level exceeds the profile without an
     override.
     """
-    array = array_for(order, RATE)
-    return check_exposure_level(order.level, array, order.exposure, rate=order.schedule(RATE).formed * RATE)
+    return Session(rig=live_rig(order, RATE)).clear_level(order.level, order.schedule(RATE).formed * RATE)

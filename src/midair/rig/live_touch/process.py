@@ -5,7 +5,7 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType
@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from midair.devices import (
     Chunk,
     Cooling,
-    ImmediateArray,
     LeaseToken,
     PlayLease,
     SensorDevice,
     Source,
     Stream,
     StreamedSensor,
-    check_exposure_level,
     ordered_at,
     process_start_time,
 )
@@ -35,10 +33,11 @@ from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
-from midair.rig.names.array_names import array_calibration_for
 from midair.rig.names.sensor_names import VirtualRig, open_tracker, sensor_named
-from midair.rig.playing.following import immediate_array, tracker_name
-from midair.rig.playing.play_settings import PlaySettings
+from midair.rig.opening import OpenRig, frame_rig
+from midair.rig.playing.following import tracker_name
+from midair.rig.playing.play_settings import PlaySettings, RigSettings
+from midair.rig.session import Session
 from midair.settings import Settings
 from midair.solvers import one_blas_thread
 
@@ -216,13 +215,9 @@ def _play(
         calibration = calibration_for(order, sensor)
         schedule = order.schedule(sensor.rate)
         rate = schedule.formed * sensor.rate
-        with array_for(order, sensor.rate) as array, ExitStack() as opened:
-            if order.cooling_limit is not None:
-                array.cooling = Cooling(limit=order.cooling_limit, report=note)
-            array.participant = order.participant
-            admission = check_exposure_level(order.level, array, order.exposure, rate=rate)
-            kept = array_calibration_for(order.device, order.array_calibration)
-            solved = array.array if kept is None else kept.known.applied(array.array)
+        with live_rig(order, sensor.rate, note) as rig, ExitStack() as opened:
+            array, kept, solved = rig.frames, rig.measured, rig.transducers
+            admission = Session(rig=rig).clear_level(order.level, rate)
             touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, admission.level)
             rehearsal = touch.rehearse(rate, schedule.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
@@ -321,8 +316,9 @@ def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration:
     return known or Calibration.flat(sensor.grid, unit="Pa")
 
 
-def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
-    """The array of the settings for a sensor of a rate in Hz, not yet open."""
+def live_rig(order: LiveSettings, rate: float, report: Callable[[str], object] = bool) -> OpenRig:
+    """The rig of the settings for a sensor of a rate in Hz, not yet open; `report` gets a line a pause of hot units."""
     schedule = order.schedule(rate)
-    played = PlaySettings(device=order.device, placement=order.placement, silencer=order.silencer)
-    return immediate_array(played, schedule.formed * rate, hold=schedule.ahead)
+    cooling = None if order.cooling_limit is None else Cooling(limit=order.cooling_limit, report=report)
+    shared = {one.name: getattr(order, one.name) for one in fields(RigSettings)}
+    return frame_rig(PlaySettings(**shared, cooling=cooling), schedule.formed * rate, hold=schedule.ahead)

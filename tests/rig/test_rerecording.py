@@ -12,7 +12,7 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, reproduce
-from midair.rig import OpenRig, PlaySettings, Session, VirtualRig, default_exposure, rerecord
+from midair.rig import Cleared, OpenRig, PlaySettings, Session, VirtualRig, default_exposure
 from midair.rig.correction.iteration import no_progress, play_pass
 from midair.settings import Settings
 
@@ -53,6 +53,12 @@ def real(latency=0.0, lost=None):
 
     array.emit, sensor.read = late, in_blocks
     return array, sensor
+
+
+def rerecord(clearance, array, sensor, tail=0.02):
+    session = Session.on(array, sensor, None)
+    cleared = Cleared(drive=clearance.drive, clearance=clearance, settings=session.rig.settings)
+    return session.play(cleared, source="test", tail=tail).take.recording
 
 
 @pytest.mark.long
