@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4302,
     "files": 4628,
     "devices": 7994,
-    "rig": 9210,
+    "rig": 9171,
     "patterns datasets": 1767,
     "view figures": 2040,
     "cli": 6713,

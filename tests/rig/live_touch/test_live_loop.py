@@ -1,6 +1,7 @@
 """The live loop with a scripted source and with virtual units whose frames can be inspected."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,10 +19,10 @@ from midair.devices import (
 from midair.errors import DeviceError, SilentFramesError, StoppedError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement
-from midair.rig.live_touch.live_loop import LiveLoop, Pace
+from midair.rig.live_touch.live_loop import LiveLoop
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.touch import Touch
-from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
 
 # The loop keeps to the clock of this machine, which a busy one does not.
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("live_kernel")]
@@ -67,7 +68,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
     """(slots of the ring, ring, frames that the units got) of a run."""
     units = units or VirtualUnits(kept=10_000)
     array = virtual_immediate(ONE, units=units)
-    ring = TouchRing(RingShape(slots=4096, channels=16, transducers=249))
+    ring = TouchRing(4096, 16, 249)
     sensor = StreamedSensor(script, name="script")
     problem = None
     with sensor, array:
@@ -79,7 +80,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
             touch,
             array,
             ring,
-            pace=Pace(**({"hold": 0.1, "rise": 0.0} | pace)),
+            pace=replace(touch.schedule, **({"hold": 0.1, "rise": 0.0, "ahead": np.inf} | pace)),
             strongest=admission.strongest,
             level=level,
             check=check,

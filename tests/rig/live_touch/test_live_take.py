@@ -13,7 +13,7 @@ from midair.rig.live_touch.process import LoopStarted
 from midair.rig.live_touch.session import LiveTake
 from midair.rig.live_touch.timing import SchedulerGrant
 from midair.rig.live_touch.touch import Rehearsal
-from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
 ORDER = LiveSettings(
@@ -58,7 +58,7 @@ def taking(path, ring, order=ORDER):
 
 
 def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
-    ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
+    ring = TouchRing(4096, 64, 249)
     take, thread = taking(tmp_path / "felt.h5", ring)
     fill(ring, 0, 500)
     fill(ring, 500, 3, FRAME_REPEATED)
@@ -84,7 +84,7 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
 
 
 def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
-    ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
+    ring = TouchRing(4096, 64, 249)
     take, thread = taking(tmp_path / "felt.h5", ring, ORDER.but(latency=0.2))
     fill(ring, 0, 301)
     fill(ring, 301, 100, FRAME_LATE)
@@ -99,7 +99,7 @@ def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
 
 @pytest.mark.long
 def test_frames_not_read_in_time_are_counted(tmp_path):
-    ring = TouchRing(RingShape(slots=64, channels=64, transducers=249))
+    ring = TouchRing(64, 64, 249)
     fill(ring, 0, 200)
     take, thread = taking(tmp_path / "felt.h5", ring)
     take.end()
@@ -114,5 +114,5 @@ def test_frames_not_read_in_time_are_counted(tmp_path):
 def test_an_existing_file_is_not_overwritten(tmp_path):
     (tmp_path / "felt.h5").write_bytes(b"something")
     with pytest.raises(FileError):
-        taking(tmp_path / "felt.h5", TouchRing(RingShape(slots=64, channels=64, transducers=249)))
+        taking(tmp_path / "felt.h5", TouchRing(64, 64, 249))
     assert (tmp_path / "felt.h5").read_bytes() == b"something"

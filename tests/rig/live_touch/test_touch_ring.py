@@ -1,8 +1,8 @@
 import numpy as np
 
-from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import STEP, TouchRing
 
-SHAPE = RingShape(slots=8, channels=4, transducers=6)
+SHAPE = 8, 4, 6
 
 
 def written(ring, numbers):
@@ -13,7 +13,7 @@ def written(ring, numbers):
 
 
 def test_gives_every_frame_once_and_in_order():
-    ring, seen, got = TouchRing(SHAPE), 0, []
+    ring, seen, got = TouchRing(*SHAPE), 0, []
     for first in range(0, 30, 5):
         written(ring, range(first, first + 5))
         found, seen, missed = ring.since(seen)
@@ -25,7 +25,7 @@ def test_gives_every_frame_once_and_in_order():
 
 
 def test_a_slow_reader_gets_the_number_of_missed_frames():
-    ring = TouchRing(SHAPE)
+    ring = TouchRing(*SHAPE)
     written(ring, range(20))
     found, seen, missed = ring.since(3)
     # The oldest slot may be the one that is being written.
@@ -34,7 +34,7 @@ def test_a_slow_reader_gets_the_number_of_missed_frames():
 
 
 def test_is_one_memory_wherever_it_is():
-    ring = TouchRing(SHAPE)
+    ring = TouchRing(*SHAPE)
     other = TouchRing.__new__(TouchRing)
     other.__setstate__(ring.__getstate__())
     written(ring, [7])
@@ -49,7 +49,7 @@ def test_is_one_memory_wherever_it_is():
 
 
 def test_the_seconds_with_the_most_missing_frames_are_returned_in_order():
-    ring = TouchRing(SHAPE)
+    ring = TouchRing(*SHAPE)
     assert ring.worst() == ()
     for second, late, lost in ((3, 0, 1), (7, 5, 2), (9, 40, 0), (9000, 2, 2)):
         for name, count in (("late", late), ("lost", lost)):
@@ -60,7 +60,7 @@ def test_the_seconds_with_the_most_missing_frames_are_returned_in_order():
 
 
 def test_misses_are_counted_in_tenths_of_the_run():
-    ring = TouchRing(SHAPE)
+    ring = TouchRing(*SHAPE)
     for name, second in (("late", 0.5), ("late", 0.9), ("lost", 3.2), ("gaps", 19.9)):
         ring.miss(name, second)
     halves = ring.over_time(20.0)

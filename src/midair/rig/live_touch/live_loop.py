@@ -8,7 +8,6 @@ formed for one of the sensor; they wait in the ring until the units can queue th
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from midair.devices import ImmediateArray, Put, StreamedSensor, Tracker
 from midair.errors import SilentFramesError
 from midair.model import Drive, TransducerArray
-from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
 from midair.rig.live_touch.timing import TICK, RateMeter, Timetable
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
@@ -63,33 +62,12 @@ class LiveSteering:
 _NS = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pace:
-    """Time limits of the loop, all in s."""
-
-    hold: float
-    """Delay from sampling a frame to emitting it."""
-    ahead: float = np.inf
-    """Longest time by which a frame is sent ahead of its instant."""
-    enough: float = 0.0015
-    """Time that a frame needs for computing and sending; a frame with less time left is skipped."""
-    quiet: float = 0.02
-    """Time without a frame after which the level fades."""
-    fade: float = 0.005
-    """Duration of the fade."""
-    rise: float = 1.0
-    """Duration of the rise of the level, at the beginning and after missing frames."""
-    word: float = 0.01
-    """Interval of silent frames while nothing else is sent; far below the units' failsafe."""
-    trips: int = 5
-    """Number of times that the units' failsafe may act within ten seconds; after one more the run ends."""
-
-
 class LiveLoop:
     """One run of live touch, inside the array's `frames_to_come`.
 
     `strongest` is the intensity byte of full level; `level` returns the requested level, 0 to 1; `check`, called at
-    least every millisecond, raises where playing is no longer allowed; `steering` moves frames to a palm.
+    least every millisecond, raises where playing is no longer allowed; `steering` moves frames to a palm; `pace` holds
+    other times than those of the touch.
     """
 
     def __init__(
@@ -99,13 +77,14 @@ class LiveLoop:
         array: ImmediateArray,
         ring: TouchRing,
         *,
-        pace: Pace,
         strongest: int,
         level: Callable[[], float],
         check: Callable[[], None],
         steering: LiveSteering | None = None,
+        pace: LiveSchedule | None = None,
     ) -> None:
-        self._sensor, self._touch, self._array, self._ring, self._pace = sensor, touch, array, ring, pace
+        self._sensor, self._touch, self._array, self._ring = sensor, touch, array, ring
+        self._pace = pace = pace or touch.schedule
         self._strongest, self._level, self._check = strongest, level, check
         self._formed = touch.schedule.formed
         self._period = round(_NS / (self._formed * sensor.rate) / TICK) * TICK
@@ -218,7 +197,7 @@ class LiveLoop:
             left = (instant - time.monotonic_ns() - self._ahead) / _NS
             if left > self._pace.ahead:
                 return
-            slot = self._ring.slots[number % self._ring.shape.slots]
+            slot = self._ring[number]
             if left <= 0:
                 self._ring.miss("late", self._next / self._sensor.rate)
                 self._ring.add("played", -int(slot["flags"] & FRAME_EMITTED > 0))
@@ -232,7 +211,7 @@ class LiveLoop:
     def _silence_waiting(self) -> None:
         """Take the sound from frames that are not sent, since the level rises again."""
         for number, _ in self._waiting:
-            slot = self._ring.slots[number % self._ring.shape.slots]
+            slot = self._ring[number]
             self._ring.add("played", -int(slot["flags"] & FRAME_EMITTED > 0))
             slot["flags"], slot["intensity"] = int(slot["flags"]) & ~FRAME_EMITTED, 0
 
@@ -287,7 +266,7 @@ class LiveLoop:
             self._looked += 1
             if number < 0:
                 continue
-            slot = self._ring.slots[number % self._ring.shape.slots]
+            slot = self._ring[number]
             slot["left"] = left
             if left:
                 self._ring.time("left", left * 1e-9 - float(slot["taken"]))

@@ -1,7 +1,7 @@
 """Settings of live touch: the source of the keywords of `live`, the options of the command and the studio's form."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -20,20 +20,6 @@ from midair.model import (
 from midair.rig.playing.play_settings import RigSettings
 from midair.targets import MappingStream
 from midair.validation import documented, setting
-
-_STORED = {
-    "device": "device",
-    "follow": "follow",
-    "height": "height_m",
-    "gain": "gain",
-    "hold": "hold_s",
-    "delay": "filter_delay_s",
-    "latency": "latency_s",
-    "mapping": "mapping",
-    "offset": "offset_pa",
-    "band": "band_hz",
-}
-"""Names in the provenance of a take."""
 
 LiveMapping = Literal["half-wave", "constant-offset", "slow-bias"]
 """Mappings that live touch supports."""
@@ -145,13 +131,6 @@ class LiveSettings(RigSettings):
         """Control points on the palm."""
         return ControlGrid(height=self.height)
 
-    def stored(self) -> dict[str, Any]:
-        """Return the settings that the provenance of a take states."""
-        medium = self.acoustics.medium
-        air = {"sound_m_s": medium.speed, "temperature_c": medium.temperature, "humidity": medium.humidity}
-        kept = {name: getattr(self, field) for field, name in _STORED.items()}
-        return {**kept, **air, "air_stated": self.exposure.room is not None}
-
 
 FINE = 2000.0
 """Frames a second of the array where a latency is given, in Hz; at 4 kHz a frame lasts shorter than its solution."""
@@ -173,3 +152,15 @@ class LiveSchedule:
     mapping: LiveMapping
     formed: int
     """Frames of the array for each frame of the sensor."""
+    enough: float = 0.0015
+    """Time that a frame needs for computing and sending; a frame with less time left is skipped."""
+    quiet: float = 0.02
+    """Time without a frame after which the level fades."""
+    fade: float = 0.005
+    """Duration of the fade."""
+    rise: float = 1.0
+    """Duration of the rise of the level, at the beginning and after missing frames."""
+    word: float = 0.01
+    """Interval of silent frames while nothing else is sent; far below the units' failsafe."""
+    trips: int = 5
+    """Number of times that the units' failsafe may act within ten seconds; after one more the run ends."""

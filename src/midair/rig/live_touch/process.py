@@ -28,7 +28,7 @@ from midair.devices import (
 )
 from midair.errors import DeviceError, DeviceStateError, InputError, MidairError, StoppedError
 from midair.model import Calibration, SensorGrid, SensorWiring, Unit
-from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering, Pace
+from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering
 from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
 from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
@@ -256,7 +256,6 @@ def _play(
                 touch,
                 array,
                 ring,
-                pace=Pace(hold=schedule.hold, ahead=schedule.ahead),
                 strongest=admission.strongest,
                 level=lambda: permit.level,
                 check=_lease_check(permit, leave, array.name),

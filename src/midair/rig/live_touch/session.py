@@ -20,7 +20,7 @@ from midair.processes import start_process
 from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
 from midair.rig.live_touch.timing import SensorRate, measured_rate
-from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, RingShape, TouchRing
+from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, TouchRing
 
 
 class LiveTake:
@@ -51,20 +51,7 @@ class LiveTake:
             sensor=opened.sensor,
             unit=opened.unit,
             provenance=Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
-                "live",
-                order.stored()
-                | {
-                    "hold_s": opened.schedule.hold,
-                    "filter_delay_s": opened.schedule.delay,
-                    "mapping": opened.schedule.mapping,
-                    "delay_s": opened.delay,
-                    "level": opened.level,
-                    "exposure": opened.exposure,
-                    "silencer": opened.silencer,
-                    "error_by_band": opened.error,
-                    "computer": opened.granted.words(),
-                    "array_calibration": opened.array_calibration,
-                },
+                "live", _provenance(order, opened)
             ),
             calibration=opened.calibration,
             array=(order.placement or Placement.grid()).array(),
@@ -115,6 +102,32 @@ class LiveTake:
             "state": found["flags"].astype(np.int8),
         }
         self._writer.append(samples, played)
+
+
+def _provenance(order: LiveSettings, opened: LoopStarted) -> dict[str, Any]:
+    """Settings of the step "live" of a take."""
+    medium, schedule = order.acoustics.medium, opened.schedule
+    return {
+        **{name: getattr(order, name) for name in ("device", "follow", "gain")},
+        "height_m": order.height,
+        "latency_s": order.latency,
+        "offset_pa": order.offset,
+        "band_hz": order.band,
+        "hold_s": schedule.hold,
+        "filter_delay_s": schedule.delay,
+        "mapping": schedule.mapping,
+        "delay_s": opened.delay,
+        "level": opened.level,
+        "exposure": opened.exposure,
+        "silencer": opened.silencer,
+        "error_by_band": opened.error,
+        "computer": opened.granted.words(),
+        "array_calibration": opened.array_calibration,
+        "sound_m_s": medium.speed,
+        "temperature_c": medium.temperature,
+        "humidity": medium.humidity,
+        "air_stated": order.exposure.room is not None,
+    }
 
 
 def _runs(true: np.ndarray) -> list[tuple[int, int]]:
@@ -204,7 +217,7 @@ class LiveSession:
         self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
-        self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
+        self.ring = TouchRing(slots, CHANNELS, units)
         self._own = permit is None
         self.permit, self._leave = permit or PlayLease(), leave
         self._process: Any = None

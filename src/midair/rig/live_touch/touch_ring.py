@@ -5,7 +5,6 @@ the start are stored as well, so that statistics need not read every frame.
 """
 
 import math
-from dataclasses import dataclass
 from multiprocessing.sharedctypes import RawArray
 from typing import Any
 
@@ -30,56 +29,32 @@ _SECONDS = 4096
 _NUMBERS = len(_COUNTS) + len(_TIMES) * _BINS + len(_MISSES) * _SECONDS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RingShape:
-    """Size of a ring: frames, and channels and transducers of a frame."""
+def _slot(channels: int, transducers: int) -> np.dtype[Any]:
+    """Data type of a frame.
 
-    slots: int
-    channels: int
-    transducers: int
-
-    @property
-    def slot(self) -> np.dtype[Any]:
-        """Data type of a frame.
-
-        number; taken, sampling time in s of the computer's clock; instant in ns of device time; left, sending time in
-        ns, 0 if not sent; samples; pressure in Pa; flags; intensity; phases.
-        """
-        return np.dtype(
-            [
-                ("number", "i8"),
-                ("taken", "f8"),
-                ("instant", "i8"),
-                ("left", "i8"),
-                ("samples", "f8", (self.channels,)),
-                ("pressure", "f8", (self.channels,)),
-                ("flags", "u1"),
-                ("intensity", "u1"),
-                ("phases", "u1", (self.transducers,)),
-            ],
-            align=True,
-        )
-
-    @property
-    def size(self) -> int:
-        """Size in bytes."""
-        return 8 * _NUMBERS + self.slots * self.slot.itemsize
+    number; taken, sampling time in s of the computer's clock; instant in ns of device time; left, sending time in ns, 0
+    if not sent; samples; pressure in Pa; flags; intensity; phases.
+    """
+    times = [("number", "i8"), ("taken", "f8"), ("instant", "i8"), ("left", "i8")]
+    frames = [("samples", "f8", (channels,)), ("pressure", "f8", (channels,))]
+    played = [("flags", "u1"), ("intensity", "u1"), ("phases", "u1", (transducers,))]
+    return np.dtype([*times, *frames, *played], align=True)
 
 
 class TouchRing:
     """A ring of frames, made by `LiveSession` and shared with the loop's process."""
 
-    def __init__(self, shape: RingShape) -> None:
-        self.shape = shape
-        self._memory: Any = RawArray("B", shape.size)
+    def __init__(self, slots: int, channels: int, transducers: int) -> None:
+        self._slot = _slot(channels, transducers)
+        self._memory: Any = RawArray("B", 8 * _NUMBERS + slots * self._slot.itemsize)
         self._view()
 
     def __getstate__(self) -> dict[str, Any]:
         """State for another process: the same memory."""
-        return {"shape": self.shape, "_memory": self._memory}
+        return {"_slot": self._slot, "_memory": self._memory}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.shape, self._memory = state["shape"], state["_memory"]
+        self._slot, self._memory = state["_slot"], state["_memory"]
         self._view()
 
     def _view(self) -> None:
@@ -89,7 +64,7 @@ class TouchRing:
         self._misses: NDArray[np.int64] = numbers[-len(_MISSES) * _SECONDS :].reshape(len(_MISSES), _SECONDS)
         times = numbers[len(_COUNTS) : len(_COUNTS) + len(_TIMES) * _BINS].reshape(len(_TIMES), _BINS)
         self._times: dict[str, NDArray[np.int64]] = dict(zip(_TIMES, times, strict=True))
-        self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self.shape.slot)
+        self.slots: NDArray[Any] = whole[numbers.nbytes :].view(self._slot)
 
     def count(self, name: str) -> int:
         """Count since the start, as in `LiveStatistics`; timed frames and their span in us, see `RateMeter`."""
@@ -131,9 +106,13 @@ class TouchRing:
         """Number of durations per bin of `STEP`, shape (bin,); the last bin holds all longer ones."""
         return self._times[name].copy()
 
+    def __getitem__(self, number: int) -> Any:
+        """Slot of a frame, by its number in the ring."""
+        return self.slots[number % len(self.slots)]
+
     def next_slot(self) -> Any:
         """Slot that the loop writes next; `publish` makes it visible."""
-        return self.slots[self.count("head") % self.shape.slots]
+        return self[self.count("head")]
 
     def publish(self) -> None:
         """Make the next slot visible."""
@@ -150,7 +129,7 @@ class TouchRing:
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
         """Frames from number `seen` on: a copy, the number to continue with, and the count of overwritten frames."""
-        head, slots = self.count("head"), self.shape.slots
+        head, slots = self.count("head"), len(self.slots)
         first = max(seen, head - slots)
         found = self.slots[np.arange(first, head) % slots]
         # Slots that the loop overwrote during the copy are invalid; one more is being written now.
