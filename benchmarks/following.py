@@ -27,7 +27,7 @@ from tests.simulators.udp_proxy import UdpProxy
 from benchmarks.clock import load
 from benchmarks.live_outside import frames_on, watch_in_time
 from midair.devices import ExposureChoices, Tracker, autd3_immediate
-from midair.devices.arrays import Silencer
+from midair.devices.arrays.silencer import Silencer
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement
 from midair.physics import focus_phase

@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3102,
     "solvers": 4302,
     "files": 4628,
-    "devices": 7994,
+    "devices": 7928,
     "rig": 9171,
     "patterns datasets": 1767,
     "view figures": 2040,

@@ -15,7 +15,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from midair.devices.safety import device_lock
+from midair.devices.safety.stop_guard import device_lock
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp
 from midair.registry import load_object

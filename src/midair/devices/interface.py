@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
-from midair.devices.safety import Ending, StopGuard, exposed, hours_error, log_end, log_order, log_pause, sound_left
+from midair.devices.safety.play_log import Ending, exposed, hours_error, log_end, log_order, log_pause, sound_left
+from midair.devices.safety.stop_guard import StopGuard
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import (
     Calibration,

@@ -14,7 +14,7 @@ from typing import Any
 import serial
 from serial.tools.list_ports import comports
 
-from midair.devices.safety import device_lock
+from midair.devices.safety.stop_guard import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
 from midair.devices.sensors.sources import Chunk, SensorOptions, Source, Stream, above_zero, opened
 from midair.errors import DeviceError

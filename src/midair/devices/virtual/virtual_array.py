@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from midair.array_types import Array
-from midair.devices.arrays import OUTCOMES, ImmediateArray, ImmediateUnits, SilencerChoice, silencer_named
+from midair.devices.arrays.immediate import OUTCOMES, ImmediateArray, ImmediateUnits
+from midair.devices.arrays.silencer import SilencerChoice, silencer_named
 from midair.devices.frame_bytes import Bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
 from midair.errors import DeviceStateError, InputError, RateError, ShapeError
