@@ -467,3 +467,18 @@ def test_steered_frames_stay_below_what_a_person_answered_for():
     assert (own.level == drive.level).all()
     assert excess[1] > excess[0]
     assert cleared.exposure.excess - 0.5 < excess[1] <= cleared.exposure.excess
+
+
+def test_the_end_of_a_drive_without_an_end_sounds_with_its_begin():
+    """Also if it is longer than the minute that counts as heat: near transducers begin it, distant ones end it."""
+    places = tuple(replace(each, reach=0.0) for each in PROFILE.places)
+    ear = np.array(places[0].position)
+    late = np.linalg.norm(ear - ARRAY.position, axis=1)
+    near, level = late < np.median(late), np.zeros((64, ARRAY.count))
+    level[0], level[-1] = 0.02 * near, 0.02 * ~near
+    told = replace(focus(frames=64), phase=np.tile(focus_phase(ARRAY, ear), (64, 1)), level=level, rate=1.0)
+    choices = ExposureChoices(profile=replace(PROFILE, places=places), override="A Person")
+    once, endless = (
+        check_exposure(told, Loud(ARRAY), choices, endless=each).exposure.peak[0] for each in (False, True)
+    )
+    assert endless > once + 3

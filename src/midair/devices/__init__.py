@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from .exposure_check import ArrayInfo as ArrayInfo
     from .exposure_check import ExposureChoices as ExposureChoices
     from .exposure_check import ExposureClearance as ExposureClearance
-    from .exposure_check import ExposureStream as ExposureStream
     from .exposure_check import check_exposure as check_exposure
     from .exposure_check import check_exposure_level as check_exposure_level
-    from .exposure_check import check_exposure_steered as check_exposure_steered
     from .exposure_check import felt_pressure_text as felt_pressure_text
     from .exposure_check import measure_exposure as measure_exposure
+    from .exposure_steered import SteeredClearance as SteeredClearance
+    from .exposure_steered import check_exposure_steered as check_exposure_steered
+    from .exposure_stream import ExposureStream as ExposureStream
     from .frame_bytes import PHASE_STEPS as PHASE_STEPS
     from .frame_bytes import TICK as TICK
     from .frame_bytes import amplitude_of as amplitude_of

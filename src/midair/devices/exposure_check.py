@@ -1,46 +1,28 @@
 """The exposure check, which is mandatory before playback.
 
 `check_exposure` computes the exposure of people to a drive on the array that will play it, before any sound. It returns
-an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only this module can create one.
+an `ExposureClearance`, the only type that `ArrayDevice.play` accepts, and only `cleared` of this module creates one.
 """
 
 import hashlib
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
 from math import ceil
-from typing import Any, Literal, Protocol, cast
+from typing import Any, Literal, Protocol, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, intensity_bytes, phase_bytes
+from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, intensity_bytes
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
-from midair.model import Drive, Medium, PalmPath, TransducerArray
-from midair.physics import (
-    MINUTE,
-    Exposure,
-    ExposureProfile,
-    PoseBox,
-    airs_of_room,
-    exposure,
-    exposure_excess,
-    frames_at_once,
-    greatest_exposure,
-    heat_so_far,
-)
-from midair.streaming import ArrivingFrames, LazyFrames, cached_blocks, concatenate_lazy, each_frame
+from midair.model import Drive, Medium, TransducerArray
+from midair.physics import MINUTE, Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
+from midair.streaming import LazyFrames, cached_blocks, each_frame
 
 Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
 """Within the limits; attenuated to meet them; above them under the responsibility of a named person; above them on a
 device without sound."""
-
-_TURN = PHASE_STEPS / (2 * np.pi)
-"""Phase steps per radian."""
-
-UNSAMPLED = 1.5
-"""Level in dB that is added to that of sampled poses of a palm, since others are louder (decision 0047)."""
 
 _KEY = object()  # Key to the constructor of ExposureClearance, private to this module.
 
@@ -85,7 +67,7 @@ class ArrayInfo(Protocol):
 class ExposureClearance:
     """Permission to play a drive on one array a number of times; created only by the functions of this module."""
 
-    drive: Drive | None
+    drive: Drive | None = None
     """The drive to play, after any attenuation; None if the frames come later (see `frames`)."""
     array: TransducerArray
     """The device's array, for which the exposure was computed."""
@@ -103,16 +85,6 @@ class ExposureClearance:
     """True if it was issued for a gated device, which can emit sound."""
     level: float = 0.0
     """Maximum level of frames that come later, 0 to 1."""
-    factor: float = 1.0
-    """Attenuation factor for frames that come later."""
-    box: PoseBox | None = None
-    """Poses to which frames that come later may be steered; None if they may not be steered."""
-    solved: Array | None = None
-    """Centre of the palm that they were solved for, shape (3,), in m."""
-    louder: float = 0.0
-    """Level of the loudest moment above that of the loudest frame alone, in dB, for frames that are steered."""
-    steps: int = PHASE_STEPS
-    """Phase steps per turn of the device."""
     later: "Callable[[], ExposureClearance] | None" = None
     """Returns the clearance of the frames up to now, of a drive that is still being checked; see `ExposureStream`."""
     _key: InitVar[object] = None
@@ -164,46 +136,14 @@ class ExposureClearance:
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
         if drive.rate != self.exposure.rate:
             raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
-        # The firmware rounds to 255 steps; the check of the level includes this rounding.
-        if drive.level.max(initial=0.0) > self.level + 1e-9:
-            raise ExposureError(
-                f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
-            )
+        self.check_level(drive)
         return replace(self, drive=replace(drive, array=self.array), _key=_KEY)
 
-    def steered(self, frames: Drive, poses: PalmPath | None) -> Drive:
-        """Clear frames that were steered to these poses; None for silent ones.
-
-        Unless the device has no sound, each frame is measured alone in the air of the room, or bounded by those beside
-        it (`exposure_excess`), and weakened if it exceeds the profile, or the excess for which a person is responsible.
-        Moments while frames arrive are as much louder than frames alone as those of the drive as it was solved.
-        Raises ExposureError if a pose is outside the box, or a frame above the cleared level.
-        """
-        if self.box is None or self.solved is None:
-            raise ExposureError("steered frames: expected the clearance of check_exposure_steered(), got another one")
-        if poses is not None and not self.box.inside(poses, self.solved).all():
-            raise ExposureError("steered frames: expected poses in the box that was checked, got one outside")
-        own = replace(frames, array=self.array)
-        own = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
-        if own.level.max(initial=0.0) > self.level + 1e-9:
-            raise ExposureError(
-                f"steered frames: expected at most {self.level:g} of full drive, got {own.level.max():g}"
-            )
-        if not self.gated or not own.level.any():
-            return own
-        answered = max(0.0, self.exposure.sound_excess) if self.outcome == "overridden" else 0.0
-        played = replace(own, level=actual_level(own.level))
-        # One frame of each millisecond is measured, and those between if the bound for them exceeds the profile.
-        excess = exposure_excess(
-            played, self.exposure.profile, self.exposure.airs, steps=self.steps, stride=max(1, round(1e-3 * own.rate))
-        )
-        loud = (excess := excess + self.louder - answered) > 0
-        if not loud.any():
-            return own
-        # Rounded down to the firmware's steps; a tenth of a decibel covers the rounding of the search.
-        factors = np.where(loud, 10 ** (-(excess + 0.1) / 20), 1.0)
-        quiet = _strongest_below(own.level * (factors if own.level.ndim == 1 else factors[:, None]))
-        return replace(own, level=np.where(loud if own.level.ndim == 1 else loud[:, None], quiet, own.level))
+    def check_level(self, frames: Drive) -> None:
+        """Raise ExposureError if frames that come later exceed the cleared level."""
+        # The firmware rounds to 255 steps; the check of the level includes this rounding.
+        if (level := frames.level.max(initial=0.0)) > self.level + 1e-9:
+            raise ExposureError(f"frames: expected a level of at most {self.level:g} of full drive, got {level:g}")
 
     def verdict(self) -> str:
         """Outcome and reason in one line; for an attenuated drive also whether it can be felt."""
@@ -249,14 +189,15 @@ def measure_exposure(
     and `alone` are those of `exposure`. Raises MismatchError if the drive is for another array, InputError if its speed
     of sound is outside the range of air.
     """
-    _check_drive(drive, array)
+    check_drive(drive, array)
     own = replace(drive, array=array, level=each_frame(drive.level, actual_level))
     airs = airs_of_room(room, profile.places, array)
     found = heat(own) if callable(heat) else heat
     return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps, heat=found, **when)
 
 
-def _check_drive(drive: Drive, array: TransducerArray) -> None:
+def check_drive(drive: Drive, array: TransducerArray) -> None:
+    """Raise MismatchError if a drive is for another array, InputError if its air has no possible speed of sound."""
     drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
         raise MismatchError(
@@ -276,161 +217,17 @@ def check_exposure(
     of a minute. Raises MismatchError if the drive is for another array, ExposureError if
     it exceeds the profile and there is no override, InputError if `repeats` is below 1.
     """
-    _check_repeats(repeats)
     drive = with_checked_reading(drive)
-    passes = _passes(drive, repeats, endless)
-    found = _measured(drive, device, choices, passes)
+    passes = passes_counted(drive, repeats, endless=endless)
+    found = measured_on(drive, device, choices, passes)
     own = replace(drive, array=device.array)
-    outcome, factor = _decide(found, device, choices)
+    outcome, factor = decide(found, device, choices)
     while outcome == "attenuated" and found.excess > 0:
-        own = _weakened(replace(drive, array=device.array), factor, choices.profile.name)
-        found = _measured(own, device, choices, passes)
+        own = weakened(replace(drive, array=device.array), factor, choices.profile.name)
+        found = measured_on(own, device, choices, passes)
         # Rounding the level of each transducer changes the pattern, and can make it louder at a place.
         factor *= 10 ** (-(max(found.excess, 0) + 0.1) / 20)
-    return _clearance(device, choices, found, outcome, drive=own, repeats=repeats)
-
-
-class ExposureStream:
-    """Checks and keeps the frames of a drive that is still being solved, part by part, ahead of their sound.
-
-    A part that passes can be read in the drive of `clearance`; no other frames can. For all frames the verdict is that
-    of `check_exposure`. Phases, and levels of single transducers, are kept in the steps of AUTD3 units.
-
-    `first` is the first part, and `frames` the number of all frames. The other parameters, and the errors, are those of
-    `check_exposure`; InputError for `choices` with `attenuate`, which needs the whole drive.
-    """
-
-    def __init__(
-        self, first: Drive, device: ArrayInfo, choices: ExposureChoices, *, frames: int, repeats: int = 1
-    ) -> None:
-        if choices.attenuate:
-            raise InputError("exposure of a stream: expected no attenuation, which needs the whole drive, got it")
-        _check_repeats(repeats)
-        self._device, self._choices, self._repeats = device, choices, repeats
-        self._level_steps = None if first.level.ndim == 1 else 255.0
-        level = ArrivingFrames((frames, *first.level.shape[1:]), steps=self._level_steps)
-        self.phase = ArrivingFrames((frames, device.array.count), steps=_TURN)
-        """The phases that passed; its `there` is that of the stream."""
-        self._level = level
-        self._drive = replace(first, phase=cast("Array", self.phase), level=cast("Array", level), array=device.array)
-        airs = airs_of_room(choices.room, choices.profile.places, device.array)
-        self._heat = heat_so_far(frames, choices.profile, airs, repeats=repeats)
-        self._beside = frames_at_once(first, choices.profile, airs)
-        self._measured: list[Exposure] = []
-        self.add(first)
-
-    def add(self, part: Drive) -> None:
-        """Check the next frames, and let them be read; raises ExposureError if the play up to them exceeds."""
-        done = self.phase.there
-        if part.rate != self._drive.rate:
-            raise MismatchError(f"parts: expected all at {self._drive.rate:g} Hz, got one at {part.rate:g} Hz")
-        _check_drive(part, self._device.array)
-        phase = phase_bytes(part, 1)[:, 0]
-        level = part.level if self._level_steps is None else intensity_bytes(part, 1)[:, 0]
-        scaled = level if self._level_steps is None else level / self._level_steps
-        # The steps are checked that will sound.
-        own = replace(part, phase=phase / _TURN, level=scaled)
-        known = self._followed_by(own, done)
-        heat = self._heat.add(replace(known, level=each_frame(known.level, actual_level)))
-        earlier, ends = min(done, self._beside), known.frames == len(self.phase)
-        found = self._part(known, np.arange(done - earlier, known.frames), heat, earlier=earlier, ends=ends)
-        if ends and self._repeats > 1:
-            # The first frames sound beside the last ones, at the end of the drive.
-            around = np.arange(-self._beside, self._beside) % known.frames
-            again = self._part(known, around, heat, earlier=self._beside, ends=False)
-            found = replace(found, level=np.concatenate([found.level[:-1], [np.maximum(found.level[-1], again.peak)]]))
-        if found.excess > 0:
-            _decide(_joined([*self._measured, found]), self._device, self._choices)
-        # Phases come last: with them a frame is there.
-        self._level.append(level)
-        self.phase.append(phase)
-        self._measured.append(found)
-
-    def fail(self, error: BaseException) -> None:
-        """End with an error, which every later read of the drive raises."""
-        self._level.fail(error)
-        self.phase.fail(error)
-
-    def _followed_by(self, part: Drive, done: int) -> Drive:
-        """The frames that passed, followed by a part."""
-        phase, level = self.phase[:done], self._level[:done]
-        phase, level = concatenate_lazy([phase, part.phase]), concatenate_lazy([level, part.level])
-        return replace(part, phase=phase, level=level)
-
-    def _part(self, known: Drive, frames: NDArray[np.intp], heat: tuple[Array, float], **when: Any) -> Exposure:
-        """Exposure to some frames; the heat is that of all."""
-        some = replace(known, phase=np.asarray(known.phase[frames]), level=np.asarray(known.level[frames]))
-        found = _measured(some, self._device, self._choices, 1, heat=heat, **when)
-        return replace(found, repeats=self._repeats)
-
-    def clearance(self) -> ExposureClearance:
-        """Permission to play all frames, with the exposure of those up to now; a read waits until its frames passed."""
-        return self._cleared(self._measured, drive=self._drive, later=self._so_far)
-
-    def _so_far(self) -> ExposureClearance:
-        parts = list(self._measured)
-        done = sum(len(each.level) for each in parts)
-        drive = replace(self._drive, phase=self.phase.kept(done), level=self._level.kept(done))
-        return self._cleared(parts, drive=drive)
-
-    def _cleared(self, parts: list[Exposure], **rest: Any) -> ExposureClearance:
-        found = _joined(parts)
-        outcome, _ = _decide(found, self._device, self._choices)
-        # Later parts may exceed the profile, for which the person is responsible from the beginning.
-        outcome = outcome if self._choices.override is None else "overridden"
-        return _clearance(self._device, self._choices, found, outcome, repeats=self._repeats, **rest)
-
-
-def _joined(parts: list[Exposure]) -> Exposure:
-    """Exposure of consecutive parts of a drive, the last of which has the heat of all."""
-    return replace(
-        parts[-1],
-        level=np.concatenate([each.level for each in parts]),
-        air=np.concatenate([each.air for each in parts]),
-        nonlinearity=max(each.nonlinearity for each in parts),
-        pressure=max(each.pressure for each in parts),
-    )
-
-
-def check_exposure_steered(
-    drive: Drive,
-    device: ArrayInfo,
-    choices: ExposureChoices,
-    *,
-    box: PoseBox,
-    solved: Array,
-    samples: Drive,
-    repeats: int = 1,
-    endless: bool = False,
-) -> ExposureClearance:
-    """Check a drive whose frames will be steered to the poses of a box while it plays.
-
-    The drive is measured as it was solved, and `samples` alone: some of its frames, steered to poses of the box. Every
-    frame is measured again once it was steered, by `ExposureClearance.steered`, before it sounds. The heat is that of
-    the drive as it was solved.
-
-    `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
-    errors are those of `check_exposure`.
-    """
-    _check_repeats(repeats)
-    own = _measured(drive, device, choices, _passes(drive, repeats, endless))
-    louder = max(0.0, own.sound_excess - _measured(drive, device, choices, 1, alone=True).sound_excess)
-    others = _measured(samples, device, choices, 1, alone=True)
-    found = replace(
-        own,
-        level=np.concatenate([own.level, others.level + UNSAMPLED + louder]),
-        air=np.concatenate([own.air, others.air]),
-        pressure=max(own.pressure, others.pressure),
-    )
-    outcome, factor = _decide(found, device, choices)
-    most = np.array([drive.level.max(initial=0.0)])
-    loudest = np.rint(255 * (most if factor == 1 else _strongest_below(most * factor))).astype(np.uint8)
-    # A level between two steps is played as the nearest one.
-    level = float(np.max([loudest / 255, amplitude_of(loudest), most if factor == 1 else 0 * most]))
-    # The clearance states what will be played; no factor ends above the limit for its last bit.
-    found = found if factor == 1 else found.weakened(min(factor * (1 - 1e-9), level / float(most[0])))
-    cleared = _clearance(device, choices, found, outcome, level=level, factor=factor)
-    return replace(cleared, box=box, solved=solved, louder=louder, steps=device.steps_a_turn, _key=_KEY)
+    return cleared(ExposureClearance, device, choices, found, outcome, drive=own, repeats=repeats)
 
 
 def check_exposure_level(
@@ -450,54 +247,42 @@ def check_exposure_level(
         raise InputError(f"level: expected above 0 and at most 1 of full drive, got {level:g}")
     airs = airs_of_room(choices.room, choices.profile.places, device.array)
     found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
-    outcome, factor = _decide(found, device, choices)
+    outcome, factor = decide(found, device, choices)
     if outcome == "attenuated":
         level *= factor
         found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
-    return _clearance(device, choices, found, outcome, level=level)
+    return cleared(ExposureClearance, device, choices, found, outcome, level=level)
 
 
-def _measured(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int, **rest: Any) -> Exposure:
+def measured_on(drive: Drive, device: ArrayInfo, choices: ExposureChoices, repeats: int, **rest: Any) -> Exposure:
     """Exposure on the device's array, in the air of the room."""
     return measure_exposure(
         drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room, **rest
     )
 
 
-def _passes(drive: Drive, repeats: int, endless: bool) -> int:
-    """Number of passes whose heat counts: those of a minute, over which heat is averaged, if they never end."""
-    return max(repeats, ceil(MINUTE * drive.rate / drive.frames)) if endless else repeats
-
-
-def _check_repeats(repeats: int) -> None:
+def passes_counted(drive: Drive, repeats: int, *, endless: bool) -> int:
+    """Number of passes that are measured: if they never end, those of a minute, over which heat is averaged, and two or
+    more, since the end of one sounds with the begin of the next. Raises InputError below 1 repeat.
+    """
     if repeats < 1:
         raise InputError(f"expected 1 repeat or more, got {repeats}")
+    return max(repeats, 2, ceil(MINUTE * drive.rate / drive.frames)) if endless else repeats
 
 
-def _clearance(
-    device: ArrayInfo,
-    choices: ExposureChoices,
-    found: Exposure,
-    outcome: Outcome,
-    *,
-    drive: Drive | None = None,
-    **rest: Any,
-) -> ExposureClearance:
+Cleared = TypeVar("Cleared", bound=ExposureClearance)
+
+
+def cleared(
+    kind: type[Cleared], device: ArrayInfo, choices: ExposureChoices, found: Exposure, outcome: Outcome, **rest: Any
+) -> Cleared:
+    """The permission that follows from an outcome of `decide`; `rest` are fields of its kind."""
     named = (choices.override or "").strip()
-    return ExposureClearance(
-        drive=drive,
-        array=device.array,
-        exposure=found,
-        outcome=outcome,
-        by=named if outcome == "overridden" else "",
-        named=named,
-        gated=device.gated,
-        _key=_KEY,
-        **rest,
-    )
+    who = {"by": named if outcome == "overridden" else "", "named": named, "gated": device.gated}
+    return kind(array=device.array, exposure=found, outcome=outcome, **who, **rest, _key=_KEY)
 
 
-def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tuple[Outcome, float]:
+def decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tuple[Outcome, float]:
     """Outcome for this exposure, and the attenuation factor."""
     if found.excess <= 0:
         return "kept", 1.0
@@ -513,29 +298,25 @@ def _decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tup
             f"exposure: {found.verdict()}; expected at most {choices.up_to:.1f} dB above it, for which "
             f"{choices.override} is responsible; stop it, and check the exposure of the louder drive"
         )
+    # Radiation pressure is proportional to sound pressure squared.
+    left = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
+    unfelt = ", and nothing will be felt" if felt_pressure_text(left) else ""
     raise ExposureError(
-        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_not_felt_note(found)}), "
+        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{unfelt}), "
         "take another --profile, or take responsibility with --override-exposure NAME and ear protection for everyone "
         "in the room"
     )
 
 
-def _not_felt_note(found: Exposure) -> str:
-    """A note if nothing can be felt after attenuation: radiation pressure is proportional to sound pressure squared."""
-    weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
-    return ", and nothing will be felt" if felt_pressure_text(weakened) else ""
-
-
-def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
-
-    def weakened(level: Array) -> Array:
-        return _strongest_below(level * factor)
-
+def weakened(drive: Drive, factor: float, profile: str) -> Drive:
+    """The drive at a part of its level, rounded down to the firmware's steps."""
     provenance = drive.provenance.then("attenuate", {"factor": factor, "profile": profile})
-    return replace(drive, level=each_frame(drive.level, weakened), provenance=provenance)
+    return replace(
+        drive, level=each_frame(drive.level, lambda level: strongest_below(level * factor)), provenance=provenance
+    )
 
 
-def _strongest_below(level: Array) -> Array:
+def strongest_below(level: Array) -> Array:
     """The highest intensities of the firmware whose level is at most this one."""
     steps = np.arange(256, dtype=np.uint8)
     strength = np.maximum(steps / 255, amplitude_of(steps))

@@ -24,6 +24,7 @@ from midair.devices import (
     PlayLease,
     PlayReport,
     SensorDevice,
+    SteeredClearance,
     Tracker,
     check_exposure,
     check_exposure_level,
@@ -197,7 +198,7 @@ class Session:
         """Check the worst case of a level, for frames at a rate in Hz that are computed while they play."""
         return check_exposure_level(level, self.rig.array, self.rig.settings.exposure, rate=rate)
 
-    def clear_places(self, still: Drive, samples: Drive) -> ExposureClearance:
+    def clear_places(self, still: Drive, samples: Drive) -> SteeredClearance:
         """Check frames that are drawn while they play, by some of them; their heat is that of a `still` drive."""
         choices, palm = self.rig.settings.exposure, np.zeros(3)
         how: Any = {"box": PoseBox(), "solved": palm, "samples": samples, "endless": True}
@@ -222,8 +223,8 @@ class Session:
         told: Any = {"outcome": clearance.outcome, "exposure": clearance.exposure}
         how: Any = {"source": source, "progress": progress}
         with nullcontext() if lease is None else under_lease(array, *lease):
-            if clearance.box is not None:
-                return self._follow(cleared, how, told)
+            if isinstance(clearance, SteeredClearance):
+                return self._follow(cleared, clearance, how, told)
             told |= {"drive": clearance.check_for(array), "followed": cleared.followed}
             if sensor is None:
                 return Played(**told, report=self._sound(cleared, **how))
@@ -270,12 +271,12 @@ class Session:
         provenance = life.then("play", played, simulated=sensor.simulated)
         return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)
 
-    def _follow(self, cleared: Cleared, how: Any, told: Any) -> Played:
+    def _follow(self, cleared: Cleared, clearance: SteeredClearance, how: Any, told: Any) -> Played:
         """Play frame by frame, each steered to the palm."""
         followed, chosen, drive = list[str](), cleared.settings, cleared.drive
         report, name = self._noted(followed), tracker_name(chosen.follow, chosen.tracker_latency)
         with nullcontext(self.tracker) if self.tracker is not None else open_tracker(name) as tracker:
-            array, clearance, grid = self.rig.frames, cleared.clearance, grid_of(drive)
+            array, grid = self.rig.frames, grid_of(drive)
             done = play_followed(drive, array, tracker, chosen, clearance, grid, report=report, **how)
         return Played(**told, drive=drive, report=done.report, followed=tuple(followed), reaction=done.reaction)
 

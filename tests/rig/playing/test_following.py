@@ -13,7 +13,7 @@ from tests.palms import palm_path
 from tests.simulators.moving_hand import Hand
 
 from midair.cli.app import run
-from midair.devices import ExposureChoices, VirtualUnits, check_exposure, phase_bytes, virtual_immediate
+from midair.devices import ExposureChoices, VirtualUnits, phase_bytes, virtual_immediate
 from midair.errors import ExposureError, InputError, SilentFramesError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_solution, profile_named, save_palm_path, save_solution
 from midair.model import Acoustics, ControlGrid, Drive, PalmPath, Placement, Solution, TransducerArray
@@ -351,8 +351,6 @@ def test_steered_frames_are_weakened_to_the_profile_and_refused_outside_the_box(
     assert exposure(loud, profile).excess > 0 >= exposure(safe, profile, acoustics=cleared.exposure.airs).excess
     with pytest.raises(ExposureError, match="outside"):
         cleared.steered(drive, palm(np.tile([[0.06, 0, 0]], (8, 1))))
-    with pytest.raises(ExposureError, match="check_exposure_steered"):
-        check_exposure(drive, Loud, settings.exposure).steered(drive, rest)
     with pytest.raises(ExposureError, match="of full drive"):
         cleared.steered(replace(drive, level=np.ones(8)), rest)
 

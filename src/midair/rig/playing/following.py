@@ -12,11 +12,11 @@ from midair.array_types import Array
 from midair.devices import (
     TICK,
     ArrayInfo,
-    ExposureClearance,
     ImmediateArray,
     ImmediateUnits,
     PlayReport,
     PosePredictor,
+    SteeredClearance,
     Tracker,
     autd3_immediate,
     check_exposure_steered,
@@ -133,7 +133,7 @@ class Follower:
         share = (np.arange(len(phase)) - ends[before]) / (ends[before + 1] - ends[before])
         return angles[before] + share[:, None] * (angles[before + 1] - angles[before])
 
-    def steer_alone_if_slow(self, admission: ExposureClearance) -> None:
+    def steer_alone_if_slow(self, admission: SteeredClearance) -> None:
         """Leave out the fit if this computer needs more than two thirds of the time of a block for it and the check."""
         if self._fit is None:
             return
@@ -296,7 +296,7 @@ def clear_followed(
     samples: int = 2048,
     seed: int = 0,
     endless: bool = False,
-) -> ExposureClearance:
+) -> SteeredClearance:
     """Check the exposure of a drive for the box of poses: as it was solved, and frames steered to random poses.
 
     An eighth of them are fitted, too. `endless` is that of `check_exposure`.
@@ -340,7 +340,7 @@ def play_followed(
     array: ImmediateArray,
     tracker: Tracker,
     settings: PlaySettings,
-    admission: ExposureClearance,
+    admission: SteeredClearance,
     grid: ControlGrid,
     *,
     source: str | Path = "python",

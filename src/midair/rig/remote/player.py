@@ -21,6 +21,7 @@ from midair.devices import (
     PlayLease,
     Put,
     RawPose,
+    SteeredClearance,
     Tracker,
     divider,
     intensity_bytes,
@@ -123,7 +124,7 @@ class FramePlayer:
             raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
         follower, how = None, self.settings.but(follow="osc:" if follow else None, steer_only=True)
         admission = self.session.clear(drive, how, endless=True).clearance
-        if follow:
+        if isinstance(admission, SteeredClearance):
             follower = Follower(
                 self.tracker, drive, grid_of(drive), rules=FollowRules(fit=False), report=lambda _: None
             )
@@ -132,7 +133,7 @@ class FramePlayer:
         phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
 
         def frames(part: slice, times: Array) -> tuple[Any, Any]:
-            if follower is None:
+            if follower is None or not isinstance(admission, SteeredClearance):
                 return phases[part], intensities[part]
             steered = admission.steered(*follower.steered(part, times))
             return phase_bytes(steered, units), intensity_bytes(steered, 1)
