@@ -106,18 +106,14 @@ def test_a_verdict_in_one_sentence(factor, said):
 
 
 @pytest.mark.long
-def test_a_weaker_copy_has_the_same_spectrum_and_the_same_texture():
+def test_a_weaker_copy_has_the_same_spectrum():
     rng = np.random.default_rng(6)
     original = PressureFrames(pressure=5 * rng.standard_normal((2000, 4, 4)), rate=1000.0)
     card = perceptual_metrics(original, scaled(original, 0.8))
     assert card.figure("SPQI, level matched").overall == pytest.approx(1)
     assert card.figure("ST-SIM, level matched").overall == pytest.approx(1)
     assert card.figure("SPQI").overall < 0.5
-    rows = {name: value for name, value, _, _ in card.rows()}
-    for name in ("spectral slope", "balance above over below 100 Hz", "envelope, 8 to 32 Hz"):
-        before, after = rows[name].split(" → ")
-        assert before == after
-    assert len(rows) < len(card.figures)
+    assert len(card.rows()) < len(card.figures)
 
 
 def test_the_verdict_states_each_band_and_the_range_over_people():

@@ -19,8 +19,8 @@ from midair.evaluate.perception import (
     pacinian_level,
     similarities,
 )
-from midair.evaluate.spectra import TEXTURE, level, texture
-from midair.model import BAND, PressureFrames
+from midair.evaluate.spectra import level
+from midair.model import PressureFrames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,7 +178,6 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
                 "values mean less vibration at wrong places.",
             ),
             *_over_threshold(x, y, rate, skin, float(compared.sum()) * original.sensor.pitch**2),
-            *_textures(x, y, rate, compared),
         ),
         compared=compared,
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
@@ -192,9 +191,6 @@ def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> Per
     except ShapeError:
         return None
 
-
-LONGEST = 2**17
-"""Frames from which the texture is computed: 131 s at 1 kHz, 33 s at 4 kHz."""
 
 _BEFORE, _AFTER = ", original", ", reproduced"
 """Ends of the names of two figures that are one row."""
@@ -226,25 +222,6 @@ def _over_threshold(x: Array, y: Array, rate: float, skin: SkinModel, area: floa
         each
         for band, maps in zip(FELT_BANDS, zip(*pair, strict=True), strict=True)
         for each in _both(_band_name(band), "dB", [(levels.max(), levels) for levels in maps], meaning)
-    ]
-
-
-def _textures(x: Array, y: Array, rate: float, compared: NDArray[np.bool_]) -> list[PerceptualFigure]:
-    """Texture of the compared cells, from the first `LONGEST` frames; without what is undefined."""
-
-    def on_cells(values: Array) -> Values:
-        cells = np.full(compared.shape, np.nan)
-        cells[compared] = values[:-1]
-        return values[-1], cells
-
-    if not compared.any() or rate < 2 * BAND[1]:
-        return []
-    pair = [texture(each[:LONGEST][:, compared], rate) for each in (x, y)]
-    return [
-        each
-        for name, (unit, meaning) in TEXTURE.items()
-        if np.isfinite([found[name][-1] for found in pair]).all()
-        for each in _both(name, unit, [on_cells(found[name]) for found in pair], meaning)
     ]
 
 
