@@ -35,9 +35,7 @@ from .palm_metrics import PressedPalm as PressedPalm
 from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
 from .perception import FELT_BANDS as FELT_BANDS
-from .perception import FIBRES as FIBRES
 from .perception import SkinModel as SkinModel
-from .perception import afferent_rates as afferent_rates
 from .perception import band_levels as band_levels
 from .perception import pacinian_level as pacinian_level
 from .skin_metrics import PerceptualFigure as PerceptualFigure

@@ -1,18 +1,13 @@
-"""Perceptual similarity of two vibrations: published metrics for skin, Pacinian power, and nerve fibres.
+"""Perceptual similarity of two vibrations: published metrics for skin, and Pacinian power.
 
 ST-SIM is by Hassen and Steinbach (IEEE Trans. Haptics 13(1), 2020). It and SPQI are two of the metrics that Noll,
 Hofbauer, Muschter, Li and Steinbach combine (IEEE Haptics Symposium 2022, doi 10.1109/HAPTICS52432.2022.9765599). Both
 follow the package of the latter authors, vibromaf 0.0.8: blocks of 512 samples at 8 kHz, an orthonormal DCT, and the
 threshold curve T below. A test compares them with numbers of vibromaf.
-
-TouchSim computes the responses of nerve fibres, from a copy of the user (Saal, Delhaye et al., PNAS 114(28), 2017). It
-states no licence: midair contains nothing of it, and calls its classes `Stimulus` and `AfferentPopulation`.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
@@ -21,7 +16,6 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import ShapeError
 from midair.evaluate.spectra import level
-from midair.model import PressureFrames
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
@@ -218,36 +212,3 @@ def _alike(reference: Array, distorted: Array) -> float:
 
 def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
-
-
-FIBRES = {"SA1": "slowly adapting", "RA": "rapidly adapting", "PC": "Pacinian"}
-"""Classes of fibres in TouchSim."""
-
-LONGEST_FELT = 10.0
-"""Duration in s of what is simulated, from the beginning."""
-
-
-def afferent_rates(pressure: PressureFrames, model: Any) -> dict[str, float]:
-    """Mean impulses per second of each class of `FIBRES`, for a fibre of each kind under the middle of each cell.
-
-    `model` is the package of a copy. Displacements are those of `SkinModel` under each cell, and the fibres
-    have no noise.
-    """
-    skin, pitch = SkinModel(), 1e3 * pressure.sensor.pitch
-    held = np.asarray(pressure.pressure[: round(LONGEST_FELT * pressure.rate)])
-    x, y = np.meshgrid(pressure.sensor.x, pressure.sensor.y)
-    middles = 1e3 * np.stack([x.ravel(), y.ravel()], axis=1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        stimulus = model.Stimulus(
-            trace=1e3 * skin.displacement(held.reshape(len(held), -1)).T,
-            location=middles,
-            fs=pressure.rate,
-            pin_radius=min(1e3 * skin.radius, 0.49 * pitch),
-        )
-        rates = {}
-        for name in FIBRES:
-            kinds = range(len(model.Afferent.affparams[name]))
-            fibres = [model.Afferent(name, location=at, idx=kind, noisy=False) for at in middles for kind in kinds]
-            rates[name] = float(np.mean(model.AfferentPopulation(*fibres).response(stimulus).rate()))
-    return rates

@@ -1,10 +1,7 @@
 """The command `compare`: a re-recording or a drive against its original."""
 
-import importlib
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios, settings_of_rerecording
 from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
@@ -12,12 +9,10 @@ from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
 from midair.errors import InputError
 from midair.evaluate import (
-    FIBRES,
     RATIOS,
     Comparison,
     PalmFidelity,
     PerceptualMetrics,
-    afferent_rates,
     compare,
     metrics_or_none,
     ratio_text,
@@ -48,7 +43,6 @@ def compare_command(
     seed: int = 0,
     report: Path | None = None,
     film: Path | None = None,
-    touchsim: Path | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -74,8 +68,6 @@ def compare_command(
     film
         Write a slow-motion film of a drive to palm.gif or palm.mp4 (needs ffmpeg).
         It shows pressure on the palm and motion of soft skin, target beside reproduction.
-    touchsim
-        Folder of your copy of TouchSim, to print what nerve fibres do by its model.
     force
         Overwrite an existing report or film.
 
@@ -92,7 +84,6 @@ def compare_command(
         may_write(film, force, ".gif", ".mp4")
         if film.suffix.lower() == ".mp4":
             ffmpeg()
-    model = None if touchsim is None else load_touchsim(touchsim)
     original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
@@ -113,12 +104,10 @@ def compare_command(
     card = metrics_or_none(before, after)
     if report is not None:
         _write_report(report, before, after, comparison, card, told)
-    played = {"original": before, "reproduced": after}
-    fibres = model and {name: afferent_rates(each, model) for name, each in played.items()}
     advice = next_step(comparison.gain, Settings.of(take.recording.provenance))
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
-        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain(), "fibres": fibres})
+        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain()})
     banner(comparison.simulated)
     if card is not None:
         out().print(card.verdict(), style="bold")
@@ -129,11 +118,6 @@ def compare_command(
     print_ratios(comparison.ratios)
     if card is not None:
         print_metrics(card)
-    if fibres:
-        out().print("\nnerve fibres under the cells by TouchSim, original and reproduced", style="bold")
-        for name, kind in FIBRES.items():
-            rates = " and ".join(f"{each[name]:.3g}" for each in fibres.values())
-            out().print(f"  {kind} ({name}): {rates} impulses per second")
     if told is not None:
         print_palm(told)
     if report is not None:
@@ -220,16 +204,3 @@ def _played(
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
         heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=stage)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm
-
-
-def load_touchsim(folder: Path) -> Any:
-    """Import the package touchsim of a folder; InputError if there is none, or one of its dependencies is missing."""
-    if not (folder / "touchsim" / "__init__.py").is_file():
-        raise InputError(f"--touchsim: expected a folder that contains the package touchsim, got {folder}")
-    sys.path.insert(0, str(folder))
-    try:
-        return importlib.import_module("touchsim")
-    except ImportError as wrong:
-        raise InputError(f"--touchsim: expected its dependencies to be installed, got: {wrong}") from wrong
-    finally:
-        sys.path.remove(str(folder))
