@@ -14,7 +14,7 @@ under ultrasound.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
@@ -31,14 +31,21 @@ from midair.validation import positive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchChannel:
-    """Frequency weighting of skin displacement with a plateau of highest sensitivity and slopes on both sides."""
+    """Detection threshold of a tactile channel: a plateau of highest sensitivity with slopes on both sides."""
 
     best: tuple[float, float]
     """Lowest and highest frequency of the plateau, in Hz."""
     below: float
-    """Slope below the plateau, in dB per octave."""
+    """Rise of the threshold below the plateau, in dB per octave."""
     above: float
-    """Slope above the plateau, in dB per octave."""
+    """Rise of the threshold above the plateau, in dB per octave."""
+    just_felt: float
+    """Peak displacement at the threshold of half of all people on the plateau, in m."""
+    summed: float
+    """Area in m2 over which the channel sums the power of the displacement, and to which `just_felt` refers; 0 if the
+    displacement of one place decides."""
+    averaged: float
+    """Duration in s over which the channel averages this power."""
 
     def weight(self, frequency: Array) -> Array:
         """Factor on a displacement, 1 on the plateau, same shape as `frequency` (Hz); 0 at 0 Hz."""
@@ -49,15 +56,19 @@ class TouchChannel:
 
 
 TOUCH_CHANNELS: dict[Literal["NP I", "P"], TouchChannel] = {
-    "NP I": TouchChannel(best=(10.0, 40.0), below=12.0, above=12.0),
-    "P": TouchChannel(best=(250.0, 250.0), below=12.0, above=9.0),
+    "NP I": TouchChannel(best=(10.0, 800.0), below=12.0, above=12.0, just_felt=3.9e-6, summed=0.0, averaged=0.05),
+    "P": TouchChannel(best=(250.0, 250.0), below=12.0, above=9.0, just_felt=0.1e-6, summed=2.9e-4, averaged=0.2),
 }
-"""Tactile channels by their names in psychophysics.
+"""Tactile channels of the thenar eminence by their names in psychophysics.
 
-Pacinian corpuscles (P) respond from 40 to 800 Hz, best at about 250 Hz; the channel NP I determines thresholds from 10
-to 40 Hz (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012, a review). The slopes of P are Verrillo's (J.
-Acoust. Soc. Am. 35(12), 1963). Assumed: NP I is flat from 10 to 40 Hz, and has the low-frequency slope of P on both
-sides. None of this was measured on people with this array."""
+Verrillo (J. Acoust. Soc. Am. 35(12), 1963; as described by Gescheider and Verrillo, doi 10.1007/978-1-4613-3039-4_10,
+and by Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012): with a contact of 2.9 cm2 the threshold is flat
+up to 40 Hz and falls by 12 dB an octave to its lowest value at about 250 Hz. From 80 to 320 Hz it falls by 3 dB for
+each doubling of the area from .02 to 2.9 cm2, that is, by the power summed over it; at 25 and 40 Hz the area has no
+effect. P are the Pacinian corpuscles; NP I is flat at the value that P has at 40 Hz, 3.9 um. Thresholds of high
+frequencies fall with duration, those of low ones do not (Gescheider, Sens. Process. 1(1), 1976). Assumed: .1 um, since
+no figure for the palm in um could be read; that NP I is flat above 40 Hz, and its slopes beyond; .2 s for the Pacinian
+channel, and for NP I a period of 20 Hz. None of this was measured on people with this array."""
 
 
 Numbers = NDArray[Any]
@@ -206,28 +217,18 @@ class SkinMotion:
         )
 
     def displacement(self, pressure: NDArray[np.floating[Any]]) -> Array:
-        """Inward displacement of the surface in m, shape (frame, row, column), for a pressure of that shape in Pa."""
-        return np.concatenate(list(self.parts([pressure])))
+        """Inward displacement of the surface in m, shape (frame, row, column), for a pressure of that shape in Pa.
 
-    def parts(self, pressure: Iterable[NDArray[np.floating[Any]]]) -> Iterator[Array]:
-        """Yield the displacement for a recording in parts, with constant memory. Raises ShapeError for another grid."""
-        step = self.length - 2 * self.reach
-        # Overlap of the previous blocks; it begins `reach` moments before the recording.
-        held, early = np.zeros((2 * self.reach, self.rows, self.columns)), self.reach
-        for block in self._blocks(pressure, step):
-            moved = self._moved(block)
-            moved[: len(held)] += held
-            done, held = moved[: len(block)], moved[len(block) :]
-            yield done[early:]
-            early = max(early - len(block), 0)
-        yield held[early : self.reach]
-
-    def _blocks(self, pressure: Iterable[NDArray[np.floating[Any]]], step: int) -> Iterator[NDArray[np.floating[Any]]]:
-        for part in pressure:
-            if part.ndim != 3 or part.shape[1:] != (self.rows, self.columns):
-                raise ShapeError(f"pressure: expected shape (frame, {self.rows}, {self.columns}), got {part.shape}")
-            for first in range(0, len(part), step):
-                yield part[first : first + step]
+        Raises ShapeError for another grid.
+        """
+        if pressure.ndim != 3 or pressure.shape[1:] != (self.rows, self.columns):
+            raise ShapeError(f"pressure: expected shape (frame, {self.rows}, {self.columns}), got {pressure.shape}")
+        step, whole = self.length - 2 * self.reach, np.zeros((len(pressure) + 2 * self.reach, self.rows, self.columns))
+        # Each block also moves the skin `reach` moments before and after it.
+        for first in range(0, len(pressure), step):
+            moved = self._moved(pressure[first : first + step])
+            whole[first : first + len(moved)] += moved
+        return whole[self.reach : self.reach + len(pressure)]
 
     def _moved(self, block: NDArray[np.floating[Any]]) -> Array:
         """Displacement by one block alone, with `reach` moments before and after it, (frame + 2 reach, row, column)."""
