@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2026, help="seed of all random numbers (default 2026)")
     parser.add_argument("--data", type=Path, default=DATA, help="folder with fabricslide, for denim")
     parser.add_argument("--things", nargs="*", choices=THINGS, default=THINGS, help="recordings of the part safe")
-    parser.add_argument("--levels", type=float, nargs="*", default=[110, 115, 120, 125, 130], help="in dB")
+    parser.add_argument("--levels", type=float, nargs="*", default=[110, 115, 120, 130, 141], help="in dB")
     options = parser.parse_args()
     print(load())
     rng = np.random.default_rng(options.seed)
@@ -182,14 +182,14 @@ def safe(thing: str, levels: list[float], data: Path) -> None:
     print(
         f"{thing}: best mode {loud.pressure:.1f} Pa, ears {loud.peak[:2].max():.1f} dB, bystander {loud.peak[2]:.1f} dB"
     )
-    for level in levels:
-        left = loud.pressure * 10 ** (-max(loud.peak[:2].max() - level, 0) / 10)
-        print(f"  best mode attenuated to {level:g} dB: {left:.2g} Pa")
     for row in level_trade(original, BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings)), levels):
+        left = loud.pressure * 10 ** (-max(loud.peak[:2].max() - row.limit, 0) / 10)
+        weaker = row.felt.at(20 * np.log10(left / row.palm))
+        print(f"  best mode attenuated to {row.limit:g} dB: {left:.2g} Pa, felt {weaker}")
         true = {str(spread or "equal"): true_ears(row.drive, spread) for spread in (None, *SPREADS)}
         print(
-            f"  {row.limit:g} dB: strength {row.strength:.3f}, palm {row.palm:.2g} Pa, vibration {row.felt:+.1f} dB "
-            f"over threshold, touched cells {row.distortion_ratio:.1f} dB; check: ears {row.ears:.1f}, bystander "
+            f"  {row.limit:g} dB: strength {row.strength:.3f}, palm {row.palm:.2g} Pa, felt {row.felt}, "
+            f"touched cells {row.distortion_ratio:.1f} dB; check: ears {row.ears:.1f}, bystander "
             f"{row.bystander:.1f}, unlike {row.unlike:.1f} dB; direct sum at the ears: "
             + ", ".join(f"{name} {level:.1f}" for name, level in true.items())
             + " dB",

@@ -24,7 +24,7 @@ LINES = {
     "model": 1871,
     "settings streaming .": 2675,
     "physics": 3105,
-    "recordings targets correct evaluate": 4065,
+    "recordings targets correct evaluate": 4038,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4628,

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from midair.errors import ShapeError
-from midair.evaluate.perception import SkinModel, band_levels, blocks, metric_threshold, pacinian_level, similarities
+from midair.evaluate.perception import blocks, metric_threshold, similarities
 
 
 def tone(scale=1.0):
@@ -95,53 +93,3 @@ def test_the_threshold_curve_by_hand():
 def test_less_than_a_block_is_refused():
     with pytest.raises(ShapeError, match="512 samples"):
         alike(np.ones(100), np.zeros(100))
-
-
-def test_skin_by_hand():
-    skin = SkinModel()
-    assert skin.displacement(np.array(100.0)) == pytest.approx(2 * 0.84 * 100 * 5e-3 / 50e3)  # 16.8 um
-    assert skin.threshold(np.array([125.0, 250.0, 500.0])) == pytest.approx(
-        0.1e-6 * 10 ** (np.array([12, 0, 9]) / 20), rel=1e-12
-    )
-
-
-@given(st.sampled_from([20.0, 125.0, 250.0, 400.0]), st.floats(0.1, 100))
-def test_a_sine_that_is_just_felt_is_at_0_db_and_power_is_power(frequency, factor):
-    skin, time = SkinModel(), np.arange(1000) / 1000
-    felt = skin.threshold(np.array(frequency)) / skin.displacement(np.array(1.0))
-    level = pacinian_level(factor * felt * np.sin(2 * np.pi * frequency * time), 1000.0)
-    assert level == pytest.approx(20 * np.log10(factor), abs=1e-9)
-
-
-def test_a_steady_push_is_not_felt_as_vibration():
-    assert pacinian_level(np.full((200, 2), 7.0), 1000.0).max() < -200
-
-
-def test_the_detection_threshold_by_frequency_and_area():
-    """Verrillo (1963): flat to 40 Hz, then 12 dB an octave to 250 Hz; 3 dB a doubled area from .02 to 2.9 cm2."""
-    skin = SkinModel()
-    large, half, small = (skin.detection_threshold(np.array([20.0, 40.0, 125.0, 250.0]), each) for each in AREAS)
-    assert 20 * np.log10(large / 0.1e-6) == pytest.approx([31.7, 31.7, 12, 0], abs=0.05)
-    assert 20 * np.log10(half / large) == pytest.approx([0, 0, 3.01, 3.01], abs=0.01)
-    assert 20 * np.log10(small / large) == pytest.approx([0, 0, 31.7 - 12, 21.6], abs=0.05)
-
-
-AREAS = (2.9e-4, 1.45e-4, 1e-9)
-
-
-def test_the_threshold_agrees_with_that_of_radiation_force():
-    """Dalecki et al. (1995, doi 10.1121/1.411877): .4 mN on 1.8 cm2 of a finger, a square wave at 200 Hz."""
-    skin, area = SkinModel(), 1.8e-4
-    fundamental = 2 / np.pi * 0.4e-3 / area
-    told = skin.displacement(np.array(fundamental)) / skin.detection_threshold(np.array([200.0]), area)
-    assert abs(20 * np.log10(told[0])) < 6
-
-
-@pytest.mark.parametrize(("frequency", "band"), [(25.0, 0), (80.0, 1), (250.0, 2)])
-def test_a_sine_at_its_threshold_has_0_db_in_its_band_alone(frequency, band):
-    skin, area = SkinModel(), 1.21e-4
-    peak = skin.detection_threshold(np.array([frequency]), area)[0] / skin.displacement(np.array(1.0))
-    sine = peak * np.sin(2 * np.pi * frequency * np.arange(1000) / 1000)
-    levels = band_levels(sine[:, None], 1000.0, area=area)[:, 0]
-    assert levels[band] == pytest.approx(0, abs=1e-6)
-    assert (np.delete(levels, band) < -100).all()

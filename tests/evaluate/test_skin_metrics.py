@@ -42,12 +42,6 @@ def test_half_as_strong_is_6_db_and_nearly_4_steps_weaker():
     assert card.figure("ST-SIM").overall < 1
 
 
-def test_the_level_over_the_threshold_by_hand():
-    """10 Pa move skin by 1.68 um, 24.5 dB over .1 um; at 125 Hz the threshold is 12 dB higher; Hann: -4.26 dB."""
-    level = perceptual_metrics(frames(), frames()).figure("Pacinian power, original").overall
-    assert level == pytest.approx(20 * np.log10(16.8) - 12 + 10 * np.log10(0.375), abs=0.2)
-
-
 def test_a_delay_is_not_felt():
     late = dataclasses.replace(frames(), pressure=advance(frames().pressure, -0.012, 1000.0))
     assert perceptual_metrics(frames(), late).figure("ST-SIM").overall == pytest.approx(1, abs=1e-3)
@@ -86,25 +80,6 @@ def test_mismatched_recordings_are_rejected():
         perceptual_metrics(short, short)
 
 
-@pytest.mark.parametrize(
-    ("factor", "said"),
-    [
-        (1.0, "A palm would feel it, as strong as the original and with much the same spectrum"),
-        (4.0, "A palm would feel it, 4 times as strong as the original and with much the same spectrum"),
-        (0.3, "A palm would feel it, 0.3 times as strong as the original and with much the same spectrum"),
-        (0.8, "A palm would feel it, 20 % weaker than the original and with much the same spectrum"),
-        (1e-4, "A palm would not feel it"),
-    ],
-)
-def test_a_verdict_in_one_sentence(factor, said):
-    time = np.arange(400) / 1000
-    wave = 20 * np.sin(2 * np.pi * 200 * time)[:, None, None] * np.ones((1, 4, 4))
-    original = PressureFrames(pressure=wave, rate=1000.0)
-    verdict = perceptual_metrics(original, PressureFrames(pressure=factor * wave, rate=1000.0)).verdict()
-    assert verdict.startswith(said)
-    assert "not tried on people" in verdict
-
-
 @pytest.mark.long
 def test_a_weaker_copy_has_the_same_spectrum():
     rng = np.random.default_rng(6)
@@ -113,11 +88,5 @@ def test_a_weaker_copy_has_the_same_spectrum():
     assert card.figure("SPQI, level matched").overall == pytest.approx(1)
     assert card.figure("ST-SIM, level matched").overall == pytest.approx(1)
     assert card.figure("SPQI").overall < 0.5
-    assert len(card.rows()) < len(card.figures)
-
-
-def test_the_verdict_states_each_band_and_the_range_over_people():
-    said = perceptual_metrics(frames(), frames()).verdict()
-    # 10 Pa at 125 Hz as a Hann burst on 1.21 cm2: 24.5 - 12 - 4.3 - 3.8 dB.
-    assert "20 to 40 Hz far below, 40 to 150 Hz 4 dB above, 150 to 470 Hz far below the detection threshold" in said
-    assert "that of people lies -20 to +13 dB from it" in said
+    names = [name for name, *_ in card.rows()]
+    assert len(names) == len(set(names)) == len(card.figures) - 1, "both levels over the threshold are one row"

@@ -108,7 +108,7 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look):
     page.go("#draw")
     page.until(f"studio.name === 'draw' && {SEEN}", timeout=120)
     assert "limit 110 dB" in page.page.locator("#draw-exposure").inner_text()
-    assert "above the detection threshold" in page.page.locator("#draw-felt").inner_text()
+    assert "of 10 people" in page.page.locator("#draw-felt").inner_text()
     page.page.get_by_role("button", name="square").click()
     press("Control+z")
     assert value("studio.room.one.shape.name") == "circle"

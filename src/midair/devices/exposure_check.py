@@ -15,7 +15,7 @@ import numpy as np
 from midair.array_types import Array
 from midair.devices.frame_bytes import PHASE_STEPS, actual_level, amplitude_of, intensity_bytes
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
-from midair.evaluate import SkinModel
+from midair.evaluate import HARDLY_FELT
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MINUTE, Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
 from midair.streaming import LazyFrames, cached_blocks, each_frame
@@ -159,13 +159,12 @@ class ExposureClearance:
 def felt_pressure_text(found: Exposure) -> str:
     """One line if a drive cannot be felt on the palm; empty if it may be felt.
 
-    A modulated pressure has an amplitude of at most half its peak. It cannot be felt below the detection threshold at
-    the most sensitive frequency of the skin (`SkinModel`; nominal, people differ by 10 dB).
+    A modulated pressure has an amplitude of at most half its peak.
     """
-    just = 2 * SkinModel().pressure_just_felt
-    if found.pressure >= just:
+    least = 2 * HARDLY_FELT
+    if found.pressure >= least:
         return ""
-    return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm, where {just:.2g} Pa are just felt"
+    return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm; of 20 people one feels {least:.2g} Pa"
 
 
 def measure_exposure(

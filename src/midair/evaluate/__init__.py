@@ -29,15 +29,17 @@ from .error_budget import error_at_temperature as error_at_temperature
 from .error_budget import error_by_energy as error_by_energy
 from .error_budget import leak as leak
 from .error_budget import surroundings as surroundings
+from .felt import HARDLY_FELT as HARDLY_FELT
+from .felt import JUST_FELT as JUST_FELT
+from .felt import PEOPLE as PEOPLE
+from .felt import Felt as Felt
+from .felt import felt as felt
+from .felt import skin_motion as skin_motion
 from .palm_metrics import PalmFidelity as PalmFidelity
 from .palm_metrics import PalmFrames as PalmFrames
 from .palm_metrics import PressedPalm as PressedPalm
 from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
-from .perception import FELT_BANDS as FELT_BANDS
-from .perception import SkinModel as SkinModel
-from .perception import band_levels as band_levels
-from .perception import pacinian_level as pacinian_level
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
@@ -45,3 +47,4 @@ from .skin_metrics import perceptual_metrics as perceptual_metrics
 from .spectra import THIRD_OCTAVES as THIRD_OCTAVES
 from .spectra import dominant_frequency as dominant_frequency
 from .spectra import spectral_error as spectral_error
+from .verdict import Verdict as Verdict

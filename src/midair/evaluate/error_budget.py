@@ -192,6 +192,12 @@ class LaboratoryLoss:
         """The uncertainty with the lowest median."""
         return min((name for name in self.ratios if name != ALL), key=lambda name: float(np.median(self.ratios[name])))
 
+    def text(self) -> str:
+        """Result with all uncertainties in one line."""
+        middle, low, high = np.percentile(self.ratios[ALL], [50, 5, 95])
+        array = "a measured array" if self.measured else "an array that was not measured"
+        return f"{middle:.0f} dB ({low:.0f} to {high:.0f}) with {array}"
+
     @property
     def advice(self) -> str:
         """One line: the largest uncertainty and what to do about it."""

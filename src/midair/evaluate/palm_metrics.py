@@ -8,7 +8,6 @@ target is the recorded pressure, interpolated between the cells, and zero elsewh
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -16,8 +15,9 @@ import numpy as np
 from midair.array_types import Array
 from midair.dsp import Band, resample
 from midair.evaluate.distortion import advance, decibels, find_delay, finite, in_band
+from midair.evaluate.felt import skin_motion
 from midair.model import BAND, Palm
-from midair.physics import SKINS, SkinMotion, Tissue
+from midair.physics import SKINS, Tissue
 from midair.validation import frozen_array
 
 
@@ -209,14 +209,8 @@ def _displacement(tissue: Tissue, pressure: Array, palm: Palm, rate: float, band
     """Displacement of the palm's skin, shape (frame, point)."""
     load = np.zeros((len(pressure), *palm.inside.shape))
     load[:, palm.inside] = pressure
-    motion = _motion(tissue, palm.inside.shape, palm.pitch, rate, band)
+    motion = skin_motion(tissue, palm.inside.shape, palm.pitch, rate, band)
     return motion.displacement(load)[:, palm.inside]
-
-
-@cache
-def _motion(tissue: Tissue, shape: tuple[int, int], pitch: float, rate: float, band: Band) -> SkinMotion:
-    """Skin model for a palm; cached, because building it takes longer than using it."""
-    return SkinMotion.of(tissue, shape, pitch=pitch, rate=rate, band=band, edge=band[0] / 2)
 
 
 def _ratio(x: Array, y: Array) -> float:

@@ -1,4 +1,4 @@
-"""Perceptual similarity of two vibrations: published metrics for skin, and Pacinian power.
+"""Perceptual similarity of two vibrations: published metrics for skin.
 
 ST-SIM is by Hassen and Steinbach (IEEE Trans. Haptics 13(1), 2020). It and SPQI are two of the metrics that Noll,
 Hofbauer, Muschter, Li and Steinbach combine (IEEE Haptics Symposium 2022, doi 10.1109/HAPTICS52432.2022.9765599). Both
@@ -6,15 +6,13 @@ follow the package of the latter authors, vibromaf 0.0.8: blocks of 512 samples 
 threshold curve T below. A test compares them with numbers of vibromaf.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import ShapeError
+from midair.evaluate.felt import JUST_FELT
 from midair.evaluate.spectra import level
 
 RATE = 8000.0
@@ -43,74 +41,9 @@ def metric_threshold(bins: int, rate: float = RATE) -> Array:
     return np.asarray(curve, np.float64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkinModel:
-    """Model of skin displacement under a cell's pressure, and of its detection threshold."""
-
-    modulus: float = 50e3
-    """Elastic modulus of skin in Pa (TouchSim: Saal et al., PNAS 114(28), 2017)."""
-    poisson: float = 0.4
-    """Poisson's ratio (same source)."""
-    radius: float = 5e-3
-    """Radius of the area under a cell's pressure, in m."""
-    just_felt: float = 0.1e-6
-    """Peak displacement at the detection threshold of the palm at `best`, in m. Nominal: see
-    `people` for their range; this affects levels over the threshold, but no difference between two
-    signals.
-    """
-    best: float = 250.0
-    """Most sensitive frequency of Pacinian corpuscles in Hz (Verrillo, J. Acoust. Soc. Am. 35(12), 1963)."""
-    below: float = 12.0
-    """Rise of the threshold below `best` in dB per octave (same source)."""
-    above: float = 9.0
-    """Rise of the threshold above `best` in dB per octave (same source)."""
-    flat_below: float = 40.0
-    """Below this frequency in Hz the threshold of the thenar eminence is flat and independent of the area, a channel
-    that is not Pacinian (Verrillo 1963, in Gescheider and Verrillo, doi 10.1007/978-1-4613-3039-4_10).
-    """
-    area: float = 2.9e-4
-    """Contact area of `just_felt` in m2. From 0.02 to 2.9 cm2 the Pacinian threshold falls by 3 dB for each doubling
-    (Verrillo 1963; The role of skin coupling in the determination of vibrotactile spatial summation).
-    """
-    people: tuple[float, float] = (-20.0, 13.0)
-    """Range of thresholds in dB around `just_felt`. Lower: below .01 um in some of 19 people who grasped a cylinder
-    (Brisben, Hsiao and Johnson, Detection of vibration transmitted through an object grasped in the hand, 1999).
-    Upper: 2.6 dB per decade of age over 50 years (Brammer et al., 125th Meeting of the ASA, 1993, paper 4aBV9).
-    """
-    step: float = 1.58
-    """Just noticeable difference of the level in dB: a Weber fraction of .20 of the amplitude, the median at 125
-    Hz on the thenar eminence (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012).
-    """
-
-    def displacement(self, pressure: Array) -> Array:
-        """Displacement of skin under a uniformly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 17 µm for 100 Pa."""
-        return 2 * (1 - self.poisson**2) * self.radius / self.modulus * np.asarray(pressure, float)
-
-    @property
-    def pressure_just_felt(self) -> float:
-        """Peak amplitude of a cell's pressure at the detection threshold at `best`, in Pa: .6 Pa."""
-        return self.just_felt / float(self.displacement(np.ones(1))[0])
-
-    def threshold(self, frequency: Array) -> Array:
-        """Pacinian threshold T_P(f) as peak displacement in m, for frequencies in Hz above 0."""
-        octaves = np.log2(np.asarray(frequency, float) / self.best)
-        rise = np.where(octaves < 0, -self.below * octaves, self.above * octaves)
-        return self.just_felt * 10 ** (rise / 20)
-
-    def detection_threshold(self, frequency: Array, area: float) -> Array:
-        """Threshold of the more sensitive channel for a contact of `area` in m2, as peak displacement in m."""
-        smaller = 10 * np.log10(self.area / np.clip(area, 0.02e-4, self.area))
-        flat = self.threshold(np.array(self.flat_below))
-        return np.minimum(self.threshold(frequency) * 10 ** (smaller / 20), flat)
-
-    def metric_scale(self) -> float:
-        """Factor that converts a pressure in Pa to the input of ST-SIM and SPQI.
-
-        The metrics have no unit. With this factor a sine at `best` at the detection threshold has the minimum level of
-        their threshold curve.
-        """
-        level = 10 ** (-FLOOR / 20) / np.sqrt(BLOCK / 2)
-        return float(self.displacement(np.ones(1))[0] / self.just_felt * level)
+METRIC_SCALE = 10 ** (-FLOOR / 20) / np.sqrt(BLOCK / 2) / np.exp(np.mean(np.log(list(JUST_FELT.values()))))
+"""Factor that converts a pressure in Pa to the input of ST-SIM and SPQI, which has no unit: a sine of 250 Hz that half
+of all people feel (`JUST_FELT`, mean of the skins) has the minimum level of their threshold curve."""
 
 
 def blocks(signal: Array) -> Array:
@@ -167,42 +100,6 @@ def _similarity(reference: Array, distorted: Array) -> tuple[float, float]:
     count, total = int(varies.sum()), float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
     alike = max(temporal / count, 0.0) ** (2 / 3) * (spectral / count) ** (1 / 3) if count else 0.0
     return alike, total / int(heard.sum()) if heard.any() else 0.0
-
-
-def pacinian_level(pressure: Array, rate: float) -> Array:
-    """Level of the power in the Pacinian channel, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
-
-    It predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6), 2003). X are the
-    peak amplitudes of the Fourier components of the whole signal without its mean. A sine at the threshold has 0 dB,
-    silence minus infinity. `pressure`, shape (frame, ...), is in Pa, and `rate` in Hz.
-    """
-    return _weighted_level(pressure, rate, lambda f: 1 / SkinModel().threshold(f)[None] ** 2)[0]
-
-
-FELT_BANDS = ((20.0, 40.0), (40.0, 150.0), (150.0, 470.0))
-"""Bands in Hz of `band_levels`: not Pacinian, rising sensitivity, and the most sensitive frequencies."""
-
-
-def band_levels(pressure: Array, rate: float, *, area: float) -> Array:
-    """Level over the detection threshold of a palm in each of `FELT_BANDS`, in dB, shape (band, ...).
-
-    Power is weighted by `SkinModel.detection_threshold`; pressure as in `pacinian_level`, `area` of contact in m2.
-    """
-
-    def weights(frequency: Array) -> Array:
-        inside = [(frequency >= low) & (frequency < high) for low, high in FELT_BANDS]
-        return np.stack(inside) / SkinModel().detection_threshold(frequency, area) ** 2
-
-    return _weighted_level(pressure, rate, weights)
-
-
-def _weighted_level(pressure: Array, rate: float, weights: Callable[[Array], Array]) -> Array:
-    """Level in dB of the skin's displacement with several weights (weight, bin), shape (weight, ...)."""
-    # Without 0 Hz: Pacinian corpuscles do not respond to steady pressure, and 0 Hz has no octave.
-    weight = weights(np.asarray(np.fft.rfftfreq(len(pressure), 1 / rate)[1:], np.float64))
-    channels = SkinModel().displacement(pressure.reshape(len(pressure), -1)).T
-    power = [weight @ np.abs(np.fft.rfft(values)[1:] * 2 / len(pressure)) ** 2 for values in channels]
-    return level(np.stack(power, axis=1)).reshape(-1, *pressure.shape[1:])
 
 
 def _alike(reference: Array, distorted: Array) -> float:

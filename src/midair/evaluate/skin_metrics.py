@@ -11,16 +11,15 @@ from midair.dsp import resample
 from midair.errors import ShapeError
 from midair.evaluate.comparison import check_alike
 from midair.evaluate.distortion import WEAKEST, advance, find_delay
-from midair.evaluate.perception import (
-    FELT_BANDS,
-    RATE,
-    SkinModel,
-    band_levels,
-    pacinian_level,
-    similarities,
-)
+from midair.evaluate.felt import Felt, felt
+from midair.evaluate.perception import METRIC_SCALE, RATE, similarities
 from midair.evaluate.spectra import level
 from midair.model import PressureFrames
+from midair.physics import TOUCH_CHANNELS
+
+STEP = 1.58
+"""Just noticeable difference of a level in dB: a Weber fraction of .20 of the amplitude, the median at 125 Hz on the
+thenar eminence (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,6 +44,8 @@ class PerceptualMetrics:
     figures: tuple[PerceptualFigure, ...]
     compared: NDArray[np.bool_]
     """Mask of the cells whose original is strong enough, shape (row, column)."""
+    felt: Felt
+    """Level of the reproduction over the detection threshold."""
     simulated: bool
     """Whether any part was simulated."""
 
@@ -56,7 +57,6 @@ class PerceptualMetrics:
         """Values for JSON; cells that are not compared are null."""
         return {
             "simulated": self.simulated,
-            "verdict": self.verdict(),
             "figures": [
                 {name: getattr(each, name) for name in ("name", "unit", "overall", "meaning")}
                 | {"channels": each.channels.tolist()}
@@ -76,47 +76,6 @@ class PerceptualMetrics:
                 said = each.meaning
         return rows
 
-    def verdict(self) -> str:
-        """Predict in one sentence whether a palm would feel the reproduction and how similar it would be.
-
-        Felt means that the strongest cell is over the detection threshold in some band; equally strong means within one
-        just noticeable difference (Forta, Griffin and Morioka 2012); the same spectrum means an SPQI of .5 or more
-        after the level is matched, a difference of a fifth of the power.
-        """
-        return f"A palm would {self.felt()}: {self.bands()}; {self.reservation()}."
-
-    def felt(self) -> str:
-        """Prediction in a few words, without the bands and the reservation."""
-        steps = self.figure("the same in just noticeable differences").overall
-        if max(self._levels()) < 0:
-            return "not feel it"
-        times = 10 ** (self.figure("Pacinian power difference").overall / 20)
-        strong = "as strong as" if abs(steps) <= 1 else f"{times:.2g} times as strong as"
-        if abs(steps) > 1 and 0.5 <= times <= 2:
-            strong = f"{abs(100 * (times - 1)):.0f} % {'stronger' if times > 1 else 'weaker'} than"
-        alike = "much the same" if self.figure("SPQI, level matched").overall >= 0.5 else "another"
-        return f"feel it, {strong} the original and with {alike} spectrum"
-
-    def bands(self) -> str:
-        """Level of the reproduction over the detection threshold in each band, and how people differ."""
-        levels = [
-            f"{low:g} to {high:g} Hz {abs(level):.0f} dB {'above' if level >= 0 else 'below'}"
-            if level > -40
-            else f"{low:g} to {high:g} Hz far below"
-            for (low, high), level in zip(FELT_BANDS, self._levels(), strict=True)
-        ]
-        lower, upper = SkinModel().people
-        return (
-            f"{', '.join(levels)} the detection threshold, that of people lies {lower:+.0f} to {upper:+.0f} dB from it"
-        )
-
-    def _levels(self) -> list[float]:
-        return [self.figure(_band_name(band) + _AFTER).overall for band in FELT_BANDS]
-
-    def reservation(self) -> str:
-        """Statement that the prediction comes from a model."""
-        return f"by a model of skin ({'simulated, ' if self.simulated else ''}not tried on people)"
-
     def __repr__(self) -> str:
         cells = f"{int(self.compared.sum())} of {self.compared.size} cells"
         return f"<PerceptualMetrics {len(self.figures)} figures on {cells}{', SIMULATED' if self.simulated else ''}>"
@@ -135,14 +94,15 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     Raises MismatchError or RateError if the cells or the rates differ, ShapeError if they are too short.
     """
     check_alike(original, reproduced)
-    skin, rate = SkinModel(), original.rate
+    rate = original.rate
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, rate)
     # A delay of rounding errors would fill silent blocks with noise.
     y = advance(y, delay, rate) if abs(delay) > 1e-9 else y
     power = (x**2).sum(axis=0) / frames
-    before, after = pacinian_level(x, rate), pacinian_level(y, rate)
+    before, after = _pacinian_level(x, rate), _pacinian_level(y, rate)
+    over = [felt(each, rate, original.sensor.pitch) for each in (x, y)]
     compared = (power > 0) & (power >= power.max() * 10 ** (-WEAKEST / 10))
     apart = _difference(_total(after), _total(before))
     # The level is that of the felt vibration, so that it does not depend on the waveform.
@@ -151,13 +111,13 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     stray = np.where(compared, np.nan, _difference(after, _total(before)))
     return PerceptualMetrics(
         figures=(
-            *_similarities(x, y, rate, skin, np.where(compared, power, 0.0), level),
+            *_similarities(x, y, rate, np.where(compared, power, 0.0), level),
             *_both(
-                "Pacinian power",
+                "level over the threshold",
                 "dB",
-                [(_total(each), each) for each in (before, after)],
-                "Vibration in dB over the detection threshold of a palm, weighted by the sensitivity of Pacinian "
-                "corpuscles and summed over the cells.",
+                [(each.level, np.full(power.shape, np.nan)) for each in over],
+                "Vibration in dB over the detection threshold of half of all people where and when it is strongest: "
+                f"mean of {len(over[0].levels)} models of skin.",
             ),
             _metric(
                 ("Pacinian power difference", "dB"),
@@ -167,8 +127,8 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
             ),
             _metric(
                 ("the same in just noticeable differences", "JND"),
-                (apart / skin.step, apart_by_cell / skin.step),
-                f"In steps of {skin.step:g} dB, the smallest difference of strength that people notice on the palm at "
+                (apart / STEP, apart_by_cell / STEP),
+                f"In steps of {STEP:g} dB, the smallest difference of strength that people notice on the palm at "
                 "125 Hz: between -1 and 1 most people would not notice a difference of strength.",
             ),
             _metric(
@@ -177,9 +137,9 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
                 "Pacinian power on cells where the original hardly presses, relative to the original's total: lower "
                 "values mean less vibration at wrong places.",
             ),
-            *_over_threshold(x, y, rate, skin, float(compared.sum()) * original.sensor.pitch**2),
         ),
         compared=compared,
+        felt=over[1],
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
 
@@ -207,29 +167,20 @@ def _both(name: str, unit: str, pair: Sequence[Values], meaning: str) -> list[Pe
     return [_metric((name + end, unit), each, meaning) for end, each in zip((_BEFORE, _AFTER), pair, strict=True)]
 
 
-def _band_name(band: tuple[float, float]) -> str:
-    return f"{band[0]:g} to {band[1]:g} Hz over the threshold"
+def _pacinian_level(pressure: Array, rate: float) -> Array:
+    """Level of each channel's pressure with the weights of the Pacinian channel, in dB, shape (row, column).
+
+    On displacement it predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6),
+    2003); differences of levels hardly depend on the skin.
+    """
+    spectrum = np.fft.rfft(pressure, axis=0) * 2 / len(pressure)
+    weight = TOUCH_CHANNELS["P"].weight(np.asarray(np.fft.rfftfreq(len(pressure), 1 / rate), np.float64))
+    return level((np.abs(spectrum * weight[:, None, None]) ** 2).sum(axis=0))
 
 
-def _over_threshold(x: Array, y: Array, rate: float, skin: SkinModel, area: float) -> list[PerceptualFigure]:
-    """Level of each band over the detection threshold for a contact area in m2."""
-    pair = [band_levels(each, rate, area=area) for each in (x, y)]
-    meaning = (
-        "Vibration of the strongest cell in dB over the nominal detection threshold of a palm for the touched area; "
-        f"the thresholds of people lie {skin.people[0]:+g} to {skin.people[1]:+g} dB from it."
-    )
-    return [
-        each
-        for band, maps in zip(FELT_BANDS, zip(*pair, strict=True), strict=True)
-        for each in _both(_band_name(band), "dB", [(levels.max(), levels) for levels in maps], meaning)
-    ]
-
-
-def _similarities(
-    x: Array, y: Array, rate: float, skin: SkinModel, weight: Array, level: float
-) -> list[PerceptualFigure]:
+def _similarities(x: Array, y: Array, rate: float, weight: Array, level: float) -> list[PerceptualFigure]:
     """ST-SIM and SPQI of the cells with a weight, after `level` is divided out, and with it."""
-    scale, found = skin.metric_scale(), list[PerceptualFigure]()
+    found = list[PerceptualFigure]()
     meanings = (
         (
             "1 if waveform and felt spectrum are equal in each 64 ms, after the felt levels are matched.",
@@ -243,7 +194,7 @@ def _similarities(
         ),
     )
     for which, (end, factor) in enumerate(((", level matched", level or 1.0), ("", 1.0))):
-        pair = [by * resample(each, rate, RATE) for each, by in ((x, scale), (y, scale / factor))]
+        pair = [by * resample(each, rate, RATE) for each, by in ((x, METRIC_SCALE), (y, METRIC_SCALE / factor))]
         maps = similarities(*pair, compared=weight.ravel() > 0).reshape(2, *weight.shape)
         means = np.nansum(maps * weight, axis=(1, 2)) / (weight.sum() or 1.0)
         for name, each, mean, meaning in zip(("ST-SIM", "SPQI"), maps, means, meanings, strict=True):

@@ -187,8 +187,6 @@ def draw_map(
 SHOWN = (
     "ST-SIM, level matched",
     "SPQI, level matched",
-    "Pacinian power, original",
-    "Pacinian power, reproduced",
     "Pacinian power difference",
 )
 """Metrics that are shown as maps; the others follow from them."""

@@ -47,9 +47,7 @@ if TYPE_CHECKING:
     from .correction.outcomes import PALM_TITLE as PALM_TITLE
     from .correction.outcomes import Outcome as Outcome
     from .correction.outcomes import comparison_rows as comparison_rows
-    from .correction.outcomes import metrics_of_loop as metrics_of_loop
     from .correction.outcomes import next_step as next_step
-    from .correction.outcomes import summarise_outcomes as summarise_outcomes
     from .doctor.checkup import readiness as readiness
     from .doctor.checkup import run_checks as run_checks
     from .doctor.wizard import checkup_line as checkup_line

@@ -9,7 +9,7 @@ import numpy as np
 import tomli_w
 
 from midair.errors import InputError
-from midair.evaluate import RATIOS, compare, metrics_or_none, ratio_text
+from midair.evaluate import RATIOS, Verdict, compare, metrics_or_none, ratio_text
 from midair.files import load_solution, open_take
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, TransducerArray
@@ -21,6 +21,7 @@ from midair.rig import (
     array_calibration_for,
     error_budget,
     loop,
+    next_step,
     original_of_drive,
     palm_of_drive,
     pressure_of,
@@ -140,7 +141,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
             *([name, f"{ratio_text(limits)} dB"] for name, limits in found.ratios.items()),
             *([name, _figure(*figure)] for name, figure in found.figures().items() if name not in RATIOS),
         ],
-        "verdict": "" if card is None else card.verdict(),
+        "verdict": Verdict.of(found, after, card, option=next_step(found.gain, settings)).rows(),
         "card": [[name, f"{value} {unit}".rstrip(), meaning] for name, value, unit, meaning in rows],
         "channel_correlation": np.round(found.channel_correlation, 3).ravel().tolist(),
         "rate_hz": before.rate,

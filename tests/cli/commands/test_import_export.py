@@ -128,15 +128,15 @@ def test_info_reports_ridges_as_real_and_felt(answer):
     assert "licence: MIT" in told["notes"]
     known = answer("info", "ridges.h5")["notes"]
     assert known["licence"] == "MIT"
-    assert known["felt"].startswith("yes")
+    assert known["felt"].startswith("by about")
     assert "not measured" in known["level"]
 
 
 @pytest.mark.slow
-def test_metrics_report_that_a_palm_would_feel_ridges(answer):
+def test_metrics_report_that_some_people_would_feel_ridges(answer):
     assert run(["import", "sample:ridges"]) == 0
     assert run(["solve", "ridges.h5", "--mode", "quick"]) == 0
-    assert answer("compare", "ridges.h5", "ridges.drive.h5")["verdict"].startswith("A palm would feel it")
+    assert answer("compare", "ridges.h5", "ridges.drive.h5")["verdict"]["felt"]["of_ten"] >= 3
 
 
 def test_the_level_of_ridges_is_the_choice_of_who_plays_them():

@@ -23,7 +23,7 @@ from midair.cli.options import (
 )
 from midair.cli.output import may_write
 from midair.errors import InputError
-from midair.evaluate import FELT_BANDS, Budget
+from midair.evaluate import Budget
 from midair.figures import budget_figure, png_bytes
 from midair.pipeline import required_lead
 
@@ -125,18 +125,18 @@ def _levels(trade: str | None) -> list[float]:
 def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
     """Print a row for each level at the ears."""
     table = Table(title=f"under a level at the ears, {name}", title_justify="left", box=None, pad_edge=False)
-    for head in ("ears at most", "palm", "over threshold", "in", "touched cells", "ears", "bystander", "unlike"):
+    for head in ("ears at most", "palm", "felt by", "touched cells", "ears", "bystander", "unlike"):
         table.add_column(head, justify="right")
-    table.add_row("dB", "Pa", "dB", "Hz", "dB", "dB", "dB", "dB", style="dim")
+    table.add_row("dB", "Pa", "of 10 people", "dB", "dB", "dB", "dB", style="dim")
     for row in rows:
-        low, high = FELT_BANDS[row.vibration.index(row.felt)]
+        about, fewest, most = row.felt.people
         levels = (f"{each:.1f}" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
-        table.add_row(f"{row.limit:g}", f"{row.palm:.2g}", f"{row.felt:+.0f}", f"{low:g} to {high:g}", *levels)
+        table.add_row(f"{row.limit:g}", f"{row.palm:.2g}", f"{about} ({fewest} to {most})", *levels)
     out().print(table)
     print_rows(
         [
             ("palm", "highest radiation pressure"),
-            ("over threshold", "vibration over the nominal detection threshold; people lie -20 to +13 dB from it"),
+            ("felt by", "by four models of skin, not tried on people"),
             ("touched cells", "signal to distortion, without the sensor"),
             ("ears, bystander", "exposure check at 14 to 30 °C"),
             ("unlike", "sound at the ears by transducers that differ by 0.2 rad"),

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios, settings_of_rerecording
-from midair.cli.console import banner, out, print_figures, print_json, print_note, progress_bars, verbosity
+from midair.cli.console import banner, out, print_figures, print_json, print_note, print_rows, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
 from midair.errors import InputError
@@ -13,6 +13,7 @@ from midair.evaluate import (
     Comparison,
     PalmFidelity,
     PerceptualMetrics,
+    Verdict,
     compare,
     metrics_or_none,
     ratio_text,
@@ -102,17 +103,15 @@ def compare_command(
     before, after = pair.original, pair.piece
     comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise)
     card = metrics_or_none(before, after)
+    option = next_step(comparison.gain, Settings.of(take.recording.provenance))
+    verdict = Verdict.of(comparison, after, card, option=option)
     if report is not None:
-        _write_report(report, before, after, comparison, card, told)
-    advice = next_step(comparison.gain, Settings.of(take.recording.provenance))
+        _write_report(report, before, after, comparison, verdict, card, told)
     if json:
-        skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
-        return print_json(plain(comparison) | skin | {"next": advice, "palm": told and told.plain()})
+        skin = {"perception": card and card.plain()["figures"], "verdict": verdict.plain()}
+        return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
     banner(comparison.simulated)
-    if card is not None:
-        out().print(card.verdict(), style="bold")
-    if advice:
-        out().print(f"next: {advice}")
+    print_rows(verdict.rows())
     figures = {name: figure for name, figure in comparison.figures().items() if name not in RATIOS}
     print_figures(f"\n{reproduced.name} against {original.name}", {"": figures})
     print_ratios(comparison.ratios)
@@ -147,18 +146,19 @@ def _write_report(
     before: PressureFrames,
     after: PressureFrames,
     comparison: Comparison,
+    verdict: Verdict,
     card: PerceptualMetrics | None,
     palm: PalmFidelity | None,
 ) -> None:
     shown = show_comparison(before, after)
     check_size(shown)
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
-    felt = [] if card is None else card.rows()
     ratios = [(name, ratio_text(limits), "dB", RATIOS[name]) for name, limits in comparison.ratios.items()]
     tables = [
+        ("Verdict", verdict.rows()),
         ("Figures", figures),
         ("Signal to distortion", ratios),
-        *([] if card is None else [(f"Perceptual metrics: {card.verdict()}", felt)]),
+        *([] if card is None else [("Perceptual metrics", card.rows())]),
     ]
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]

@@ -4,7 +4,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
@@ -27,7 +27,6 @@ from midair.rig import (
     palm_of_loop,
     pressure_of,
     record,
-    summarise_outcomes,
     write_report,
 )
 from midair.rig import loop as go_round
@@ -108,6 +107,7 @@ def demo_command(
             take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))
         outcomes = [_outcome(take, each, piece, stage) for each in ways]
         laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
+        outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
         _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), laboratory, stage("draw"))
     _print(outcomes, output)
     print_laboratory(laboratory)
@@ -159,7 +159,7 @@ def _print(outcomes: list[Outcome], output: Path) -> None:
     last, settings = first.loop.passes[-1].reproduction, first.loop.settings
     # By its path where it is not on the path.
     command = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
-    out().print(f"\n{summarise_outcomes(outcomes)}\n", style="bold")
+    print_rows(first.verdict.rows())
     print_side_by_side(outcomes)
     if first.palm is not None:
         print_palm(first.palm)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from midair.cli.comparisons import plain, print_metrics, print_ratios, stated_array_calibration
-from midair.cli.console import banner, out, print_figures, print_json, print_rows, progress_bars, verbosity
+from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air
 from midair.cli.options import (
     ArrayCalibration,
@@ -21,7 +21,7 @@ from midair.cli.output import may_write, warn_level
 from midair.errors import InputError
 from midair.headroom import level_of
 from midair.pipeline import required_lead
-from midair.rig import Loop, PlaySettings, check_passes, metrics_of_loop, open_rig, pressure_of, write_report
+from midair.rig import Loop, Outcome, PlaySettings, check_passes, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 
 
@@ -103,18 +103,18 @@ def loop_command(
 
 
 def _print(loop: Loop, target: Path, json: bool) -> None:
-    card, made = metrics_of_loop(loop), loop.passes[-1].reproduction
+    outcome, made = Outcome.of(loop), loop.passes[-1].reproduction
+    card = outcome.card
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     warn_level(level)
     if json:
         passes = [plain(one.comparison) | {"step": one.step} for one in loop.passes]
         went = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end, "level": level.plain()}
-        skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
+        skin = {"perception": card and card.plain()["figures"], "verdict": outcome.verdict.plain()}
         simulated = loop.passes[-1].comparison.simulated
         return print_json({"report": str(target), "simulated": simulated, **went, **skin})
     figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
-    if card is not None:
-        out().print(card.verdict(), style="bold")
+    print_rows(outcome.verdict.rows())
     print_figures("before and after correction", figures)
     print_ratios(loop.passes[-1].comparison.ratios)
     if card is not None:

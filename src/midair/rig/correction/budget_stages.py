@@ -9,7 +9,7 @@ from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.devices import SilencerChoice, measure_exposure, silencer_named
 from midair.dsp import band_energy
-from midair.evaluate import Budget, StageOutput, apply_band_twice, band_levels, budget, leak
+from midair.evaluate import Budget, Felt, StageOutput, apply_band_twice, budget, felt, leak
 from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
 from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
@@ -115,8 +115,8 @@ class LevelTrade:
     """Target peak over the peak of a single focus."""
     palm: float
     """Highest radiation pressure on the palm, in Pa."""
-    vibration: tuple[float, ...]
-    """Vibration of the strongest cell over the nominal detection threshold in each of `FELT_BANDS`, in dB."""
+    felt: Felt
+    """By how many people it is felt."""
     distortion_ratio: float
     """Signal to distortion on the touched cells, without the sensor, in dB."""
     ears: float
@@ -128,14 +128,10 @@ class LevelTrade:
     drive: Drive = field(repr=False)
     """The drive that was solved."""
 
-    @property
-    def felt(self) -> float:
-        """Level in dB of the band that is highest over its threshold."""
-        return max(self.vibration)
-
     def plain(self) -> dict[str, object]:
         """Values for JSON."""
-        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "drive"}
+        values: dict[str, object] = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "drive"}
+        return values | {"felt": self.felt.plain()}
 
 
 def level_trade(
@@ -146,8 +142,6 @@ def level_trade(
     The gain of the plan's settings is the highest; a level above what it needs gives the same as no limit.
     """
     asked, array = add_lead(original, plan.lead), plan.measured or plan.rig.array
-    power = (original.pressure**2).sum(axis=0)
-    area = float((power >= 0.01 * power.max()).sum()) * original.sensor.pitch**2
     profile, most = profile_named(DEFAULT_PROFILE), with_fitted_gain(asked, array, plan.settings.but(ears=None))
     full: LevelTrade | None = None
     for limit in limits:
@@ -165,7 +159,7 @@ def level_trade(
             limit=limit,
             strength=made.strength(),
             palm=exposed.pressure,
-            vibration=tuple(float(each.max()) for each in band_levels(delivered.pressure, delivered.rate, area=area)),
+            felt=felt(delivered.pressure, delivered.rate, original.sensor.pitch),
             distortion_ratio=found.stage("silencer").so_far.distortion_ratio,
             ears=float(exposed.peak[:2].max()),
             bystander=float(exposed.peak[2]),

@@ -37,7 +37,7 @@ from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.laboratory import laboratory_picture
-from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture, summarise_outcomes
+from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture
 from midair.settings import Settings, format_setting
 from midair.targets import frames_without_lead
 from midair.view import Sound, ViewData, page_parts, show_comparison, show_drive, with_content_policy
@@ -89,7 +89,7 @@ def render(
         view=page_parts(watch),
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
-        verdict=summarise_outcomes(outcomes),
+        verdict=outcomes[0].verdict.rows(),
         summary=_summary(loop),
         palms=palms,
         ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
@@ -97,7 +97,6 @@ def render(
         pictures=shown,
         figures=_figures(loop),
         ratios=[(name, ratio_text(limits), RATIOS[name]) for name, limits in loop.passes[-1].comparison.ratios.items()],
-        felt="" if own.card is None else own.card.verdict(),
         card=() if own.card is None else own.card.rows(),
         palm={} if own.palm is None else own.palm.figures(),
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],

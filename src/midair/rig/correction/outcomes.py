@@ -1,11 +1,18 @@
-"""Compare the outcomes of loops: a summary in one sentence, a table, a figure of the palm."""
+"""Compare the outcomes of loops: a verdict on each, a table, a figure of the palm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from midair.evaluate import TOUCHED, PalmFidelity, PerceptualMetrics, metrics_or_none, ratio_text
+from midair.evaluate import (
+    LaboratoryLoss,
+    PalmFidelity,
+    PerceptualMetrics,
+    Verdict,
+    metrics_or_none,
+    ratio_text,
+)
 from midair.figures import PalmPanel, Picture, palm_figure, png_bytes
 from midair.rig.correction.correction_loop import Loop
 from midair.settings import Settings
@@ -26,47 +33,19 @@ class Outcome:
     card: PerceptualMetrics | None
     """Perceptual metrics of the last pass; None if it is shorter than the 64 ms that they need."""
 
+    verdict: Verdict
+    """The answer in a few lines."""
+
     @classmethod
-    def of(cls, loop: Loop, *, palm: PalmFidelity | None = None, name: str = "") -> "Outcome":
-        """Build an outcome with its perceptual metrics."""
-        return cls(name=name, loop=loop, palm=palm, card=metrics_of_loop(loop))
-
-    @property
-    def distortion(self) -> float:
-        """Signal-to-distortion ratio on the touched cells in dB."""
-        return self.loop.passes[-1].comparison.ratios[TOUCHED][0]
-
-    def numbers(self, *, named: bool = True) -> str:
-        """Format signal-to-distortion ratio and leak beside the sensor; with their names if `named`."""
-        heard = f"{self.distortion:.1f} dB{' of signal to distortion on the touched cells' if named else ''}"
-        if self.palm is None:
-            return heard
-        return (
-            f"{heard} and {100 * self.palm.outside:.0f} %{' of the power beside the recorded square' if named else ''}"
-        )
-
-
-def metrics_of_loop(loop: Loop) -> PerceptualMetrics | None:
-    """Perceptual metrics of the last pass; None if it is shorter than the 64 ms that they need."""
-    return metrics_or_none(loop.reference, loop.passes[-1].felt)
-
-
-def summarise_outcomes(outcomes: Sequence[Outcome]) -> str:
-    """Describe in one sentence what a palm would feel of the first outcome, compared with the others.
-
-    Loops that are too short for perceptual metrics give the numbers alone.
-    """
-    first, *others = outcomes
-    said = "; ".join([_sentence(first), *(_sentence(other, named=False) for other in others)])
-    by = "" if first.card is None else f"; {first.card.bands()}; {first.card.reservation()}"
-    return f"{said[:1].upper()}{said[1:]}{by}."
-
-
-def _sentence(outcome: Outcome, *, named: bool = True) -> str:
-    where, numbers = f"in {outcome.name} " if outcome.name else "", outcome.numbers(named=named)
-    if outcome.card is None:
-        return f"{where}{numbers}"
-    return f"{where}{'a palm' if named else 'it'} would {outcome.card.felt()}, at {numbers}"
+    def of(
+        cls, loop: Loop, *, palm: PalmFidelity | None = None, name: str = "", laboratory: LaboratoryLoss | None = None
+    ) -> "Outcome":
+        """Build an outcome with its perceptual metrics and its verdict."""
+        last = loop.passes[-1]
+        card = metrics_or_none(loop.reference, last.felt)
+        option = next_step(last.comparison.gain, loop.settings)
+        verdict = Verdict.of(last.comparison, last.felt, card, option=option, laboratory=laboratory)
+        return cls(name=name, loop=loop, palm=palm, card=card, verdict=verdict)
 
 
 def comparison_rows(outcomes: Sequence[Outcome]) -> list[Row]:
@@ -81,12 +60,11 @@ def next_step(gain: float, settings: Settings | None) -> str:
         return ""
     target = settings.target
     # Pressure is proportional to the square of the strength.
-    option = (
+    return (
         f"--gain {target.gain / gain:.3g}"
         if target.strength is None
         else f"--strength {target.strength / np.sqrt(gain):.2g}"
     )
-    return f"{gain:.2f} of the original's pressure: solve with {option}"
 
 
 PALM_TITLE = "Vibration on a palm"
@@ -120,9 +98,8 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
         rows["signal to distortion of the skin's movement"] = (f"{low:.1f} to {high:.1f}", "dB")
         rows["leak: power beside the recorded square"] = (f"{100 * palm.outside:.1f}", "%")
     rows["gain"] = (f"{last.comparison.gain:.2f}", "")
+    rows |= {name: (text, "") for name, text in outcome.verdict.rows()}
     if card is not None:
-        rows["what is felt"] = (f"a palm would {card.felt()}", "")
-        rows["over the detection threshold"] = (card.bands(), "")
         rows["similarity of felt spectra (SPQI, level matched)"] = (
             f"{card.figure('SPQI, level matched').overall:.2f}",
             "",

@@ -6,7 +6,7 @@ The effect of a pattern on a palm, and its drive, are computed in the worker pro
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,11 @@ from midair.array_types import Array
 from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
-from midair.evaluate import FELT_BANDS, SkinModel, band_levels
+from midair.evaluate import felt, skin_motion
 from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
-from midair.model import Acoustics, Medium, Palm, Solution, TransducerArray
+from midair.model import BAND, Acoustics, Medium, Palm, Solution, TransducerArray
 from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
-from midair.physics import SKINS, SkinMotion
+from midair.physics import SKINS
 from midair.rig import array_calibration_for
 from midair.studio.jobs import Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
@@ -70,7 +70,9 @@ def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:
     )
     used = check_reach(foci, array, acoustics)
     pressure, rate = palm_pressure(foci, array, palm, acoustics=acoustics)
-    motion = _skin_motion().displacement(resample(pressure, rate, MOTION_RATE))
+    skin = skin_motion(SKINS["soft, deep"], palm.inside.shape, palm.pitch, MOTION_RATE, BAND)
+    motion = skin.displacement(resample(pressure, rate, MOTION_RATE))
+    perceived = felt(pressure, rate, palm.pitch)
     return {
         "rows": len(palm.inside),
         "pressure": _map(pressure, palm),
@@ -78,7 +80,7 @@ def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:
         "highest_pa": float(f"{foci.pressure.max():.4g}"),
         "reach": used,
         "exposure": _exposure(foci, array, acoustics, request.room) if foci.pressure.any() else None,
-        "felt": _felt(pressure, rate, palm),
+        "felt": perceived.plain() | {"text": str(perceived)},
     }
 
 
@@ -102,31 +104,6 @@ def _exposure(foci: Foci, array: TransducerArray, acoustics: Acoustics, room: Me
     place, frame = found.worst
     peak = float(found.level[frame, found.profile.places.index(place)])
     return {"place": place.name, "peak_db": round(peak, 1), "limit_db": place.limit}
-
-
-def _felt(pressure: Array, rate: float, palm: Palm) -> dict[str, Any] | None:
-    """Level over the detection threshold where the skin is vibrated most; None if nothing vibrates."""
-    from scipy.ndimage import uniform_filter
-
-    # As wide as the disc of the model of skin.
-    wide = uniform_filter(pressure, (1, *2 * [round(2 * SkinModel().radius / palm.pitch)]), mode="constant")
-    power = wide.var(axis=0)
-    if power.max() < 1e-6:
-        return None
-    area = float((power >= 0.01 * power.max()).sum()) * palm.pitch**2
-    strongest = wide.reshape(len(wide), -1)[:, [int(power.argmax())]]
-    levels = band_levels(strongest, rate, area=area)[:, 0]
-    best = int(levels.argmax())
-    return {"level_db": round(float(levels[best]), 1), "band_hz": FELT_BANDS[best], "people_db": SkinModel().people}
-
-
-@cache
-def _skin_motion() -> SkinMotion:
-    """Model of the skin under the palm; building it takes longer than using it."""
-    palm, band = Palm.disc(), (20.0, 470.0)
-    return SkinMotion.of(
-        SKINS["soft, deep"], palm.inside.shape, pitch=palm.pitch, rate=MOTION_RATE, band=band, edge=10.0
-    )
 
 
 def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:

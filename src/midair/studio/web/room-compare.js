@@ -403,8 +403,8 @@ export default class Compare {
     this._close();
     this.card.replaceChildren(
       ...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []),
+      rows(found.verdict),
       rows(found.figures),
-      ...(found.verdict ? [make("h3", {}, found.verdict)] : []),
       ...found.card.map(([name, value, meaning]) =>
         make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning)),
       ),

@@ -1195,13 +1195,7 @@ export default class Draw {
           ? `Exposure: about ${exposure.peak_db} dB at the ${exposure.place}, limit ${exposure.limit_db} dB${over > 0 ? `: ${over} dB too loud for a real array, unless attenuated` : ""}.`
           : "Exposure: the pattern is silent.",
       ),
-      make(
-        felt?.level_db > 0 ? "p.good" : "p.bad",
-        { id: "draw-felt" },
-        felt
-          ? `Felt: ${Math.abs(felt.level_db)} dB ${felt.level_db > 0 ? "above" : "below"} the detection threshold, ${felt.band_hz.join(" to ")} Hz; people lie ${felt.people_db[0]} to +${felt.people_db[1]} dB from it.`
-          : "Felt: nothing vibrates; steady pressure is not in this model.",
-      ),
+      make(felt.of_ten >= 9 ? "p.good" : "p.bad", { id: "draw-felt" }, `Felt ${felt.text}.`),
     );
     const part = this.pattern.duration_s > 1 || !this.pattern.duration_s ? ", first second" : "";
     this.mapWords.textContent = `pressure, 0 to ${pressure.top} Pa rms${part}`;

@@ -1,0 +1,99 @@
+"""The verdict on a reproduction: at most six lines, in the same words wherever it is shown."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from midair.evaluate.comparison import Comparison
+from midair.evaluate.distortion import TOUCHED, finite
+from midair.evaluate.error_budget import ALL, LaboratoryLoss
+from midair.evaluate.felt import Felt, felt
+from midair.evaluate.skin_metrics import STEP, PerceptualMetrics
+from midair.model import PressureFrames
+
+SAME, SIMILAR = 14.0, 6.0
+"""Signal to distortion in dB from which a reproduction is called the same (the difference is a fifth of the signal, the
+just noticeable difference of its amplitude) and similar (a half); assumed, not tried on people."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """How a reproduction is felt, how alike and how strong it is, and what a real laboratory and ears get."""
+
+    felt: Felt
+    """Of the reproduction."""
+    fidelity: float
+    """Signal to distortion on the touched cells in dB, without known noise of the sensor."""
+    spectrum: float | None
+    """Similarity of the felt spectra at equal levels (SPQI); None for less than 64 ms."""
+    gain: float
+    """Pressure of the reproduction over that of the original."""
+    option: str = ""
+    """Option of `midair solve` that corrects the level."""
+    excess: float | None = None
+    """Level at the ears above its limit, without protection, in dB; None if it was not computed."""
+    laboratory: LaboratoryLoss | None = None
+    """Loss in a real laboratory, if it was computed."""
+    left_out: str = ""
+    """Part of the recording that is not reproduced; empty if it is small or unknown."""
+
+    @classmethod
+    def of(
+        cls,
+        comparison: Comparison,
+        reproduced: PressureFrames,
+        card: PerceptualMetrics | None,
+        *,
+        option: str = "",
+        excess: float | None = None,
+        laboratory: LaboratoryLoss | None = None,
+        left_out: str = "",
+    ) -> "Verdict":
+        """Build the verdict from the figures of one reproduction; further arguments are fields of the class."""
+        ratios = comparison.ratios
+        return cls(
+            felt=felt(reproduced.pressure, reproduced.rate, reproduced.sensor.pitch) if card is None else card.felt,
+            fidelity=ratios.get(f"{TOUCHED}, without noise", ratios[TOUCHED])[0],
+            spectrum=None if card is None else card.figure("SPQI, level matched").overall,
+            gain=comparison.gain,
+            option=option,
+            excess=excess,
+            laboratory=laboratory,
+            left_out=left_out,
+        )
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Name and text of each line; only what is known."""
+        lines = [("felt", str(self.felt)), ("alike", self._alike()), ("level", self._level())]
+        if self.excess is not None:
+            too = f"{self.excess:.0f} dB too loud without protection" if self.excess > 0 else "within the limit"
+            lines.append(("ears", too))
+        if self.laboratory is not None:
+            lines.append(("real laboratory", self.laboratory.text()))
+        return [*lines, ("left out", self.left_out)] if self.left_out else lines
+
+    def _alike(self) -> str:
+        word = "the same" if self.fidelity >= SAME else "similar" if self.fidelity >= SIMILAR else "different"
+        other = ", another spectrum" if self.spectrum is not None and self.spectrum < 0.5 else ""
+        return f"{word}{other}: {self.fidelity:.1f} dB on the touched cells"
+
+    def _level(self) -> str:
+        if self.gain <= 0:
+            return "the original is not in it"
+        times = abs(20 * float(np.log10(self.gain)))
+        share = f"{abs(100 * (self.gain - 1)):.0f} % {'stronger' if self.gain > 1 else 'weaker'}"
+        if not 0.5 <= self.gain <= 2:
+            share = f"{self.gain:.2g} times as strong"
+        if times <= STEP:
+            return f"as strong as the original ({share})"
+        return f"{share}: {self.option}" if self.option else share
+
+    def plain(self) -> dict[str, object]:
+        """Values for JSON: the lines by their names, and the figures behind them."""
+        figures = {"felt": self.felt.plain(), "fidelity_db": finite(self.fidelity), "gain": self.gain}
+        lab = None if self.laboratory is None else float(np.median(self.laboratory.ratios[ALL]))
+        return {"lines": dict(self.rows()), **figures, "ears_excess_db": self.excess, "laboratory_db": lab}
+
+    def __str__(self) -> str:
+        width = max(len(name) for name, _ in self.rows()) + 2
+        return "\n".join(f"{name:{width}}{text}" for name, text in self.rows())
