@@ -17,7 +17,7 @@ from midair.settings import CHOICES, MODES, Settings, flat_names, format_setting
 from midair.solvers import SolverSettings
 
 ROOT = Path(__file__).parents[1]
-CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "version", "validation"}
+CLOSED = {"__main__", "array_types", "blas", "cli", "progress", "ram", "stages", "version", "validation"}
 """Internal modules without a reference page."""
 
 

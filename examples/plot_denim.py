@@ -29,8 +29,8 @@ figure = traces_figure(pressure)
 # Solve a tenth of a second on a coarse grid.
 
 part = resample_pressure(pressure, 200.0).cut(3.0, 0.1)
-target = midair.prepare(part, grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3))
-solution = midair.solve(target, TransducerArray.autd3(), iterations=(30, 5))
+target = midair.prepare(part, mapping="half-wave", grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3))
+solution = midair.solve(target, TransducerArray.autd3(), method="lm", iterations=(30, 5))
 print(f"E = {100 * np.mean(solution.error):.1f} % on average over {target.frames} frames")
 
 # %%

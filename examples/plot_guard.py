@@ -19,7 +19,7 @@ from midair.solvers import Guard
 
 pressure = np.zeros((1, 4, 4))
 pressure[0, 0, 0] = pressure[0, 3, 3] = 4.0
-target = midair.prepare(PressureFrames(pressure=pressure, rate=1000.0), grid=ControlGrid(height=0.2))
+target = midair.prepare(PressureFrames(pressure=pressure, rate=1000.0), mapping="half-wave")
 array = TransducerArray.autd3(columns=2, rows=2)
 wide = ControlGrid(rows=49, columns=49, pitch=2.5e-3, height=0.2)
 away = np.abs(wide.position[:, :2]).max(axis=1)

@@ -10,14 +10,14 @@ import numpy as np
 
 import midair
 from midair.figures import maps_figure
-from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
+from midair.model import PressureFrames, SensorGrid, TransducerArray
 
 # %%
 # The target is a pressure on 4 x 4 cells; `prepare` converts it to sound amplitudes at 16 x 16 points.
 
 pressure = np.zeros((1, 4, 4))
 pressure[0, 0, 0] = pressure[0, 3, 3] = 20.0
-target = midair.prepare(PressureFrames(pressure=pressure, rate=1000.0), grid=ControlGrid(height=0.2))
+target = midair.prepare(PressureFrames(pressure=pressure, rate=1000.0), mapping="half-wave")
 
 # %%
 # The paper's Levenberg-Marquardt method finds phases for 996 transducers of equal amplitude.

@@ -55,11 +55,12 @@ def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder, 
     (script,) = blocks("README.md", "python")
     assert len(script.splitlines()) <= 15
     exec(script, {})
-    found = re.fullmatch(r"E = ([\d.]+) %, correlation ([\d.]+), gain ([\d.]+)\n", capsys.readouterr().out)
-    error, correlation, gain = (float(number) for number in found.groups())
-    assert error < 10
-    assert correlation > 0.8
-    assert 0.1 < gain < 1
+    lines = re.findall(r"^E ([\d.]+) %, correlation ([\d.]+), gain ([\d.]+)$", capsys.readouterr().out, re.MULTILINE)
+    (_, first, low), (error, last, right) = (map(float, each) for each in lines)
+    assert error < 1
+    assert min(first, last) > 0.995
+    assert low == pytest.approx(0.82, abs=0.01)
+    assert right == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.long
@@ -67,9 +68,10 @@ def test_the_python_of_the_tutorial_runs(folder):
     assert run(["record", "virtual:towel", "stroke.h5"]) == 0
     (script,) = blocks("docs/tutorial.md", "python")
     names = {}
-    exec(script.replace('"lm"', '"fast"'), names)
-    assert names["field"].shape == (100, 256)
-    assert names["played"].take.recording.frames == 120
+    exec(script, names)
+    # A tenth of a second at 4 kHz, and .15 s before and after it.
+    assert names["field"].shape == (1600, 256)
+    assert names["played"].take.recording.frames == 420
 
 
 @pytest.mark.long

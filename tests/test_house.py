@@ -21,15 +21,15 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1871,
-    "settings streaming .": 2675,
+    "model": 1872,
+    "settings streaming .": 2831,
     "physics": 3105,
     "recordings targets correct evaluate": 4038,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4628,
     "devices": 7928,
-    "rig": 9171,
+    "rig": 9190,
     "patterns datasets": 1767,
     "view figures": 2040,
     "cli": 6713,

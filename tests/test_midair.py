@@ -1,6 +1,7 @@
 """The names that others rely on, what importing them costs, and the tape recorder in Python."""
 
 import inspect
+import json
 import re
 import subprocess
 import sys
@@ -94,3 +95,26 @@ def test_a_wrong_call_names_what_came_and_the_next_step(stages):
     for call, said in MISTAKES:
         with pytest.raises(midair.errors.MidairError, match=re.escape(said)):
             eval(f"midair.{call}", stages)
+
+
+@pytest.mark.long
+def test_python_gives_what_the_commands_give(tmp_path, monkeypatch, capsys):
+    from midair.cli import run
+
+    monkeypatch.chdir(tmp_path)
+    take = midair.record("virtual:towel", 0.5, path="take.h5")
+    pressure = midair.calibrate(take.recording, take.calibration).cut(0.4, 0.05)
+    with midair.open_rig("virtual") as rig:
+        solution = midair.solve(midair.prepare(pressure), midair.TransducerArray.autd3())
+        close = midair.compare(pressure, midair.play(solution, rig))
+    for line in ("solve take.h5 --start-at 0.4s --duration 0.05s", "play take.drive.h5"):
+        assert run(line.split()) == 0
+    drive = midair.load("take.drive.h5").drive
+    assert (drive.frames, drive.rate, drive.acoustics) == (solution.drive.frames, 4000.0, solution.drive.acoustics)
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "take.rerecorded.h5", "--json"]) == 0
+    printed = {name: figure["value"] for name, figure in json.loads(capsys.readouterr().out)["figures"].items()}
+    # A part that is cut before it is resampled differs a little at its ends.
+    assert printed["correlation"] == pytest.approx(close.correlation, abs=1e-3)
+    assert printed["gain"] == pytest.approx(close.gain, abs=0.01)
+    assert close.correlation > 0.99

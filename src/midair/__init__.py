@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from midair import targets as targets
     from midair import view as view
     from midair.calibration import calibrate as calibrate
-    from midair.evaluate import compare as compare
     from midair.files import load as load
     from midair.files import load_calibration as load_calibration
     from midair.files import open_take as open_take
@@ -58,6 +57,7 @@ if TYPE_CHECKING:
     from midair.model import Solution as Solution
     from midair.model import TransducerArray as TransducerArray
     from midair.physics import propagate as propagate
+    from midair.rig import compare as compare
     from midair.rig import live as live
     from midair.rig import loop as loop
     from midair.rig import open_rig as open_rig
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from midair.rig import play as play
     from midair.rig import record as record
     from midair.settings import Settings as Settings
-    from midair.solvers import solve as solve
-    from midair.targets import prepare as prepare
+    from midair.stages import prepare as prepare
+    from midair.stages import solve as solve
     from midair.version import __version__ as __version__
 else:
     __getattr__, __dir__ = lazy_names(__name__)

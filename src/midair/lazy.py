@@ -25,7 +25,9 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
         if name == "__all__":
             return sorted(modules())
         if name not in modules():
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            # With its object, Python adds the nearest name to the message.
+            wrong = f"module {package!r} has no attribute {name!r}"
+            raise AttributeError(wrong, name=name, obj=sys.modules[package])
         module = import_module(modules()[name], package)
         value = module if module.__name__ == f"{package}.{name}" else getattr(module, name)
         setattr(sys.modules[package], name, value)

@@ -210,14 +210,19 @@ _SPARE = 0.5
 
 
 def solve_with(
-    target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+    target: AmplitudeFrames,
+    array: TransducerArray,
+    settings: Settings,
+    *,
+    bits: int | None = None,
+    progress: Progress | None = None,
 ) -> Solution:
-    """Solve for a target with the solver, the error terms and the air of the settings.
+    """Solve for a target with the solver, the error terms and the air of the settings; `bits` are those of `solve`.
 
     Raises InputError if the solution would not fit into memory.
     """
     check_size(target.frames, array, settings.but(grid=target.grid), parts=False)
-    made = solve(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
+    made = solve(target, array, settings.solver, acoustics=settings.acoustics, bits=bits, progress=progress)
     return Solution.joined(list(compensate_envelope(iter([made]), target, array, settings)))
 
 

@@ -1,7 +1,8 @@
 """Checks of input values, and read-only copies of arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, field, fields, replace
+from difflib import get_close_matches
 from typing import Any, Self, TypeVar, cast, get_args
 
 import numpy as np
@@ -30,6 +31,8 @@ def frozen_array(
         _check_shape(value.shape, name, axes)
         # Type checkers treat lazy frames as an array.
         return cast("NDArray[Any]", value)
+    if np.iscomplexobj(value) and not np.issubdtype(dtype, np.complexfloating):
+        raise InputError(f"{name}: expected real numbers, got complex ones; np.abs gives their magnitudes")
     try:
         array = np.array(value, dtype=dtype, order="C")
     except (TypeError, ValueError) as wrong:
@@ -155,6 +158,16 @@ def one_of(value: object, known: Any, name: str, *, error: type[InputError] = In
         raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}")
 
 
+def check_names(given: Iterable[str], known: Iterable[str]) -> None:
+    """Raise InputError for the first name that no setting has, with the nearest one that there is."""
+    names = list(known)
+    for name in given:
+        if name not in names:
+            near = get_close_matches(name, names, 1)
+            advice = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(names)}"
+            raise InputError(f"no setting is named {name!r}; {advice}")
+
+
 def setting(
     default: Any,
     about: str,
@@ -182,6 +195,7 @@ class Declared:
 
     def but(self, **changes: Any) -> Self:
         """Return the settings with other values; None stands for the default, and a path for the file's content."""
+        check_names(changes, [one.name for one in fields(cast("Any", self))])
         for one in fields(cast("Any", self)):
             value = changes.get(one.name, one)
             if value is None:

@@ -167,7 +167,7 @@ def test_exposure_refusal_and_stop(take, job, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(Path("state").resolve()))
     unit = midair.TransducerArray.autd3(columns=1, rows=1)
     pressure = midair.calibrate(*opened(take)).cut(0.45, 0.05)
-    save_solution(midair.solve(midair.prepare(pressure), unit, method="fast"), "loud.drive.h5")
+    save_solution(midair.solve(midair.prepare(pressure, mapping="half-wave"), unit, method="fast"), "loud.drive.h5")
     Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n', encoding="utf-8")
     found = job("exposure loud.drive.h5 --json")
     assert not found["kept"]

@@ -170,7 +170,7 @@ def test_a_virtual_rig_fits_the_drive():
     one, amplitude = TransducerArray.autd3(columns=1, rows=1), np.full((20, 36), 1.0)
     cells = midair.SensorGrid(rows=2, columns=3, pitch=8e-3)
     pressure = midair.PressureFrames(pressure=np.ones((20, 2, 3)), rate=1000.0, sensor=cells)
-    target = midair.prepare(pressure, grid=COARSE)
+    target = midair.prepare(pressure, mapping="half-wave", grid=COARSE)
     made = midair.solve(replace(target, amplitude=amplitude), one, method="fast")
     assert play(made, "virtual").take.recording.sensor.shape == (2, 3)
 

@@ -36,15 +36,6 @@ def with_array_calibration(
     return (array, settings, pressure) if kept is None else kept.applied(array, settings, pressure)
 
 
-def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Settings:
-    """Settings with the band and rate of the drive of a re-recording."""
-    band, rate = provenance.last("calibrate").get("band_hz"), provenance.last("play").get("rate_hz")
-    if isinstance(band, tuple) and len(band) == 2:
-        low, high = (float(edge) for edge in band if isinstance(edge, int | float))
-        settings = settings.but(band=(low, high))
-    return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
-
-
 def print_ratios(ratios: Mapping[str, tuple[float, float, float]]) -> None:
     """Print each signal-to-distortion ratio, its limits where the sensor's noise limits it, and its meaning."""
     for name, limits in ratios.items():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.provenance import clipped, counted, summary
-from midair.validation import PITCHES, frozen_array, length, number, positive
+from midair.validation import PITCHES, frozen_array, length, number, positive, within
 
 HEIGHT = 0.2
 """Height of the palm or the sensor above the array, in m."""
@@ -71,6 +71,7 @@ class TransducerArray:
         if np.abs(np.linalg.norm(normal, axis=1) - 1).max() > 1e-6:
             raise InputError("transducer normal: expected unit vectors; divide each by its length")
         unit = self.unit if len(self.unit) else np.zeros(count, np.int64)
+        within(np.abs(position).max(), "transducer position", 0, 20, unit="m")
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "unit", frozen_array(unit, "transducer unit", (count,), np.int64))

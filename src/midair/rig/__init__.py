@@ -33,11 +33,13 @@ if TYPE_CHECKING:
     from .correction.correction_loop import check_passes as check_passes
     from .correction.correction_loop import loop as loop
     from .correction.drive_rerecording import aligned_pair as aligned_pair
+    from .correction.drive_rerecording import compare as compare
     from .correction.drive_rerecording import original_of_drive as original_of_drive
     from .correction.drive_rerecording import palm_frames_of_drive as palm_frames_of_drive
     from .correction.drive_rerecording import palm_of_drive as palm_of_drive
     from .correction.drive_rerecording import palm_of_loop as palm_of_loop
     from .correction.drive_rerecording import rerecord_drive as rerecord_drive
+    from .correction.drive_rerecording import settings_of_rerecording as settings_of_rerecording
     from .correction.iteration import Stage as Stage
     from .correction.iteration import no_progress as no_progress
     from .correction.laboratory import laboratory_of_loop as laboratory_of_loop

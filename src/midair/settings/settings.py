@@ -15,7 +15,7 @@ from midair.physics import TransducerDynamics
 from midair.solvers import Free, Glide, Guard, QuietEars, SolverSettings, name_of
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
-from midair.validation import within
+from midair.validation import check_names, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +129,7 @@ class Settings:
             value, before = changes.get(term), getattr(self.solver, term)
             if isinstance(value, int | float) and value and is_dataclass(before) and not isinstance(before, type):
                 changes[term] = replace(before, **{number: value})
-        if unknown := sorted(set(changes) - set(_GROUPS)):
-            known = ", ".join([*_GROUPS, "acoustics", "height", "directivity", "temperature", "humidity"])
-            raise InputError(f"settings: expected some of {known}, got {', '.join(unknown)}")
+        check_names(changes, [*_GROUPS, "acoustics", "height", "directivity", "temperature", "humidity"])
         groups: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             groups.setdefault(_GROUPS[name], {})[name] = value

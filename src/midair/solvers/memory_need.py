@@ -1,6 +1,5 @@
 """Estimate the memory that a solution needs before it is allocated."""
 
-from dataclasses import replace
 from typing import Any
 
 from midair.errors import InputError
@@ -23,7 +22,7 @@ def memory_of(
     It counts the arrays alive at once where there are most of them. A target that does not exist yet is its grid and
     number of frames.
     """
-    settings = replace(settings or SolverSettings(), **changes)
+    settings = (settings or SolverSettings()).but(**changes)
     grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
     frames = min(frames, frames_per_part(settings.solver())) if parts else frames
     airs = len(settings.airs(acoustics or Acoustics()))

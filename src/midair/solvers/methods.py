@@ -26,7 +26,7 @@ from midair.solvers.terms import (
     airs_around,
     pressure_means,
 )
-from midair.validation import documented, one_of, setting, within
+from midair.validation import Declared, documented, one_of, setting, within
 
 Method = LevenbergMarquardt | Fast | Glide | Free | Live
 
@@ -106,7 +106,7 @@ def _term(value: float | T | None, made: Callable[[float], T]) -> T | None:
 
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolverSettings:
+class SolverSettings(Declared):
     """Settings of the solver, from target to drive: the method, and a setting for each term of the objective."""
 
     method: str | Method = setting(

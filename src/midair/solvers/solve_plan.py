@@ -139,7 +139,7 @@ class SolvePlan:
         **changes: Any,
     ) -> "SolvePlan":
         """Check the settings of `solve`."""
-        settings = replace(settings or SolverSettings(), **changes)
+        settings = (settings or SolverSettings()).but(**changes)
         solver, acoustics = settings.solver(), acoustics or Acoustics()
         if bits is not None and not 1 <= bits <= 16:
             raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")

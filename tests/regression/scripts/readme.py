@@ -6,12 +6,12 @@ import midair
 
 take = midair.record("virtual:towel", 1.0)
 pressure = midair.calibrate(take.recording, take.calibration).cut(0.4, 0.1)
-target = midair.prepare(pressure, grid=midair.ControlGrid(height=0.2))
-solution = midair.solve(target, midair.TransducerArray.autd3(), method="fast")
+target = midair.prepare(pressure)
+solution = midair.solve(target, midair.TransducerArray.autd3())
 with midair.open_rig("virtual") as rig:
     played = midair.play(solution, rig)
-heard = midair.calibrate(played.take.recording, played.take.calibration).cut(0.0, 0.1)
-close = midair.compare(pressure, heard)
+heard = midair.calibrate(played.take.recording, played.take.calibration)
+close = midair.compare(pressure, played)
 print(solution.error.mean(), close.correlation, close.gain)
 field = midair.propagate(solution.drive, target.grid)
 np.savez(

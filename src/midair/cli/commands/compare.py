@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios, settings_of_rerecording
+from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios
 from midair.cli.console import banner, out, print_figures, print_json, print_note, print_rows, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write
@@ -28,6 +28,7 @@ from midair.rig import (
     palm_frames_of_drive,
     pressure_of,
     rerecord_drive,
+    settings_of_rerecording,
 )
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4

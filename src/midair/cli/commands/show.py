@@ -11,7 +11,6 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from midair import files, rig
-from midair.cli.comparisons import settings_of_rerecording
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
@@ -110,7 +109,7 @@ def show_command(
 def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> ViewData:
     if again is not None:
         take = files.open_take(again)
-        settings = settings_of_rerecording(take.recording.provenance, options.settings())
+        settings = rig.settings_of_rerecording(take.recording.provenance, options.settings())
         pair = rig.aligned_pair(rig.pressure_of(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5")) and files.contents(source).kind == "drive":

@@ -25,9 +25,10 @@ from midair.pipeline import calibrated_pressure, check_size, compensate_pressure
 from midair.rig.correction.iteration import Pass, Stage, no_progress, play_pass, run_iterations
 from midair.rig.opening import OpenRig, open_rig
 from midair.rig.session import Session
-from midair.settings import MODES, Mode, Settings
+from midair.settings import Mode, Settings
+from midair.stages import settings_of
 from midair.targets import add_lead, remove_lead
-from midair.validation import check_type, one_of
+from midair.validation import check_type
 
 LONGEST = 1.0
 """Duration of the part of a recording that gives the expected gain, in s."""
@@ -173,7 +174,7 @@ def check_passes(corrections: int, iterate: int) -> None:
 
 def loop(
     original: OpenedTake | PressureFrames | str | Path,
-    settings: Settings | Mode = "paper",
+    settings: Settings | Mode = "best",
     rig: OpenRig | str = "virtual",
     *,
     corrections: int = 1,
@@ -192,7 +193,7 @@ def loop(
     original : OpenedTake, PressureFrames or path
         A recording with its calibration; or its pressure, in the settings' band and at their rate.
     settings : Settings or {"paper", "best", "quick", "finest"}
-        Settings of every stage, or the name of a mode.
+        Settings of every stage, or the name of a mode; "paper" is the loop of the paper.
     rig : OpenRig or str
         An entered rig with a sensor, or the name of an array that is opened for this call. A real array is solved for
         its stored calibration, unless the rig was opened with ``array_calibration="none"``.
@@ -212,9 +213,7 @@ def loop(
     ExposureError
         If a drive exceeds the profile without an override.
     """
-    if isinstance(settings, str):
-        one_of(settings, MODES, "mode")
-    chosen = MODES[settings]() if isinstance(settings, str) else settings
+    chosen = settings_of(settings)
     if isinstance(original, str | Path):
         original = open_take(original)
     if isinstance(original, OpenedTake):

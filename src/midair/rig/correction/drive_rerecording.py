@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from midair import evaluate
 from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.errors import InputError
@@ -9,13 +10,14 @@ from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fid
 from midair.files import OpenedTake
 from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFrames, Progress, Provenance, Recording
 from midair.physics import PlaybackChain, simulate, transfer_matrix
-from midair.pipeline import calibrated_pressure
+from midair.pipeline import calibrated_pressure, resample_pressure
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.names.sensor_names import VirtualRig
-from midair.rig.session import Session
+from midair.rig.session import Played, Session
 from midair.settings import Settings
 from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
+from midair.validation import check_type
 
 
 def palm_of_drive(
@@ -174,6 +176,52 @@ def original_of_drive(provenance: Provenance, original: PressureFrames) -> tuple
     """Part of an original that a drive's provenance names, without and with the lead of its solve."""
     cut, lead = provenance.last("cut"), provenance.last("lead").get("lead_s", 0.0)
     start, duration = cut.get("start_s"), cut.get("duration_s")
-    if isinstance(start, int | float) and isinstance(duration, int | float):
+    known = original.provenance.last("cut") == cut
+    if isinstance(start, int | float) and isinstance(duration, int | float) and not known:
         original = original.cut(float(start), float(duration))
     return original, add_lead(original, float(lead) if isinstance(lead, int | float) else 0.0)
+
+
+def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Settings:
+    """Settings with the band and rate of the drive of a re-recording."""
+    band, rate = provenance.last("calibrate").get("band_hz"), provenance.last("play").get("rate_hz")
+    if isinstance(band, tuple) and len(band) == 2:
+        low, high = (float(edge) for edge in band if isinstance(edge, int | float))
+        settings = settings.but(band=(low, high))
+    return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
+
+
+def compare(
+    original: PressureFrames | OpenedTake, reproduced: PressureFrames | OpenedTake | Played
+) -> evaluate.Comparison:
+    """Compare a reproduction with its original, as `midair compare` does.
+
+    A re-recording is calibrated in the band and at the rate of its drive, and compared with the part of the original
+    that the drive reproduces, without its lead; the original passes the band once more, as it would by a perfect rig.
+    Pressures are compared as they are, see `evaluate.compare`.
+
+    Parameters
+    ----------
+    original : PressureFrames or OpenedTake
+        Pressure that the drive was made from, or its recording with calibration.
+    reproduced : Played, OpenedTake or PressureFrames
+        Result of `play`, a re-recording with its calibration, or a pressure.
+
+    Raises
+    ------
+    InputError
+        If nothing was re-recorded, or the recording has no calibration.
+    """
+    if isinstance(reproduced, Played):
+        if reproduced.take is None:
+            raise InputError("reproduced: expected a re-recording, but nothing listened; open a rig with a sensor")
+        reproduced = reproduced.take
+    played = reproduced.recording.provenance if isinstance(reproduced, OpenedTake) else Provenance()
+    settings = settings_of_rerecording(played, Settings())
+    if isinstance(original, OpenedTake):
+        original = calibrated_pressure(original.recording, original.calibration, settings)
+    if not isinstance(reproduced, OpenedTake):
+        return evaluate.compare(original, reproduced)
+    check_type(original, "original", PressureFrames)
+    pair = aligned_pair(resample_pressure(original, settings.target.rate), reproduced, settings)
+    return evaluate.compare(pair.original, pair.heard, first=pair.first, noise=pair.noise)
