@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4038,
     "calibration": 3102,
     "solvers": 4302,
-    "files": 4628,
+    "files": 4655,
     "devices": 7928,
     "rig": 9190,
     "patterns datasets": 1767,

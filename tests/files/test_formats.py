@@ -20,8 +20,8 @@ from midair.errors import (
     NonFiniteError,
     UnknownFormatError,
 )
-from midair.files import FORMATS, contents, load, open_take, save, save_calibration, save_solution
-from midair.model import Provenance, Recording, SensorGrid
+from midair.files import FORMATS, contents, load, load_calibration, open_take, save, save_calibration, save_solution
+from midair.model import PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings import cut
 
 ROUNDED = ".flac"
@@ -270,6 +270,22 @@ def test_reading_takes_at_least_the_stated_memory(ending, tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert FORMATS[ending].memory * path.stat().st_size <= peak
+
+
+def test_saves_each_kind_of_data(recording, calibration, solution, tmp_path):
+    pressure = PressureFrames(pressure=recording.samples, rate=recording.rate, sensor=recording.sensor)
+    save(pressure, tmp_path / "p.h5")
+    assert (load(tmp_path / "p.h5").unit, load(tmp_path / "p.h5").frames) == ("Pa", recording.frames)
+    save(solution, tmp_path / "s.drive.h5")
+    np.testing.assert_array_equal(load(tmp_path / "s.drive.h5").error, solution.error)
+    save(solution.drive, tmp_path / "d.drive.h5")
+    assert np.isnan(load(tmp_path / "d.drive.h5").error).all()
+    save(calibration, tmp_path / "c.calibration.h5")
+    assert load_calibration(tmp_path / "c.calibration.h5").unit == calibration.unit
+    save(solution, tmp_path / "phases.csv")
+    table = np.genfromtxt(tmp_path / "phases.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["time_s"], np.arange(len(table)) / solution.drive.rate, atol=1e-6)
+    np.testing.assert_allclose(table["phase_1"], solution.drive.phase[:, 1], atol=1e-6)
 
 
 def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):

@@ -12,16 +12,16 @@ from typing import Concatenate, ParamSpec, TypeVar, get_args
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files.atomic import existing_file, parse_errors
-from midair.files.native.calibration_file import ARRAY_SUFFIX, CALIBRATION_SUFFIX
-from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution
+from midair.files.atomic import atomic_file, existing_file, parse_errors
+from midair.files.native.calibration_file import ARRAY_SUFFIX, CALIBRATION_SUFFIX, save_calibration
+from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, save_solution
 from midair.files.native.hdf5 import check_kind, kind_of, plain_text, stored_dataset
 from midair.files.native.raw_recording import open_file
 from midair.files.native.recording_file import HDF5, write_recording
 from midair.files.native.schema import Kind
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, Writer
 from midair.files.size_limits import check_memory_for
-from midair.model import Calibration, Event, PressureFrames, Recording, Solution
+from midair.model import Calibration, Drive, Event, PressureFrames, Recording, Solution, Status
 from midair.recordings import suspicious
 from midair.registry import Registry
 from midair.validation import check_type
@@ -113,32 +113,49 @@ def _opened(path: Place, given: ImportOptions) -> OpenedTake:
 
 
 def save(
-    recording: Recording,
+    what: Recording | PressureFrames | Solution | Drive | Calibration,
     path: str | os.PathLike[str],
     *,
     calibration: Calibration | None = None,
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording atomically, in the format of the suffix of `path`; returns each loss of the format.
+    """Write data atomically, in the format of the suffix of `path`; returns each loss of the format.
 
     Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
 
     Parameters
     ----------
+    what : Recording, PressureFrames, Solution, Drive or Calibration
+        A pressure is written as a recording in Pa; the error of a drive alone is not known (NaN).
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .wav, .flac, .npz or .mat; an existing file is replaced.
+        Suffix .h5, .hdf5, .csv, .wav, .flac, .npz or .mat of a recording or a pressure, .drive.h5 of a solution or a
+        drive, or .csv for a table of time in s, level, and phases in rad, .calibration.h5; replaces an existing file.
     calibration, pressure
         Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event
         Events during the recording; only HDF5 of midair stores them.
     """
     check_type(path, "path, the second argument", str, os.PathLike)
-    check_type(recording, "recording", Recording)
+    check_type(what, "what to save", Recording, PressureFrames, Solution, Drive, Calibration)
+    if isinstance(what, Drive):
+        unknown = np.full(what.frames, np.nan)
+        status: tuple[Status, ...] = ("iterations",) * what.frames
+        what = Solution(drive=what, error=unknown, iterations=np.zeros(what.frames, np.int64), status=status)
+    if isinstance(what, Solution):
+        (_write_table if os.fspath(path).lower().endswith(".csv") else save_solution)(what, path)
+        return ()
+    if isinstance(what, Calibration):
+        save_calibration(what, path)
+        return ()
+    if isinstance(what, PressureFrames):
+        what = Recording(
+            samples=what.pressure, rate=what.rate, sensor=what.sensor, unit="Pa", provenance=what.provenance
+        )
     write = writer_of(path)
     if write is HDF5.write:
-        return write_recording(recording, Path(path), calibration, pressure, journal=journal)
-    lost = list(write(recording, Path(path)))
+        return write_recording(what, Path(path), calibration, pressure, journal=journal)
+    lost = list(write(what, Path(path)))
     if calibration is not None:
         text = f"{format_of(path).name} holds no calibration: it was left out; save_calibration() writes its own file."
         lost.append(FormatLoss(what="calibration", text=text))
@@ -146,6 +163,16 @@ def save(
         text = "The calibrated pressure was left out; --pressure exports it instead."
         lost.append(FormatLoss(what="pressure", text=text))
     return tuple(lost)
+
+
+def _write_table(solution: Solution, path: str | os.PathLike[str]) -> None:
+    drive = solution.drive
+    columns = {"level": np.asarray(drive.level).reshape(drive.frames, -1), "phase": np.asarray(drive.phase)}
+    names = [f"{name}_{number}" for name, values in columns.items() for number in range(values.shape[1])]
+    time = np.arange(drive.frames)[:, None] / drive.rate
+    with atomic_file(path) as file:
+        head = ",".join(["time_s", *(["level", *names[1:]] if drive.level.ndim == 1 else names)])
+        np.savetxt(file, np.hstack([time, *columns.values()]), "%.6f", ",", header=head, comments="")
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

@@ -87,7 +87,7 @@ class Solution:
 
     drive: Drive
     error: Array
-    """``E = || |G q| - p || / || p ||``, shape (frame,); 0 for a frame with nothing to play."""
+    """``E = || |G q| - p || / || p ||``, shape (frame,); 0 with nothing to play, NaN if the target is unknown."""
     iterations: NDArray[np.int64]
     """Number of iterations of the solver, shape (frame,)."""
     status: tuple[Status, ...]
@@ -95,7 +95,7 @@ class Solution:
 
     def __post_init__(self) -> None:
         frames = self.drive.frames
-        object.__setattr__(self, "error", frozen_array(self.error, "error", (frames,)))
+        object.__setattr__(self, "error", frozen_array(self.error, "error", (frames,), finite=False))
         object.__setattr__(self, "iterations", frozen_array(self.iterations, "iterations", (frames,), np.int64))
         if len(self.status) != frames:
             raise ShapeError(f"status: expected {frames} entries, one a frame, got {len(self.status)}")
@@ -129,7 +129,7 @@ class Solution:
         return summary(
             self,
             counted(self.drive.frames, "frame"),
-            f"E mean {error.mean():.3g} %, worst {error.max():.3g} %" if plays.any() else "",
+            f"E mean {error.mean():.3g} %, worst {error.max():.3g} %" if len(error) and np.isfinite(error[0]) else "",
             f"{(~plays).sum()} silent" if not plays.all() else "",
             f"of {self.drive!r}",
         )
