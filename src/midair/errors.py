@@ -3,7 +3,13 @@
 Each message states the expected value, the value received, and what to do.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """The name most like a word, as the end of a message; empty if none is like it."""
+    return "".join(f"; did you mean {name}?" for name in get_close_matches(word, names, n=1, cutoff=0.7))
 
 
 class MidairError(Exception):

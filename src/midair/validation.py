@@ -8,7 +8,7 @@ from typing import Any, Self, TypeVar, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.errors import InputError, NonFiniteError, ShapeError, did_you_mean
 from midair.streaming import LazyFrames
 
 T = TypeVar("T")
@@ -59,7 +59,7 @@ def check_finite(array: NDArray[Any], name: str, *, frame: int = 0) -> None:
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         place = (first[0] + frame, *first[1:]) if first else first
         raise NonFiniteError(
-            f"{name}: expected finite numbers, got {array[first]} at {place}; midair mend fills short gaps"
+            f"{name}: expected finite numbers, got {array[first]} at {place}; midair import --mend fills short gaps"
         )
 
 
@@ -155,7 +155,8 @@ def one_of(value: object, known: Any, name: str, *, error: type[InputError] = In
     """Raise an error unless `value` is one of `known`: the values of a Literal, or names."""
     names = get_args(known) or tuple(known)
     if value not in names:
-        raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}")
+        near = did_you_mean(str(value), names)
+        raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}{near}")
 
 
 def check_names(given: Iterable[str], known: Iterable[str]) -> None:

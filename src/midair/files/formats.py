@@ -102,8 +102,8 @@ def open_take(path: Place, given: ImportOptions) -> OpenedTake:
 
 
 def _opened(path: Place, given: ImportOptions) -> OpenedTake:
-    form = format_of(path)
     file = existing_file(path)
+    form = format_of(path)
     if form.memory:
         check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", "cut it, or decimate it")
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
@@ -182,9 +182,9 @@ def format_of(path: str | os.PathLike[str]) -> Format:
         if name.endswith(ending):
             raise UnknownFormatError(f"{path}: expected a recording; names that end in {ending} are for {other}")
     if Path(name).suffix not in FORMATS:
-        known = ", ".join(FORMATS)
+        got = Path(name).suffix or "a name without an ending"
         raise UnknownFormatError(
-            f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
+            f"{path}: expected a recording such as .h5, .csv or .wav, got {got}; midair import --help lists all formats"
         )
     return FORMATS[Path(name).suffix]
 

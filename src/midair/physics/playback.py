@@ -351,7 +351,7 @@ def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
 
     Raises RateError if `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
     """
-    periods = frequency / rate
+    periods = frequency / positive(rate, "frame rate", "Hz")
     if periods >= 1 and abs(periods - round(periods)) <= 1e-6 * periods:
         return round(periods)
     near = sorted({frequency / n for n in (max(1, int(periods)), int(periods) + 1)})

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_solution, load_target, open_take, save_solutions
 from midair.model import AmplitudeFrames, PressureFrames, Progress, Solution, TransducerArray
+from midair.physics import check_frame_rate
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
 from midair.recordings import unreproduced
 from midair.settings import Settings
@@ -41,6 +42,7 @@ def pressure_to_solve(
 
     Its provenance states what a drive of the whole take does not reproduce.
     """
+    check_frame_rate(settings.target.rate)
     opened = take if isinstance(take, OpenedTake) else open_take(take)
     part = pressure_of(opened, settings, start, duration)
     told = unreproduced(opened.recording, opened.calibration, settings.calibration.band)

@@ -358,7 +358,7 @@ def write_practice_recordings(
     names = [name for name, _, _ in plan]
     for path in [folder / f"{name}{end}.h5" for name in names for end in ("", "-reference")]:
         if path.exists():
-            raise FileError(f"{path}: is there already; give another folder")
+            raise FileError(f"{path}: already exists; give another folder")
     rng = np.random.default_rng((seed, 11))
     for number, (name, cell, level) in enumerate(plan):
         signal = sweep_signal(1.0, duration - 1) if kind == "sweep" else noise_signal(1.0, duration, rng=rng)

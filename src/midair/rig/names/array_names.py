@@ -17,7 +17,7 @@ from midair.devices import (
     pyautd3_array,
     state_folder,
 )
-from midair.errors import InputError, UnknownDeviceError
+from midair.errors import InputError, UnknownDeviceError, did_you_mean
 from midair.files import ARRAY_SUFFIX, load_array_calibration, save_array_calibration, write_file
 from midair.model import ArrayCalibration, Medium, Placement, PressureFrames, TransducerArray
 from midair.registry import Registry
@@ -63,7 +63,8 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     kind, colon, place = name.partition(":")
     if (colon and not place) or kind not in ARRAYS:
         others = "".join(f"{each}:PLACE, " for each in ARRAYS.others)
-        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}")
+        near = did_you_mean(name, ("virtual", *ARRAYS))
+        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}{near}")
     return ARRAYS[kind](name, placement, silencer)
 
 

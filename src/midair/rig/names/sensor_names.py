@@ -32,7 +32,7 @@ from midair.devices import (
     VirtualSensor,
     VirtualSkin,
 )
-from midair.errors import BandError, BrokenFileError, InputError, UnknownDeviceError
+from midair.errors import BandError, BrokenFileError, InputError, UnknownDeviceError, did_you_mean
 from midair.files import json_of, load_palm_path, load_tracker, open_take, read_text
 from midair.model import (
     HEIGHT,
@@ -164,9 +164,10 @@ class VirtualRig:
             case ("taps", "", ""):
                 return taps(seed=self.seed, rate=skin.rate, sensor=grid)
             case _:
+                near = did_you_mean(thing, ("brush", "sponge", "towel", "am-i", "am-ii", "am-iii", "taps"))
                 raise UnknownDeviceError(
                     "virtual sensor: expected brush, sponge or towel (+groove or not), am-i, am-ii, am-iii or taps, "
-                    f"got {thing!r}"
+                    f"got {thing!r}{near}"
                 )
 
 
@@ -263,7 +264,7 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
     others = "".join(f"{kind}:PLACE, " for kind in SENSORS.others)
     raise UnknownDeviceError(
         f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
-        f"got {name!r}; try virtual:towel"
+        f"got {name!r}; try virtual:{name if name in ('brush', 'sponge') else 'towel'}"
     )
 
 

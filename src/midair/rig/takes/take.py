@@ -380,7 +380,7 @@ def take_path(output: Path | None, subject: Subject, *, repeats: int) -> Path:
     if repeats > 1:
         return take_name(output.parent, output.stem)
     if output.exists():
-        raise InputError(f"{output}: is there already; give another name, or a folder for a new name")
+        raise InputError(f"{output}: already exists; give another name, or a folder for a new name")
     return output
 
 

@@ -134,7 +134,7 @@ def test_practice_writes_the_inputs_of_measure(capsys, one_line, monkeypatch):
     assert "midair calibrate measure lab/all-*Pa.h5" in said
     assert len(list(Path("lab").glob("*.h5"))) == 2 * 21 + 1
     assert run(["calibrate", "bench", "lab"]) == 1
-    assert "is there already" in one_line()
+    assert "already exists" in one_line()
 
 
 PAIR = ["all-a.h5", "--reference", "all-a-ref.h5"]
