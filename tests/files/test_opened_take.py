@@ -132,7 +132,7 @@ def test_gaps_are_refused_or_filled_and_reported(path):
     samples = np.ones((200, 16))
     samples[50:53, 2] = np.nan
     file = ImportedData(samples=samples, form="bin", rate=1000.0, unit="V")
-    with pytest.raises(NonFiniteError, match="midair mend"):
+    with pytest.raises(NonFiniteError, match="midair import --mend"):
         file.resolve(ImportOptions(), path)
     seen = file.resolve(ImportOptions(mending=Mending(longest=5e-3)), path)
     assert (seen.recording.samples == 1).all()

@@ -279,8 +279,8 @@ def _check(channel: int, first: int, frames: int, rate: float, mending: Mending)
     if frames > mending.longest * rate + 0.5:
         raise NonFiniteError(
             f"mend: expected gaps of {mending.longest * 1e3:g} ms at most, got {frames} frames "
-            f"({frames / rate * 1e3:.4g} ms) from {first / rate:.4g} s on in channel {channel}; midair mend "
-            "--longest fills longer ones; or leave that channel out (--channels)"
+            f"({frames / rate * 1e3:.4g} ms) from {first / rate:.4g} s on in channel {channel}; give --mend a longer "
+            "time, or leave that channel out (--channels)"
         )
 
 

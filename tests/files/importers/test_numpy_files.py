@@ -36,7 +36,7 @@ def test_a_header_larger_than_the_file_allocates_no_memory(tmp_path):
 
 def test_truncated_files_and_non_finite_numbers_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.full((5, 16), np.nan))
-    with pytest.raises(NonFiniteError, match="midair mend"):
+    with pytest.raises(NonFiniteError, match="midair import --mend"):
         load(tmp_path / "a.npy", **SAID)
     data = (tmp_path / "a.npy").read_bytes()
     for kept in (3, 40, 200, len(data) - 1):

@@ -10,7 +10,7 @@ from midair.cli.help_text import app_of_command
 
 GROUPED: Mapping[str, Sequence[str]] = {
     "Get started": ("demo", "gallery", "studio", "doctor"),
-    "Record": ("record", "import", "mend", "identify", "repair"),
+    "Record": ("record", "import", "identify", "repair"),
     "Edit": ("info", "show", "cut", "trim", "join", "gain", "fade", "mask", "resample", "export"),
     "Reproduce": ("draw", "solve", "exposure", "play", "stop", "live", "loop"),
     "Evaluate": ("compare", "budget"),
@@ -20,7 +20,7 @@ GROUPED: Mapping[str, Sequence[str]] = {
 
 _SHARED = {
     "edit": ("cut", "trim", "join", "gain", "fade", "mask", "resample"),
-    "import_export": ("import", "mend", "export", "repair"),
+    "import_export": ("import", "export", "repair"),
 }
 """Modules of several commands; others have the name of their command."""
 

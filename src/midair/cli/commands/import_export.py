@@ -1,4 +1,4 @@
-"""Commands that convert and repair recordings: import, mend, export, repair."""
+"""Commands that convert and repair recordings: import, export, repair."""
 
 from dataclasses import replace
 from json import dumps
@@ -17,12 +17,12 @@ from midair.cli.import_options import (
     import_recording,
     scale_by,
 )
-from midair.cli.options import Force, Json, Peak, Sensitivity, Source, Time
-from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table
+from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
+from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table, recording_text
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.recordings import GapFill, Mending, select
-from midair.table import Row
+from midair.table import Line, Row
 
 
 def import_command(
@@ -36,6 +36,8 @@ def import_command(
     reference: Path | None = None,
     tone: str = "94dB",
     drop: str | None = None,
+    mend: OptionalTime = None,
+    fill: GapFill = "spectrum",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -63,6 +65,11 @@ def import_command(
         Level of the tone in --reference, such as that of a calibrator.
     drop
         The reference is a falling weight instead: mass, height and diameter of the impact, such as 2g:50mm:10mm.
+    mend
+        Fill gaps (NaN, infinite or empty values) up to this length, such as 20ms. The recording stores each gap in its
+        journal and provenance. [default: a file with gaps is refused]
+    fill
+        How --mend fills: spectrum continues the vibration around the gap; line interpolates without vibration.
 
     Examples
     --------
@@ -71,6 +78,7 @@ def import_command(
     $ midair import sample:denim --peak 30Pa
     $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
     $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
+    $ midair import gaps.csv --unit V --mend 20ms
     """
     options, notes = options or FileOptions(), ()
     if reference is not None:
@@ -80,57 +88,7 @@ def import_command(
             )
         found = scale_by(reference, options, tone, drop)
         options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
-    _convert(source, output, options, sensitivity, peak, notes=notes, force=force, json=json)
-
-
-def mend_command(
-    source: str,
-    output: Path | None = None,
-    /,
-    *,
-    options: FileOptions | None = None,
-    longest: Time = 20e-3,
-    fill: GapFill = "spectrum",
-    sensitivity: Sensitivity = None,
-    peak: Peak = None,
-    force: Force = False,
-    json: Json = False,
-) -> None:
-    """Convert a file with gaps (NaN, infinite or empty values) to a recording and fill the gaps.
-
-    Works as midair import, which refuses files with gaps. The recording stores each gap in its journal and provenance.
-
-    Parameters
-    ----------
-    source
-        File to read.
-    output
-        Recording to write. [default: name of the source with .h5, in this folder]
-    longest
-        Longest gap to fill; longer ones are refused.
-    fill
-        spectrum continues the vibration around the gap; line interpolates without vibration.
-
-    Examples
-    --------
-    $ midair mend gaps.csv --unit V
-    """
-    mending = Mending(longest=longest, fill=fill)
-    _convert(source, output, options or FileOptions(), sensitivity, peak, mending, force=force, json=json)
-
-
-def _convert(
-    source: str,
-    output: Path | None,
-    options: FileOptions,
-    sensitivity: str | None,
-    peak: float | None,
-    mending: Mending | None = None,
-    *,
-    notes: tuple[str, ...] = (),
-    force: bool,
-    json: bool,
-) -> None:
+    mending = None if mend is None else Mending(longest=mend, fill=fill)
     name = source.removeprefix("sample:") if source.startswith("sample:") else ""
     ready = name in SAMPLES and SAMPLES[name].ready
     if ready:
@@ -152,12 +110,15 @@ def _convert(
     known = stated or imported.calibration
     pressure = files.load_pressure(file) if imported.stored and stated is None else None
     lost = files.save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
-    stated_by = calibration_row(known, hidden=recording.unit == "Pa" and not known)
-    table = [Row("recording", str(target)), *describe(recording), stated_by]
+    stated_by = calibration_row(known, target, hidden=recording.unit == "Pa" and not known)
+    ready = recording.unit == "Pa" or known is not None
+    next_row = ("next", f"midair solve {target}" if ready else "")
+    table: list[Line] = [Row("file", str(target), key="recording"), *describe(recording), stated_by, next_row]
     notes = (*notes, *imported.report)
     if recording.duration < SHORT:
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
-    print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
+    how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated}
+    print_table(table, answer=recording_text(recording), json=json, **how)
 
 
 SHORT = 0.02

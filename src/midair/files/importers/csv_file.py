@@ -122,7 +122,7 @@ def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool
         row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise NonFiniteError(
             f"{path}: expected finite numbers, got {rows[row].fields[column].strip()} in line {rows[row].line}, "
-            f"{_column(column, names)}; midair mend fills short gaps"
+            f"{_column(column, names)}; midair import --mend fills short gaps"
         )
     return values
 
@@ -131,7 +131,9 @@ def _number(row: _Row, column: int, names: tuple[str, ...], path: Path) -> float
     field = row.fields[column].strip()
     where = f"in line {row.line}, {_column(column, names)}"
     if not field:
-        raise NonFiniteError(f"{path}: expected a number, got an empty field {where}; midair mend fills short gaps")
+        raise NonFiniteError(
+            f"{path}: expected a number, got an empty field {where}; midair import --mend fills short gaps"
+        )
     if not _is_number(field):
         hint = "; write decimals with a point" if "," in field else ""
         raise BrokenFileError(f"{path}: expected a number, got {field[:40]!r} {where}{hint}")
