@@ -75,7 +75,7 @@ def test_a_wave_of_4_pa_is_reproduced_by_one_unit():
     assert told.strength == pytest.approx(np.sqrt(4 / told.headroom.focus))
     assert not told.too_loud
     assert told.advice() == ""
-    assert dict(told.rows())["requested"].startswith("4 Pa at most")
+    assert dict(told.rows())["pressure"].startswith("peak 4 Pa: 2 Pa steady push")
 
 
 def top_on_palm(drive, height, pitch):

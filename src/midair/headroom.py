@@ -54,10 +54,7 @@ class Headroom:
         return self.even / 2
 
     def __str__(self) -> str:
-        return (
-            f"{_pa(self.focus)} in one focus, {_pa(self.even)} on all cells at once with a vibration amplitude of "
-            f"{_pa(self.swing)}; {1e3 * self.height:.3g} mm above the array"
-        )
+        return f"{_pa(self.focus)} on one point, {_pa(self.even)} on the whole palm, at {1e3 * self.height:.3g} mm"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,27 +89,22 @@ class PressureLevel:
             return ""
         fits = self.linear / self.asked
         return (
-            f"level: {_pa(self.asked)} requested, {100 * self.comes:.0f} % predicted; this pattern is reproduced in "
-            f"full up to about {_pa(self.linear)}: use --strength {self.strength * np.sqrt(fits):.2g}, or a --gain "
-            f"{fits:.2g} times as large"
+            f"too strong for the array, which reaches {100 * self.comes:.0f} % of the peak of {_pa(self.asked)}: use "
+            f"--strength {self.strength * np.sqrt(fits):.2g}, or a --gain {fits:.2g} times as large"
         )
 
+    def __str__(self) -> str:
+        return f"peak {_pa(self.asked)}: {_pa(self.steady)} steady push, {_pa(self.vibration)} rms vibration"
+
     def rows(self) -> list[tuple[str, str]]:
-        """Label and text of each row of a printed table."""
-        limits = [] if self.headroom is None else [("largest possible", str(self.headroom))]
-        full = "" if self.linear is None else f"; in full up to about {_pa(self.linear)}"
+        """Label and text of each row of a printed table, the most important first."""
+        full = "" if self.linear is None else f"; the array can do up to about {_pa(self.linear)}"
         return [
-            *limits,
-            (
-                "requested",
-                f"{_pa(self.asked)} at most, strength {self.strength:.3f}; at that point {_pa(self.steady)} steady "
-                f"and {_pa(self.vibration)} rms of vibration",
-            ),
-            (
-                "predicted",
-                f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction){full}; {_pa(self.peak)} at "
-                "the loudest point of the palm",
-            ),
+            ("pressure", str(self)),
+            ("reached", f"{100 * self.comes:.0f} % of the peak, by the model{full}"),
+            ("loudest point", f"{_pa(self.peak)} on the palm"),
+            ("strength", f"{self.strength:.3f} of the sound of a single focus"),
+            *([] if self.headroom is None else [("array limit", str(self.headroom))]),
         ]
 
     def plain(self) -> dict[str, object]:

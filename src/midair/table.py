@@ -1,6 +1,6 @@
 """Tables of names, values and units, which commands print on a terminal or as JSON."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 
 
@@ -18,15 +18,24 @@ class Row:
     """The value as a person reads it; by default the value and its unit."""
 
 
-Line = Row | tuple[str, str] | Mapping[str, object]
-"""A row, or a name and a text that are printed only, or values that are in JSON only."""
+@dataclass(frozen=True, slots=True)
+class Details:
+    """Lines that are printed only with all others, by ``--all``; JSON contains them."""
+
+    lines: Sequence["Line"]
 
 
-def printed(table: Iterable[Line]) -> list[tuple[str, str]]:
+Line = Row | tuple[str, str] | Mapping[str, object] | Details
+"""A row, or a name and a text that are printed only, or values that are in JSON only, or details."""
+
+
+def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]]:
     """Name and text of each row of a table that is printed; a row without a text is not."""
     rows: list[tuple[str, str]] = []
     for line in table:
-        if isinstance(line, Row):
+        if isinstance(line, Details):
+            rows += printed(line.lines if all else (), all=all)
+        elif isinstance(line, Row):
             value = f"{line.value:.4g}" if isinstance(line.value, float) else str(line.value)
             rows.append((line.name, f"{value} {line.unit}".rstrip() if line.text is None else line.text))
         elif isinstance(line, tuple):
@@ -38,7 +47,9 @@ def plain(table: Iterable[Line]) -> dict[str, object]:
     """The values of a table by their names in JSON."""
     values: dict[str, object] = {}
     for line in table:
-        if isinstance(line, Row):
+        if isinstance(line, Details):
+            values |= plain(line.lines)
+        elif isinstance(line, Row):
             values[line.key or line.name] = line.value
         elif not isinstance(line, tuple):
             values.update(line)

@@ -93,23 +93,6 @@ def test_a_file_name_that_is_no_text_is_printed(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-def test_a_small_limit_of_open_files_is_one_line_but_not_for_stop():
-    def told(command):
-        return subprocess.run(
-            ["sh", "-c", f"ulimit -n 16; exec {sys.executable} -m midair {command}"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-
-    refused = told("info nothing.h5")
-    expected = "midair: expected a limit of 64 open files or more, got 16 (ulimit -n); raise it: ulimit -n 1024\n"
-    assert (refused.returncode, refused.stderr) == (1, expected)
-    assert told("stop").returncode == 0
-
-
-@pytest.mark.long
 def test_a_name_that_the_terminal_cannot_spell_is_printed_all_the_same(tmp_path):
     take = tmp_path / "tüß☃.h5"
     save(Recording(samples=np.zeros((30, 4, 4)), rate=1000.0), take)

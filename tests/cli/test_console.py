@@ -8,7 +8,7 @@ from rich.progress import Task
 from rich.table import Table
 
 from midair.cli import app, run
-from midair.cli.comparisons import print_palm
+from midair.cli.comparisons import palm_lines
 from midair.cli.console import (
     PerSecond,
     PlainConsole,
@@ -17,13 +17,15 @@ from midair.cli.console import (
     err,
     out,
     parse_flags,
-    print_figures,
+    print_answer,
+    print_grid,
     print_rows,
     progress_bars,
     verbosity,
 )
 from midair.errors import InputError
 from midair.evaluate import PalmFidelity
+from midair.table import printed
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
@@ -36,10 +38,10 @@ SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
         lambda: err().print(HOSTILE, style="bold red"),
         lambda: print_rows([(HOSTILE, "value")]),
         lambda: print_rows([("name", HOSTILE)]),
-        lambda: print_figures(HOSTILE, {"a": {"b": (1.0, "Pa")}}),
-        lambda: print_figures("title", {HOSTILE: {"b": (1.0, "Pa")}}),
-        lambda: print_figures("title", {"a": {HOSTILE: (1.0, "Pa")}}),
-        lambda: print_figures("title", {"a": {"b": (1.0, HOSTILE)}}),
+        lambda: print_answer(HOSTILE, simulated=True),
+        lambda: print_grid(("", "a"), [("b", "1")], title=HOSTILE),
+        lambda: print_grid(("", HOSTILE), [("b", "1")]),
+        lambda: print_grid(("", "a"), [("b", HOSTILE)]),
     ],
 )
 def test_text_is_neither_markup_nor_an_escape_sequence(prints, capsys, monkeypatch):
@@ -133,15 +135,14 @@ def test_elapsed_time_appears_late_and_ends_with_the_first_output(capsys, monkey
     assert capsys.readouterr() == ("", "")
 
 
-def test_palm_fidelity_is_printed_for_each_skin(capsys):
+def test_palm_fidelity_is_printed_for_each_skin():
     skins = {"soft": 15.04, "stiff": 20.0}
-    print_palm(PalmFidelity(outside=0.0312, pressure=12.34, square=17.0, displacement=skins, palm="mine"))
-    said = " ".join(capsys.readouterr().out.split())
-    assert "fidelity on a whole palm, mine" in said
-    assert "3.12 % of the power in the band" in said
-    assert "pressure 12.3 dB over the palm, 17.0 dB within the square" in said
-    assert "displacement 15.0 dB (soft), 20.0 dB (stiff)" in said
-    assert "not measured on people" in said
+    found = palm_lines(PalmFidelity(outside=0.0312, pressure=12.34, square=17.0, displacement=skins, palm="mine"))
+    assert printed(found) == [("beside", "3.1 % of the power outside the recorded square")]
+    rows = dict(printed(found, all=True))
+    assert rows["palm"].startswith("mine; ")
+    assert rows["palm, pressure"] == "12.3 dB over the palm, 17.0 dB within the square"
+    assert rows["palm, movement"] == "15.0 dB (soft), 20.0 dB (stiff)"
 
 
 def test_commands_that_run_until_stopped_show_no_elapsed_time(monkeypatch):

@@ -7,7 +7,7 @@ from midair.cli.output import as_recording, may_write, print_table, reserved
 from midair.errors import DeviceStateError, InputError
 from midair.files import FormatLoss, load, load_pressure, save
 from midair.model import PressureFrames, Provenance, SensorGrid
-from midair.table import Row, printed
+from midair.table import Details, Row, printed
 
 PRESSURE = PressureFrames(
     pressure=np.arange(12.0).reshape(3, 2, 2),
@@ -58,18 +58,21 @@ def test_a_table_is_printed_or_json(capsys):
         ("source", "towel"),
         ("age", ""),
         {"kind": "take"},
+        Details([Row("more", 7), Details([("most", "all")])]),
     ]
+    assert printed(table, all=True)[3:] == [("more", "7"), ("most", "all")]
     assert printed(table) == [("rate", "1000 Hz"), ("frames", "3 of 4"), ("source", "towel")]
     print_table(table, json=True)
-    values = {"rate_hz": 1000.0, "frames": 3, "note": None, "kind": "take"}
+    values = {"rate_hz": 1000.0, "frames": 3, "note": None, "kind": "take", "more": 7, "simulated": False}
     assert json.loads(capsys.readouterr().out) == values
     how = {"notes": ["cut"], "lost": [FormatLoss(what="rate", text="No rate.")]}
     print_table(table, json=True, simulated=True, **how)
     more = {"simulated": True, "notes": ["cut"], "lost": [{"what": "rate", "text": "No rate."}]}
     assert json.loads(capsys.readouterr().out) == values | more
-    print_table(table, json=False, simulated=True, **how)
-    said = capsys.readouterr()
-    assert all(word in said.out + said.err for word in ("SIMULATED", "frames", "note: cut", "lost: No rate."))
+    print_table(table, json=False, answer="a towel", simulated=True, **how)
+    said = capsys.readouterr().out
+    assert said.startswith("SIMULATED  a towel\nrate ")
+    assert all(word in said for word in ("frames", "note: cut", "lost: No rate."))
     print_table(table, json=False, simulated=False)
     assert "SIMULATED" not in "".join(capsys.readouterr())
 

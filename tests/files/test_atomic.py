@@ -256,7 +256,7 @@ def test_a_disk_without_locks_is_reported_once_and_not_refused(tmp_path):
 
     samples = np.random.default_rng(0).standard_normal((200, 4, 4))
     save(Recording(samples=samples, rate=1000.0), tmp_path / "source.h5")
-    done = run("record", "replay:source.h5", "n.h5", "--quiet")
+    done = run("record", "replay:source.h5", "n.h5", "-q")
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if "lock" in line]
     assert told == [

@@ -1,31 +1,38 @@
 """The command `midair`: exit status 0 when done, 1 for a failure (one line on stderr), 2 for wrong usage."""
 
 import io
+import itertools
 import os
+import re
 import signal
 import sys
 import time
 import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
-from difflib import get_close_matches
+from functools import reduce
 from pathlib import Path
 from typing import Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter, UnknownCommandError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    MissingArgumentError,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from midair.cli.commands import COMMANDS, FOLDERS, GROUPED, summary_of
 from midair.cli.console import elapsed_time, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
-from midair.errors import MidairError, UnknownDeviceError
+from midair.errors import InputError, MidairError, UnknownDeviceError, did_you_mean
 from midair.ram import address_limit
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
 """Environment variable: if set, an unexpected error prints its traceback, as with -v."""
-
-OPEN_FILES = 64
-"""Smallest limit of open files with which a command starts."""
 
 _UNTIL_STOPPED = ("studio", "serve", "live", "record", "study run")
 """Beginnings of commands that run until a person stops them, and print by themselves."""
@@ -39,8 +46,9 @@ _EPILOGUE = """Examples:
   midair solve take.h5
   midair play take.drive.h5
 
-Every command takes -q (hide progress bars and meters) and -v (print the run time, and a traceback on errors).
-Quantities need a unit: 200mm, 20Hz, 0.5s, 30Pa. Help on a command: midair COMMAND --help."""
+Every command takes --all (print all lines of the result), -q (hide progress bars and meters) and -v (print the run
+time, and a traceback on errors). Quantities need a unit: 200mm, 20Hz, 0.5s, 30Pa.
+Help on a command: midair help COMMAND."""
 
 app = App(
     name="midair",
@@ -94,9 +102,6 @@ def main(tokens: Sequence[str] | None = None) -> None:
         sys.exit(_run_to_exit(tokens))
     from midair.devices import ordered_at, process_start_time
 
-    # Never in the way of `midair stop`.
-    if "stop" not in tokens and (refused := _too_few_files()):
-        sys.exit(_print_line(refused, 1))
     # From here on `midair stop` applies, even before the command registers that it plays.
     with ordered_at(process_start_time()):
         sys.exit(_run_to_exit(tokens))
@@ -113,21 +118,9 @@ def _run_to_exit(tokens: Sequence[str]) -> int:
     return status
 
 
-def _too_few_files() -> str:
-    """One line if this process may open too few files at once for its connections and libraries."""
-    try:
-        import resource
-    except ImportError:
-        return ""
-    limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-    if limit == resource.RLIM_INFINITY or limit >= OPEN_FILES:
-        return ""
-    return f"expected a limit of {OPEN_FILES} open files or more, got {limit} (ulimit -n); raise it: ulimit -n 1024"
-
-
 def run(tokens: Sequence[str]) -> int:
     """Run a command line and return its exit status."""
-    how, tokens = parse_flags(tokens)
+    how, tokens = parse_flags([*tokens[1:], "--help"] if tokens[:1] == ["help"] else tokens)
     with with_verbosity(how):
         began = time.monotonic()
         status = _status(tokens)
@@ -153,9 +146,9 @@ def _status(tokens: Sequence[str]) -> int:
             with nullcontext() if begins.startswith(_UNTIL_STOPPED) else elapsed_time(begins.partition(" ")[0]):
                 status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as wrong:
-            return _print_line(f"{_usage(wrong)} (see midair --help)", 2)
+            return _print_line(f"{_usage(wrong, tokens)} (see midair --help)", 2)
         except MidairError as wrong:
-            return _print_line(str(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
+            return _print_line(_message(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
         except KeyboardInterrupt:
             return _print_line(_kept_files(files), 130)
         except BrokenPipeError:
@@ -165,15 +158,41 @@ def _status(tokens: Sequence[str]) -> int:
         return status if isinstance(status, int) else 0
 
 
-def _usage(wrong: CycloptsError) -> str:
+def _message(wrong: MidairError) -> str:
+    """The message of an error; a file of another program has to be imported before other commands read it."""
+    if not isinstance(wrong, InputError) or not wrong.parameters:
+        return str(wrong)
+    from midair.cli.import_options import TYPED
+
+    file = wrong.args[0].partition(":")[0]
+    return wrong.message(TYPED).replace("; give ", f"; import it first, midair import {file}, and give ")
+
+
+def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
     """The message for a command line that cannot be parsed."""
+    if isinstance(wrong, MissingArgumentError) and wrong.argument is not None and wrong.command_chain:
+        name = wrong.argument.name
+        value = next((value for option, value in itertools.pairwise(tokens) if option == name), "")
+        if value.startswith("-"):
+            return f"{name}: expected a value that is not below 0, got {value}"
+        named = reduce(App.__getitem__, wrong.command_chain, app)
+        described = named.assemble_argument_collection(parse_docstring=True)
+        about = next((each.parameter.help or "" for each in described if each.name == name), "")
+        count, _ = wrong.argument.token_count()
+        what = f"{count if count > 1 else 'a'} value{'s' * (count > 1)} of {name}" if name in tokens else name
+        first = re.split(r"[.;] |[.;]?$|\n", about)[0]
+        return f"{' '.join(wrong.command_chain)}: expected {what}: {first}"
+    word = wrong.token.keyword or wrong.token.value if isinstance(wrong, UnknownOptionError) else ""
+    if isinstance(wrong, UnknownOptionError) and re.fullmatch("-[a-z]", word):
+        names = [name for each in wrong.argument_collection for name in each.names if name.startswith(f"-{word}")]
+        near = f"; did you mean {' or '.join(names[:3])}?" if names else ""
+        return f'unknown option "{word}"{near}'
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
         return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
     if isinstance(wrong, UnknownCommandError) and wrong.unused_tokens and wrong.app is app:
         # The message of cyclopts imports every command.
-        (word, *_), names = wrong.unused_tokens, [*COMMANDS, *FOLDERS]
-        near = "".join(f' Did you mean "{name}"?' for name in get_close_matches(word, names, n=1))
-        return f'Unknown command "{word}".{near}'
+        word = wrong.unused_tokens[0]
+        return f'unknown command "{word}"{did_you_mean(word, [*COMMANDS, *FOLDERS])}'
     return str(wrong).strip()
 
 

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.table import Table
-
 from midair import rig
-from midair.cli.console import out, print_note
-from midair.evaluate import OVERALL, RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, ratio_text
-from midair.model import PressureFrames, Provenance, TransducerArray
+from midair.cli.console import print_grid, print_note
+from midair.evaluate import RATIOS, Comparison, LaboratoryLoss, PalmFidelity, PerceptualMetrics, Verdict, ratio_text
+from midair.model import PressureFrames, TransducerArray
 from midair.settings import Settings
-
-
-def unreproduced_rows(provenance: Provenance) -> list[tuple[str, str]]:
-    """Row of the part of a recording that its drive does not reproduce; none where it is small."""
-    text = provenance.last("not reproduced").get("text")
-    return [("not reproduced", str(text))] if text else []
+from midair.table import Details, Line
 
 
 def stated_array_calibration(path: Path | None, device: str, settings: Settings) -> rig.KeptCalibration | None:
@@ -36,59 +28,49 @@ def with_array_calibration(
     return (array, settings, pressure) if kept is None else kept.applied(array, settings, pressure)
 
 
-def print_ratios(ratios: Mapping[str, tuple[float, float, float]]) -> None:
-    """Print each signal-to-distortion ratio, its limits where the sensor's noise limits it, and its meaning."""
-    for name, limits in ratios.items():
-        out().print(f"  {name}: {ratio_text(limits)} dB", style="bold")
-        out().print(f"    {RATIOS[name]}", style="dim")
+def verdict_lines(verdict: Verdict) -> tuple[str, list[Line]]:
+    """The first line of a verdict, as the answer of a command, and the others."""
+    first, *others = verdict.rows()
+    return " ".join(first), list[Line](others)
 
 
-def print_metrics(card: PerceptualMetrics) -> None:
-    """Print each metric over all cells, original → reproduction, and its meaning."""
-    out().print("\nperceptual metrics over all cells")
-    for name, value, unit, meaning in card.rows():
-        out().print(f"  {name}: {value} {unit}".rstrip(), style="bold")
-        if meaning:
-            out().print(f"    {meaning}")
+def comparison_lines(comparison: Comparison, card: PerceptualMetrics | None) -> list[Line]:
+    """Every figure of a comparison, and its perceptual metrics over all cells, original → reproduction."""
+    figures = comparison.figures().items()
+    metrics = [] if card is None else card.rows()
+    return [
+        *((name, f"{value:.4g} {unit}") for name, (value, unit) in figures if name not in RATIOS),
+        *((name, f"{ratio_text(limits)} dB; {RATIOS[name]}") for name, limits in comparison.ratios.items()),
+        *((name, "; ".join(filter(None, [f"{value} {unit}".rstrip(), about]))) for name, value, unit, about in metrics),
+    ]
 
 
-def print_palm(palm: PalmFidelity) -> None:
-    """Print the fidelity on a whole palm for each skin model."""
-    out().print(f"\nfidelity on a whole palm, {palm.palm}", style="bold")
-    out().print(f"  {100 * palm.outside:.3g} % of the power in the band lies outside the square of the sensor")
-    out().print(f"  pressure {palm.pressure:.1f} dB over the palm, {palm.square:.1f} dB within the square")
+def palm_lines(palm: PalmFidelity) -> list[Line]:
+    """The fidelity on a whole palm, for each skin model."""
     moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
-    out().print(f"  displacement {moved}")
-    out().print("    signal-to-distortion ratio in models of flat skin, not measured on people", style="dim")
+    return [
+        ("beside", f"{100 * palm.outside:.2g} % of the power outside the recorded square"),
+        Details(
+            [
+                ("palm", f"{palm.palm}; signal to distortion in models of flat skin, not measured on people"),
+                ("palm, pressure", f"{palm.pressure:.1f} dB over the palm, {palm.square:.1f} dB within the square"),
+                ("palm, movement", moved),
+            ]
+        ),
+    ]
+
+
+def laboratory_lines(found: LaboratoryLoss) -> list[Line]:
+    """What all uncertainties of a laboratory together leave, and what to do about the largest."""
+    return [("real laboratory", found.text()), ("without them", f"{found.nominal:.0f} dB; {found.advice}")]
 
 
 def print_laboratory(found: LaboratoryLoss) -> None:
-    """Print the part "palm and laboratory": what each uncertainty leaves, and all together."""
+    """Print what each uncertainty of a laboratory leaves, and all together."""
     units = "measured transducers" if found.measured else "transducers that were not measured"
-    title = f"palm and laboratory, {units}: {found.nominal:.1f} dB without uncertainties, seed {found.seed}"
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("uncertainty")
-    for head in ("stated", "median", "5 %", "95 %"):
-        table.add_column(head, justify="right")
-    table.add_row("", "k = 1", "dB", "dB", "dB", style="dim")
-    for name, stated, *ratios in found.rows():
-        table.add_row(name, stated, *(f"{ratio:.1f}" for ratio in ratios))
-    out().print()
-    out().print(table)
-    out().print(found.advice)
-    out().print(f"{OVERALL} on the cells of the moved palm, random draws; {RATIOS[OVERALL]}", style="dim")
-
-
-def print_side_by_side(outcomes: Sequence[rig.Outcome]) -> None:
-    """Print the figures of several modes side by side."""
-    table = Table(title="side by side" if len(outcomes) > 1 else None, title_justify="left", box=None, pad_edge=False)
-    table.add_column("", overflow="fold")
-    for each in outcomes:
-        table.add_column(each.name, overflow="fold")
-    table.add_column("unit")
-    for name, unit, *values in rig.comparison_rows(outcomes):
-        table.add_row(name, *values, unit)
-    out().print(table)
+    rows = [(name, stated, *(f"{ratio:.1f}" for ratio in ratios)) for name, stated, *ratios in found.rows()]
+    title = f"palm and laboratory, {units}, seed {found.seed}"
+    print_grid(("uncertainty", "stated, k = 1", "median dB", "5 %", "95 %"), rows, title=title)
 
 
 def plain(comparison: Comparison) -> dict[str, object]:

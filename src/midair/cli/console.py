@@ -3,10 +3,11 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from textwrap import wrap
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ SILENT = 2.0
 """Delay before the elapsed time of a command appears, in s."""
 
 
-_FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
+_FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose", "-a": "all", "--all": "all"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +45,8 @@ class Verbosity:
     """Neither progress bars nor meters; results, warnings and errors are still printed."""
     verbose: bool = False
     """Traceback for unexpected errors, and the run time at the end."""
+    all: bool = False
+    """All lines of a result; by default the main ones."""
     line: str = "midair"
     """The command line, quoted for a shell."""
 
@@ -72,13 +75,13 @@ def parse_flags(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
     said = {_FLAGS[token] for token in tokens[:ends] if token in _FLAGS}
     rest = [token for token in tokens[:ends] if token not in _FLAGS]
     rest += tokens[ends:]
-    return Verbosity(quiet="quiet" in said, verbose="verbose" in said, line=shlex.join(["midair", *rest])), rest
+    return Verbosity(line=shlex.join(["midair", *rest]), **dict.fromkeys(said, True)), rest
 
 
 class PlainConsole(Console):
     """A console without markup, emoji codes and escape sequences, so that names cannot change the output."""
 
-    def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
+    def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = False) -> None:
         super().__init__(stderr=stderr, markup=markup, emoji=False, highlight=False, soft_wrap=soft_wrap)
 
     def render_str(self, text: str, **how: Any) -> Text:
@@ -96,8 +99,7 @@ class PerSecond(ProgressColumn):
     def render(self, task: Task) -> Text:
         """Items per second, once known."""
         # At the end the mean over the whole work: the last seconds may be a burst.
-        whole = task.completed / task.elapsed if task.finished and task.elapsed else None
-        speed = whole or task.speed
+        speed = task.completed / task.finished_time if task.finished_time else task.speed
         return Text("" if speed is None else f"{speed:6.{self._digits}f} {self._items}/s", style="cyan")
 
 
@@ -163,7 +165,7 @@ def out() -> PlainConsole:
 def err() -> PlainConsole:
     """Console for questions, progress and errors."""
     _end_waiting()
-    return PlainConsole(stderr=True)
+    return PlainConsole(stderr=True, soft_wrap=True)
 
 
 def print_note(line: str, *, warn: bool = False) -> None:
@@ -204,27 +206,34 @@ def progress_bars() -> Generator[Callable[[str], "Report"]]:
             shown.stop()
 
 
-def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:
-    """Print a table of figures: one row per figure, one column per item, and the unit."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("")
-    for name in columns:
-        table.add_column(name, justify="right")
-    table.add_column("unit")
-    first = next(iter(columns.values()))
-    for name, (_, unit) in first.items():
-        table.add_row(name, *(f"{column[name][0]:.4g}" for column in columns.values()), unit)
+def print_grid(heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "") -> None:
+    """Print a table of figures: a head for each column, and rows of a name and figures."""
+    if title:
+        out().print(title, style="bold")
+    table = Table(box=None, pad_edge=False)
+    for number, name in enumerate(heads):
+        table.add_column(name, justify="right" if number else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
     out().print(table)
+
+
+def print_answer(text: str, *, simulated: bool) -> None:
+    """Print the first line of a result, with a mark before a simulated one."""
+    console, mark = out(), "SIMULATED  " if simulated else ""
+    shown = Text("\n".join(wrap(mark + _printable(text), console.width, break_on_hyphens=False)), style="bold")
+    shown.stylize("red", 0, len(mark))
+    console.print(shown, soft_wrap=True)
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    """Print names and values, one pair per line."""
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(overflow="fold")
-    for name, value in rows:
-        table.add_row(name, value)
-    out().print(table)
+    """Print names and values, one pair per line; long values are wrapped."""
+    console, shown = out(), [(_printable(name), _printable(value)) for name, value in rows]
+    column = max((len(name) for name, _ in shown), default=0) + 2
+    for name, value in shown:
+        first, *others = wrap(value, max(console.width - column, 20), break_on_hyphens=False) or [""]
+        lines = [first, *(" " * column + line for line in others)]
+        console.print(Text.assemble((f"{name:{column}}", "bold"), "\n".join(lines)), soft_wrap=True)
 
 
 def print_json(value: object) -> None:

@@ -101,7 +101,7 @@ class FileOptions:
     """When the footprint has left the sensor: stop, move back, or move over it again."""
 
 
-_TYPED: Mapping[str, str] = MappingProxyType(
+TYPED: Mapping[str, str] = MappingProxyType(
     {
         "rate": "--rate 1000Hz",
         "unit": "--unit V, count or Pa",
@@ -130,7 +130,7 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
             return files.OpenedTake(recording=recording, report=report)
         return replace(taken, recording=recording, report=report)
     except InputError as wrong:
-        raise type(wrong)(wrong.message(_TYPED)) from wrong
+        raise type(wrong)(wrong.message(TYPED)) from wrong
 
 
 def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Recording, tuple[str, ...]]:

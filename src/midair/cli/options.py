@@ -127,17 +127,12 @@ Frequency = Annotated[float, quantity("Hz")]
 Time = Annotated[float, quantity("s")]
 Force = Annotated[bool, Parameter(alias="-f", help="Overwrite existing files.")]
 Json = Annotated[bool, Parameter(alias="-j", help="Print the result as JSON.")]
-Quiet = Annotated[bool, Parameter(help="Hide progress bars and meters, as -q does.")]
 OptionalTime = Annotated[float | None, quantity("s")]
 Source = Annotated[Path, Parameter(help="Recording to read.")]
 Output = Annotated[Path, Parameter(help="File to write, in any format that midair can write.")]
 Study = Annotated[Path, Parameter(help="Folder of the study.")]
 Seed = Annotated[int, Parameter(help="Random seed of the virtual rig.")]
 PART = Group("Part", sort_key=4)
-StartAt = Annotated[Time, Parameter(group=PART, help="Start of the part to use.")]
-PartLength = Annotated[OptionalTime, Parameter(group=PART, help="Length of the part to use. [default: to the end]")]
-_LEAD = "Fade time before and after the part. [default: by the mapping]"
-Lead = Annotated[OptionalTime, Parameter(group=PART, help=_LEAD)]
 Sensitivity = Annotated[str | None, Parameter(help="Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.")]
 _PEAK = "Pressure of the largest change of any channel, such as 30Pa."
 Peak = Annotated[float | None, quantity("Pa"), Parameter(help=_PEAK)]
@@ -289,6 +284,19 @@ class _SettingsOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """Part of a recording that is used."""
+
+    start_at: Annotated[Time, Parameter(group=PART)] = 0.0
+    """Start of the part to use."""
+    duration: Annotated[OptionalTime, Parameter(group=PART)] = None
+    """Length of the part to use. [default: to the end]"""
+    lead: Annotated[OptionalTime, Parameter(group=PART)] = None
+    """Fade time before and after the part. [default: by the mapping]"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
 class BandOptions(_SettingsOptions):
     """Which part of a recording counts."""
 
@@ -349,6 +357,17 @@ class PlaySolveOptions(_SettingsOptions):
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
+class PlayTakeOptions(PlaySolveOptions, PartOptions):
+    """How a part of a recording is solved while it plays."""
+
+    def given(self) -> str:
+        """Names of the options that differ from their defaults."""
+        named = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
+        return ", ".join(f"--{name.removesuffix('_file').replace('_', '-')}" for name in named)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
 class SolveOptions(PlaySolveOptions):
     """How pressure becomes sound."""
 
@@ -376,6 +395,14 @@ class SolveOptions(PlaySolveOptions):
         parts = [name for name in ("rows", "columns", "pitch") if getattr(grid, name) != getattr(usual, name)]
         lines = [f"target.grid.{name}={getattr(grid, name)!r}" for name in parts]
         return SolveOptions(mode="paper", method="glide", set=tuple(lines), **given)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class TakeOptions(SolveOptions, PartOptions):
+    """How a part of a recording becomes a drive."""
+
+    array_calibration: ArrayCalibration = None
 
 
 def _argument(value: Any, unit: str) -> str:

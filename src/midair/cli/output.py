@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from midair import files
-from midair.cli.console import banner, out, print_json, print_note, print_rows
+from midair.cli.console import out, print_answer, print_json, print_note, print_rows, verbosity
 from midair.cli.options import format_quantity
 from midair.errors import InputError
-from midair.evaluate import SolveError, error_by_energy
+from midair.evaluate import error_by_energy
 from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import (
     AmplitudeFrames,
@@ -26,11 +26,11 @@ from midair.model import (
     Recording,
     SensorGrid,
     Setting,
-    Solution,
 )
 from midair.recordings import dead_channels
+from midair.settings import Settings
 from midair.streaming import blocks
-from midair.table import Line, Row, plain, printed
+from midair.table import Details, Line, Row, plain, printed
 from midair.targets import frames_without_lead
 
 
@@ -45,20 +45,20 @@ def print_table(
     table: Iterable[Line],
     *,
     json: bool,
-    simulated: bool | None = None,
+    answer: str = "",
+    simulated: bool = False,
     notes: Iterable[str] | None = None,
     lost: Iterable[files.FormatLoss] = (),
 ) -> None:
-    """Print a table, or its values as JSON; `notes` and `lost`, if given, and `simulated` unless it is None."""
+    """Print the answer of a command and its table, or the values of the table as JSON, with the notes if given."""
     if json:
-        values = plain(table)
-        if simulated is not None:
-            values["simulated"] = simulated
+        values = plain(table) | {"simulated": simulated}
         if notes is not None:
             values["notes"], values["lost"] = list(notes), [{"what": loss.what, "text": loss.text} for loss in lost]
         return print_json(values)
-    banner(bool(simulated))
-    print_rows(printed(table))
+    if answer or simulated:
+        print_answer(answer, simulated=simulated)
+    print_rows(printed(table, all=verbosity().all))
     for line in (*(f"note: {note}" for note in notes or ()), *(f"lost: {loss}" for loss in lost)):
         out().print(line)
     return None
@@ -115,7 +115,7 @@ def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
         strokes.append({"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed})
         text = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
         lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {text}"))
-    return [*lines, {"strokes": strokes}]
+    return [Details(lines), {"strokes": strokes}]
 
 
 @singledispatch
@@ -129,19 +129,29 @@ def _(recording: Recording) -> list[Line]:
     sensor, silent = recording.sensor, np.flatnonzero(dead_channels(recording)).tolist()
     low, high, unit = float(recording.samples.min()), float(recording.samples.max()), recording.unit
     # Constant cells of a synthetic field are not broken but untouched.
-    synthetic = any(step.stage == "footprint" for step in recording.provenance.steps)
-    channels = ", ".join(map(str, silent)) or "none"
+    life = recording.provenance
+    synthetic = life.simulated or any(step.stage == "footprint" for step in life.steps)
+    channels = ", ".join(map(str, silent))
+    touched_text = f"{sensor.count - len(silent)} of {sensor.count} cells" if silent else ""
     about = {"name": sensor.name, "rows": sensor.rows, "columns": sensor.columns, "pitch_m": sensor.pitch}
-    frames = f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"
     return [
-        Row("frames", recording.frames, text=frames),
-        {"rate_hz": recording.rate, "duration_s": recording.duration},
-        Row("sensor", about, text=sensor_text(sensor)),
-        Row("unit", unit),
+        {"frames": recording.frames, "rate_hz": recording.rate, "duration_s": recording.duration, "unit": unit},
         Row("range", [low, high], text=f"{low:.4g} to {high:.4g} {unit}"),
         Row("dead channels", [] if synthetic else silent, key="dead_channels", text="" if synthetic else channels),
-        *([Row("untouched cells", silent, key="untouched_cells", text=channels)] if synthetic else []),
+        *([Row("touched", silent, key="untouched_cells", text=touched_text)] * synthetic),
+        Details([Row("sensor", about, text=sensor_text(sensor))]),
     ]
+
+
+def duration_text(sensor: SensorGrid, frames: int, rate: float, thing: str = "") -> str:
+    """Duration, object, cells and rate of a recording in one line."""
+    return f"{frames / rate:.4g} s{thing and f' of {thing}'}, {sensor.count} cells at {rate:.6g} Hz"
+
+
+def recording_text(recording: Recording) -> str:
+    """Duration, object, cells and rate of a recording in one line."""
+    notes = recording.provenance.notes
+    return duration_text(recording.sensor, recording.frames, recording.rate, notes.get("object", ""))
 
 
 def sensor_text(sensor: SensorGrid) -> str:
@@ -149,43 +159,69 @@ def sensor_text(sensor: SensorGrid) -> str:
     return f"{sensor.name}, {sensor.rows} x {sensor.columns}, pitch {format_quantity(sensor.pitch, 'm')}"
 
 
-def calibration_row(calibration: Calibration | None, *, hidden: bool = False) -> Row:
-    """Identity of a calibration, or advice without one; `hidden` rows are in JSON only."""
+def calibration_row(calibration: Calibration | None, file: Path | None = None, *, hidden: bool = False) -> Row:
+    """Identity of a calibration, or advice without one for a file; `hidden` rows are in JSON only."""
     if calibration is None:
-        advice = "none; state one with midair calibrate --sensitivity or --peak"
+        advice = f"none: state one with midair calibrate {file or 'FILE'} --sensitivity 20mV/Pa"
         return Row("calibration", None, text="" if hidden else advice)
     source, date = calibration.provenance.source, calibration.date
     known = {"source": source, "id": calibration.identifier, "version": calibration.version, "date": date or None}
     return Row("calibration", known, text="" if hidden else " ".join(part for part in (source, date) if part))
 
 
-def level_of_file(source: Path, *, limits: bool = True) -> PressureLevel | None:
-    """Pressure level of the drive in a file, as `level_of`; None if the file has no target."""
-    target = files.load_target(source, streamed=True)
-    if target is None:
-        return None
-    return level_of(files.load_solution(source, streamed=True), target, band=band_of(target), limits=limits)
-
-
-def solve_error(solution: Solution, target: AmplitudeFrames) -> SolveError:
-    """Error of a solution without its lead, whose target is almost zero."""
-    inside = frames_without_lead(target.provenance, target.frames, target.rate)
-    power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
-    return error_by_energy(solution.error[inside], (power * solution.plays)[inside])
-
-
-def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:
-    """Pressure level as rows; prints a warning on stderr if the request is too high."""
-    if level is None:
-        return [("level", "unknown: the file has no target")]
-    warn_level(level)
-    return level.rows()
-
-
-def warn_level(level: PressureLevel) -> None:
-    """Print a warning and advice if the drive requests more pressure than the array can produce."""
+def pressure_lines(level: PressureLevel) -> list[Line]:
+    """Pressure of a drive; prints a warning on stderr if it is too much for the array."""
     if level.too_loud:
         print_note(level.advice(), warn=True)
+    first, *others = level.rows()
+    return [first, Details(others)]
+
+
+def left_out_row(provenance: Provenance) -> tuple[str, str]:
+    """The part of a recording that its drive does not reproduce; not printed where it is small."""
+    return "left out", str(provenance.last("not reproduced").get("text", ""))
+
+
+def describe_drive(path: Path, *, limits: bool = True) -> tuple[str, list[Line]]:
+    """Duration and array of the drive in a file, and its table; with `limits`, also those of the array."""
+    solution, target = files.load_solution(path, streamed=True), files.load_target(path, streamed=True)
+    drive, plays, life = solution.drive, solution.plays, solution.drive.provenance
+    inside = frames_without_lead(life, drive.frames, drive.rate)
+    power = np.ones(drive.frames) if target is None else _power(target)
+    error = error_by_energy(solution.error[inside], (power * plays)[inside])
+    level = None
+    if target is not None and plays.any():
+        level = level_of(solution, target, band=band_of(target), limits=limits)
+    settings, silent = Settings.of(life), int((~plays).sum())
+    ears = None if settings is None else settings.target.ears
+    name, count, rate = drive.array.name, drive.array.count, drive.rate
+    low, high = float(drive.level.min()), float(drive.level.max())
+    iterations = float(solution.iterations[plays].mean()) if plays.any() else 0.0
+    frames = f"{drive.frames} at {rate:g} Hz, {silent} silent, {inside.start} of lead at either end"
+    about = f"{(inside.stop - inside.start) / rate:.4g} s at {rate:g} Hz for {name}, {count} transducers"
+    return about, [
+        *([] if level is None else pressure_lines(level)),
+        {"level": None if level is None else level.plain(), **error.plain()},
+        ("field error", str(error) if plays.any() else "nothing plays"),
+        left_out_row(life),
+        {"not_reproduced": dict(life.last("not reproduced"))},
+        Row("ears", ears, key="ears_db", text="" if ears is None else f"at most {ears:g} dB there and at a bystander"),
+        Details(
+            [
+                Row("frames", drive.frames, text=frames),
+                {"rate_hz": rate, "duration_s": drive.frames / rate},
+                {"silent_frames": silent, "lead_frames": inside.start},
+                Row("array", {"name": name, "transducers": count}, text=f"{name}, {count} transducers"),
+                Row("level", [low, high], key="drive_level", text=f"{low:g} to {high:g} of full drive"),
+                ("faint frames", error.faint_text()),
+                ("solver", f"{settings.solver.name}, {iterations:.1f} iterations a frame" if settings else ""),
+            ]
+        ),
+    ]
+
+
+def _power(target: AmplitudeFrames) -> np.ndarray:
+    return np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
 
 
 @describe.register
@@ -209,10 +245,9 @@ def _(known: ArrayCalibration) -> list[Line]:
         ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
         ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
         ("quality factor", of(known.quality, quality, "", 1)),
-        *_unit_rows(known),
         ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
     ]
-    return [Row(name, text) for name, text in rows]
+    return [*(Row(name, text) for name, text in rows), Details([Row(name, text) for name, text in _unit_rows(known)])]
 
 
 def _unit_rows(known: ArrayCalibration) -> list[tuple[str, str]]:

@@ -38,13 +38,15 @@ class SolveError:
     """Mean error of the faint frames; 0 without any."""
 
     def __str__(self) -> str:
-        said = f"{100 * self.energy:.1f} % by energy; mean {100 * self.mean:.1f} %, worst {100 * self.worst:.1f} %"
+        return f"{100 * self.energy:.1f} %, worst frame {100 * self.worst:.1f} %"
+
+    def faint_text(self) -> str:
+        """The error of the faint frames; empty without any."""
         if not self.faint:
-            return said
-        apart = f"{said}; {self.faint} of {self.frames} frames have less than a hundredth of the loudest's power"
-        if self.faint_mean <= 1:
-            return f"{apart}: mean {100 * self.faint_mean:.0f} %"
-        return f"{apart}: there the output exceeds the target, --set solver.level=auto reduces it"
+            return ""
+        excess = "the sound exceeds the target, --set solver.level=auto reduces it"
+        error = f"mean {100 * self.faint_mean:.0f} %" if self.faint_mean <= 1 else excess
+        return f"{self.faint} of {self.frames} have less than 1 % of the loudest's power: {error}"
 
     def plain(self) -> dict[str, object]:
         """Ratios for JSON."""

@@ -173,16 +173,19 @@ class Exposure:
         )
 
     def verdict(self) -> str:
-        """One line: whether the profile is kept, and the worst place."""
+        """One line: whether the profile is kept, and the level at the worst place."""
+        place, _ = self.worst
+        level = f"{self.peak[self.profile.places.index(place)]:.1f} dB at the {place.name}, limit {place.limit:g} dB"
+        loud = f"{self.sound_excess:.1f} dB too loud" if self.sound_excess > 0 else "within the limit"
+        heat = f"; too hot: {self.heat}" if self._heat_excess > 0 else ""
+        return f"{loud}: {level}{heat}"
+
+    @property
+    def where(self) -> str:
+        """One line: position of the worst place, its loudest frame, and the air in which it is loudest."""
         place, frame = self.worst
-        number = self.profile.places.index(place)
-        where = " ".join(f"{1e3 * each:.0f}" for each in place.position)
-        kept = "kept" if self.excess <= 0 else "exceeded"
-        heat = f"; {self.heat}" if self._heat_excess > 0 else ""
-        return (
-            f"{self.profile.name} is {kept}: {self.peak[number]:.1f} dB at the {place.name} ({where} mm) "
-            f"in frame {frame} in air of {self.loudest_air.degrees:.0f} °C, limit {place.limit:g} dB{heat}"
-        )
+        at = " ".join(f"{1e3 * each:.0f}" for each in place.position)
+        return f"{place.name} ({at} mm), frame {frame}, in air of {self.loudest_air.degrees:.0f} °C"
 
     def __repr__(self) -> str:
         return f"<Exposure {len(self.level)} frames, {self.repeats} times, {self.verdict()}>"

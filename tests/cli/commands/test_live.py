@@ -6,20 +6,19 @@ import pytest
 from pydantic import ValidationError
 
 from midair.cli.app import app
-from midair.cli.commands.live import _session_rows
+from midair.cli.commands.live import _session_lines
 from midair.devices.arrays.silencer import Silencer
 from midair.model import HEIGHTS, Medium, SensorGrid
 from midair.rig import LiveSettings
 from midair.settings import best_mode
 from midair.studio.panels.live_panel import CheckLive
+from midair.table import printed
 
 
 def typed(words):
     """Settings that the command makes of a line."""
     _, bound, _ = app.parse_args(["live", *words])
-    given = bound.arguments
-    air = given.get("air")
-    return given["options"].settings(None if air is None else air.medium())
+    return bound.arguments["options"].settings()
 
 
 def test_typed_values_become_settings():
@@ -50,11 +49,11 @@ def test_an_exceeded_check_says_why_it_plays_all_the_same():
         **{"granted": SimpleNamespace(words=str), "rehearsal": SimpleNamespace(words=str)},
     )
     session = SimpleNamespace(opened=opened, order=LiveSettings(), statistics=SimpleNamespace(parts={}))
-    rows = dict(_session_rows(session))
+    rows = dict(printed(_session_lines(session)))
     assert rows["exposure"].endswith("palm; it may play here: the array is simulated and emits no sound")
     assert rows["array"].endswith("silencer off"), "no empty brackets without a reason"
     opened.exposure = "kept: 90 dB"
-    assert dict(_session_rows(session))["exposure"] == "kept: 90 dB"
+    assert dict(printed(_session_lines(session)))["exposure"] == "kept: 90 dB"
 
 
 def test_the_studio_takes_the_same_defaults_and_limits():

@@ -200,7 +200,7 @@ def test_a_limit_of_the_size_of_files_ends_a_recording_in_one_line_that_is_true(
 
     save(Recording(samples=np.random.default_rng(0).normal(size=(6000, 4, 4)), rate=RATE), tmp_path / "source.h5")
     done = subprocess.run(
-        [*MIDAIR, "record", "replay:source.h5", "n.h5", "--quiet"],
+        [*MIDAIR, "record", "replay:source.h5", "n.h5", "-q"],
         capture_output=True,
         text=True,
         check=False,

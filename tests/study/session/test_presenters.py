@@ -116,7 +116,7 @@ def test_a_too_loud_drive_is_refused_before_the_session():
 
     with Loud(ARRAY) as device:
         one = presenter(device, lambda _: drive(), [])
-        with pytest.raises(ExposureError, match=r"a\.drive\.h5: exposure: occupational-110 is exceeded"):
+        with pytest.raises(ExposureError, match=r"a\.drive\.h5: exposure: .* dB too loud"):
             one.check((TONE,))
         with pytest.raises(ExposureError):
             one.present(TONE)

@@ -3,29 +3,17 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rich.table import Table
-
 from midair import devices, files, rig
-from midair.cli.comparisons import print_laboratory, print_palm, print_ratios, with_array_calibration
-from midair.cli.console import banner, out, print_json, print_rows, progress_bars
+from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory, with_array_calibration
+from midair.cli.console import print_answer, print_grid, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import (
-    ArrayCalibration,
-    Force,
-    Json,
-    Lead,
-    PartLength,
-    Seed,
-    SolveOptions,
-    Spread,
-    StartAt,
-    parse_quantity,
-)
-from midair.cli.output import may_write
+from midair.cli.options import Force, Json, Seed, Spread, TakeOptions, parse_quantity
+from midair.cli.output import may_write, print_table
 from midair.errors import InputError
-from midair.evaluate import Budget
+from midair.evaluate import RATIOS, Budget, ratio_text
 from midair.figures import budget_figure, png_bytes
 from midair.pipeline import required_lead
+from midair.table import Details, Line
 
 
 def budget_command(
@@ -33,13 +21,9 @@ def budget_command(
     figure: Path | None = None,
     /,
     *,
-    options: SolveOptions | None = None,
-    start_at: StartAt = 0.0,
-    duration: PartLength = None,
+    options: TakeOptions | None = None,
     silencer: devices.SilencerChoice = "off",
-    lead: Lead = None,
     lab: Path | None = None,
-    array_calibration: ArrayCalibration = None,
     spread: Spread = "default",
     seed: Seed = 0,
     trade: str | None = None,
@@ -71,32 +55,31 @@ def budget_command(
     $ midair budget take.h5 budget.png --duration 0.1s
     $ midair budget take.h5 --lab lab.toml
     """
-    options = options or SolveOptions()
+    options = options or TakeOptions()
     levels = _levels(trade)
-    if levels and getattr(options, "mode", None) is None and getattr(options, "settings_file", None) is None:
+    if levels and options.mode is None and options.settings_file is None:
         options = replace(options, mode="quiet")
     settings = options.settings()
     if figure is not None:
         may_write(figure, force)
-    original = rig.pressure_of(source, settings, start_at, duration)
+    original = rig.pressure_of(source, settings, options.start_at, options.duration)
     band = settings.calibration.band
     height = settings.target.grid.height
     virtual = rig.VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread).hearing(band)
-    measured, settings, original = with_array_calibration(array_calibration, virtual.array, settings, original)
-    stated = array_calibration is not None and str(array_calibration) != "none"
-    known = files.load_array_calibration(array_calibration) if stated and array_calibration else None
+    file = options.array_calibration
+    measured, settings, original = with_array_calibration(file, virtual.array, settings, original)
+    known = None if file is None or str(file) == "none" else files.load_array_calibration(file)
     plan = rig.BudgetPlan(
         settings=settings,
         rig=virtual,
         measured=None if measured is virtual.array else measured,
         silencer=silencer,
         palm=options.outline(),
-        lead=required_lead(settings) if lead is None else lead,
+        lead=required_lead(settings) if options.lead is None else options.lead,
         laboratory=None if lab is None else files.load_laboratory(lab),
         calibration=known,
         seed=seed,
     )
-    banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     if levels:
         with progress_bars() as stage:
@@ -110,9 +93,8 @@ def budget_command(
         files.write_file(figure, png_bytes(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
-    print_budget(f"distortion of each stage, {source.name}", made)
-    print_rows([("figure", str(figure))] if figure is not None else [])
-    return None
+    print_budget(made)
+    return print_rows([("figure", str(figure))] if figure is not None else [])
 
 
 def _levels(trade: str | None) -> list[float]:
@@ -124,15 +106,14 @@ def _levels(trade: str | None) -> list[float]:
 
 def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
     """Print a row for each level at the ears."""
-    table = Table(title=f"under a level at the ears, {name}", title_justify="left", box=None, pad_edge=False)
-    for head in ("ears at most", "palm", "felt by", "touched cells", "ears", "bystander", "unlike"):
-        table.add_column(head, justify="right")
-    table.add_row("dB", "Pa", "of 10 people", "dB", "dB", "dB", "dB", style="dim")
+    heads = ("ears at most", "palm", "felt by", "touched cells", "ears", "bystander", "unlike")
+    table: list[tuple[str, ...]] = [("dB", "Pa", "of 10 people", "dB", "dB", "dB", "dB")]
     for row in rows:
         about, fewest, most = row.felt.people
         levels = (f"{each:.1f}" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
-        table.add_row(f"{row.limit:g}", f"{row.palm:.2g}", f"{about} ({fewest} to {most})", *levels)
-    out().print(table)
+        table.append((f"{row.limit:g}", f"{row.palm:.2g}", f"{about} ({fewest} to {most})", *levels))
+    print_answer(f"{name}, solved for quiet ears", simulated=True)
+    print_grid(heads, table)
     print_rows(
         [
             ("palm", "highest radiation pressure"),
@@ -144,33 +125,35 @@ def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
     )
 
 
-def print_budget(title: str, budget: Budget) -> None:
-    """Print a row per stage, then what each stage is."""
+def print_budget(budget: Budget) -> None:
+    """Print a row per stage, and with all lines what each stage is."""
     low, high = budget.band
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("stage")
-    for head in ("alone", "touched cells", "all cells", "gain", "images", "place", "leak"):
-        table.add_column(head, justify="right")
-    table.add_row("", "dB", "dB", "dB", "", "dB", "", "%", style="dim")
-    for each in budget.stages:
-        so_far = each.so_far
-        table.add_row(
+    last, worst = budget.stages[-1], min(budget.stages, key=lambda each: each.alone.distortion_ratio)
+    answer = f"{last.so_far.distortion_ratio:.1f} dB on the touched cells; the stage {worst.name} costs most"
+    print_answer(answer, simulated=budget.simulated)
+    rows = [
+        (
             each.name,
-            f"{each.alone.distortion_ratio:.1f}",
-            f"{so_far.distortion_ratio:.1f}",
-            f"{so_far.overall_ratio:.1f}",
-            f"{so_far.gain:.2f}",
-            "" if so_far.images is None else f"{so_far.images:.0f}",
-            f"{so_far.spatial_correlation:.3f}",
-            "" if each.leak is None else f"{100 * each.leak.peak:.0f}",
+            f"{each.alone.distortion_ratio:.1f}" if each.alone.distortion_ratio < NONE else "none",
+            f"{each.so_far.distortion_ratio:.1f}",
+            f"{each.so_far.gain:.2f}",
+            "" if each.leak is None else f"{100 * each.leak.peak:.0f} %",
         )
-    out().print(table)
-    print_rows([(each.name, each.what) for each in budget.stages])
-    out().print(f"\nafter the stage {budget.stages[-1].name}")
-    print_ratios(budget.stages[-1].so_far.ratios)
-    if budget.palm is not None:
-        print_palm(budget.palm)
+        for each in budget.stages
+    ]
+    print_grid(("stage", "its distortion, dB", "all so far, dB", "gain", "beside the touch"), rows)
+    kept = "" if budget.kept is None else f"{100 * budget.kept:.1f} % of the recording's power lies in the band"
+    table: list[Line] = [
+        *([] if budget.palm is None else palm_lines(budget.palm)),
+        *([] if budget.laboratory is None else laboratory_lines(budget.laboratory)),
+        ("band", f"{low:g} to {high:g} Hz; {kept}".removesuffix("; ")),
+        Details([*((each.name, each.what) for each in budget.stages), ("strength", f"{budget.strength:.3f}")]),
+        Details([(name, f"{ratio_text(limits)} dB; {RATIOS[name]}") for name, limits in last.so_far.ratios.items()]),
+    ]
+    print_table(table, json=False)
     if budget.laboratory is not None:
         print_laboratory(budget.laboratory)
-    kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
-    out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}")
+
+
+NONE = 100.0
+"""Signal-to-distortion ratio in dB from which a stage distorts nothing that matters."""

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import plain, print_metrics, print_palm, print_ratios
-from midair.cli.console import banner, out, print_figures, print_json, print_note, print_rows, progress_bars, verbosity
+from midair.cli.comparisons import comparison_lines, palm_lines, plain, verdict_lines
+from midair.cli.console import print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Spread
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_table
 from midair.errors import InputError
 from midair.evaluate import (
     RATIOS,
@@ -31,6 +31,7 @@ from midair.rig import (
     settings_of_rerecording,
 )
 from midair.settings import Settings
+from midair.table import Details, Line
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 
 
@@ -108,23 +109,17 @@ def compare_command(
     verdict = Verdict.of(comparison, after, card, option=option)
     if report is not None:
         _write_report(report, before, after, comparison, verdict, card, told)
-    if json:
-        skin = {"perception": card and card.plain()["figures"], "verdict": verdict.plain()}
-        return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
-    banner(comparison.simulated)
-    print_rows(verdict.rows())
-    figures = {name: figure for name, figure in comparison.figures().items() if name not in RATIOS}
-    print_figures(f"\n{reproduced.name} against {original.name}", {"": figures})
-    print_ratios(comparison.ratios)
-    if card is not None:
-        print_metrics(card)
-    if told is not None:
-        print_palm(told)
-    if report is not None:
-        out().print(f"report {report}")
-    if film is not None:
-        out().print(f"film {film}")
-    return None
+    answer, others = verdict_lines(verdict)
+    table: list[Line] = [
+        plain(comparison) | {"perception": card and card.plain()["figures"], "verdict": verdict.plain()},
+        {"palm": told and told.plain()},
+        *others,
+        *([] if told is None else palm_lines(told)),
+        ("report", str(report or "")),
+        ("film", str(film or "")),
+        Details(comparison_lines(comparison, card)),
+    ]
+    print_table(table, answer=answer, simulated=comparison.simulated, json=json)
 
 
 def _in_order(first: Path, second: Path) -> tuple[Path, Path]:

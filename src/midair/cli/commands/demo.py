@@ -7,21 +7,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from midair.cli.comparisons import print_laboratory, print_palm, print_side_by_side
-from midair.cli.console import banner, confirmed, out, print_rows, progress_bars
+from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory
+from midair.cli.console import confirmed, print_answer, print_grid, progress_bars, verbosity
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time
-from midair.cli.output import level_rows
+from midair.cli.output import print_table
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
 from midair.files import OpenedTake, check_not_recording, save, save_solution, write_file
-from midair.headroom import level_of
 from midair.model import Palm, Progress
 from midair.rig import (
     FIELD_TITLE,
     PALM_TITLE,
     Outcome,
     VirtualRig,
+    comparison_rows,
     laboratory_of_loop,
     open_rig,
     palm_of_loop,
@@ -30,6 +30,7 @@ from midair.rig import (
     write_report,
 )
 from midair.rig import loop as go_round
+from midair.table import Details, Line
 
 _STROKE = 1.28
 """Duration of a virtual stroke over the whole sensor, in s."""
@@ -95,9 +96,6 @@ def demo_command(
     output.mkdir(parents=True, exist_ok=True)
     check_not_recording(output / "stroke.h5")
     (output / "stroke.h5").unlink(missing_ok=True)
-    out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}")
-    out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers")
-    banner(True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     paper = options.of_paper()
     ways = [options] if paper is None else [options, paper]
@@ -109,8 +107,7 @@ def demo_command(
         laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
         outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
         _write_files(outcomes, output, piece, _manual_commands(piece, options, paper), laboratory, stage("draw"))
-    _print(outcomes, output)
-    print_laboratory(laboratory)
+    _print(outcomes, output, laboratory)
 
 
 def _outcome(take: OpenedTake, options: SolveOptions, piece: _StrokePart, stage: Callable[[str], Progress]) -> Outcome:
@@ -154,19 +151,23 @@ def _write_files(
         write_file(output / name, next(each.data for each in shown if each.title == title))
 
 
-def _print(outcomes: list[Outcome], output: Path) -> None:
-    first = outcomes[0]
-    last, settings = first.loop.passes[-1].reproduction, first.loop.settings
+def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) -> None:
     # By its path where it is not on the path.
     command = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
-    print_rows(first.verdict.rows())
-    print_side_by_side(outcomes)
-    if first.palm is not None:
-        print_palm(first.palm)
-    print_rows(
-        [
-            *level_rows(level_of(last.solution, last.target, band=settings.calibration.band)),
-            ("report", str(output / "report.html")),
-            ("next", f"{command} studio {output} opens the studio in the browser"),
-        ]
-    )
+    print_answer("a touch, recorded, played in midair and recorded again", simulated=True)
+    columns = [dict(each.verdict.rows()) for each in outcomes]
+    rows = [
+        *((name, *(column[name] for column in columns)) for name in ("felt", "alike", "level")),
+        ("beside the touch", *(f"{100 * each.palm.outside:.0f} % of the power" for each in outcomes if each.palm)),
+    ]
+    print_grid(("", *(each.name for each in outcomes)), rows)
+    table: list[Line] = [
+        *laboratory_lines(laboratory),
+        Details([(row[0], ", ".join(f"{value} {row[1]}" for value in row[2:])) for row in comparison_rows(outcomes)]),
+        *([] if outcomes[0].palm is None else palm_lines(outcomes[0].palm)[1:]),
+        ("report", str(output / "report.html")),
+        ("next", f"{command} studio {output}"),
+    ]
+    print_table(table, json=False)
+    if verbosity().all:
+        print_laboratory(laboratory)

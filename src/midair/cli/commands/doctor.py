@@ -1,18 +1,20 @@
 """The command `doctor`: check the installation and the devices."""
 
 import sys
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-
-from rich.table import Table
+from typing import Any
 
 from midair import files, rig
-from midair.cli.console import banner, err, out, print_json, print_note, print_rows
-from midair.cli.exposure_options import AirOptions, ExposureOptions
+from midair.cli.console import banner, err, print_json, print_note, print_rows
+from midair.cli.exposure_options import RoomOptions
 from midair.cli.options import Json, Length, Placement
+from midair.cli.output import print_table
 from midair.errors import InputError
 from midair.model import HEIGHT
+from midair.table import Details, Line
 
 
 def doctor_command(
@@ -23,8 +25,7 @@ def doctor_command(
     height: Length = HEIGHT,
     yes: bool = False,
     placement: Placement = None,
-    air: AirOptions | None = None,
-    exposure: ExposureOptions | None = None,
+    room: RoomOptions | None = None,
     lab: Path | None = None,
     json: Json = False,
 ) -> int:
@@ -48,10 +49,6 @@ def doctor_command(
         Height of the sensor of --wizard above the array.
     yes
         Ask nothing; what a person would confirm is reported as not checked.
-    air
-        Air of the room for --wizard; asked if not stated.
-    exposure
-        Exposure limits for --wizard.
     lab
         Only write this TOML file, lab.toml, with typical uncertainties of a laboratory for midair budget --lab.
 
@@ -68,7 +65,7 @@ def doctor_command(
         files.save_laboratory(files.Laboratory(), lab)
         print_rows([("laboratory", f"{lab}; replace what you know better, then midair budget take.h5 --lab {lab}")])
         return 0
-    if not wizard and (sensor or yes or placement or air or exposure or height != HEIGHT):
+    if not wizard and (sensor or yes or placement or room or height != HEIGHT):
         raise InputError(
             "--sensor, --height, --yes and options of placement, air and exposure: expected --wizard, got none"
         )
@@ -77,7 +74,7 @@ def doctor_command(
     elif device is None:
         raise InputError("--wizard: expected --device with an array, got none")
     else:
-        choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
+        choices = (room or RoomOptions()).limits()
         array = rig.array_named(device, None if placement is None else files.load_placement(placement), silencer="off")
         with (
             array,
@@ -89,15 +86,20 @@ def doctor_command(
     if json:
         print_json([asdict(finding) for finding in findings])
     else:
-        table = Table(box=None, pad_edge=False)
-        for name in ("", "state", "found", "advice"):
-            table.add_column(name, overflow="fold")
-        for finding in findings:
-            table.add_row(finding.subject, finding.state, finding.found, finding.advice)
-        out().print(table)
-        if not wizard:
-            out().print(rig.readiness(findings))
+        wrong = [f"{each.subject}: {each.state}" for each in findings if each.state != "ok"]
+        answer = "; ".join(wrong) or "everything that was checked is in order" if wizard else rig.readiness(findings)
+        print_table(_rows(findings, whole=wizard), answer=answer, json=False)
     return int(any(finding.state == "broken" for finding in findings))
+
+
+def _rows(findings: Sequence[Any], *, whole: bool) -> list[Line]:
+    """A row for each finding, broken ones first; what is fine is a detail unless `whole`."""
+    rows: list[Line] = []
+    for state in ("broken", "missing", "ok"):
+        texts = [(each.subject, "; ".join(filter(None, [each.found, each.advice]))) for each in findings]
+        some = [row for row, each in zip(texts, findings, strict=True) if each.state == state]
+        rows += some if whole or state == "broken" else [Details(some)]
+    return rows
 
 
 def _ask(question: str) -> str:

@@ -7,10 +7,10 @@ from cyclopts import Parameter
 
 from midair import files, rig
 from midair.cli.console import progress_bars
-from midair.cli.exposure_options import AirOptions, print_air
+from midair.cli.exposure_options import AirOptions
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
 from midair.cli.output import as_recording, may_write, parameter_values, print_table, reserved
-from midair.model import Calibration, Medium
+from midair.model import Calibration
 from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.table import Line, Row
 
@@ -51,8 +51,6 @@ def draw_command(
         Write the wanted pressure on 4 x 4 cells too, a recording to compare with what is played.
     device
         Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
-    air
-        Air of the room. [default: 22 degrees and 50 %]
 
     Examples
     --------
@@ -70,8 +68,7 @@ def draw_command(
     transducers = rig.transducers_of(device, None if placement is None else files.load_placement(placement))
     known = rig.array_calibration_for(device, array_calibration)
     transducers = transducers if known is None else known.known.applied(transducers)
-    room = (air or AirOptions()).medium()
-    print_air(medium := room or Medium.at(), stated=room is not None)
+    medium = (air or AirOptions()).assumed()
     with reserved(target), progress_bars() as stage:
         used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))
     solution, stored = files.load_solution(target, streamed=True), files.load_target(target, streamed=True)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from midair import files, recordings
 from midair.cli.import_options import ChannelNumbers, channel_numbers, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
-from midair.cli.output import describe, may_write, print_table
+from midair.cli.output import describe, may_write, print_table, recording_text
 from midair.errors import InputError
 from midair.model import Recording
 from midair.settings import MOST_GAIN
@@ -237,6 +237,7 @@ def _edit(
     ):
         notes.append("The calibrated pressure was left out; run midair calibrate again.")
     # Before writing, which may replace the source.
-    table = [Row("recording", str(output)), *describe(recording)]
+    table = [Row("file", str(output), key="recording"), *describe(recording)]
     lost = files.save(recording, output, calibration=calibration)
-    print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
+    how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated}
+    print_table(table, answer=recording_text(recording), json=json, **how)

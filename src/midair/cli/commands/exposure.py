@@ -2,17 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 from midair import devices, files, rig
-from midair.cli.console import print_figures
-from midair.cli.exposure_options import AirOptions
-from midair.cli.options import Force, Json, Placement, quantity
+from midair.cli.console import print_answer, print_grid
+from midair.cli.exposure_options import AirOptions, ProfileOptions
+from midair.cli.options import Force, Json, Placement
 from midair.cli.output import may_write, print_table
 from midair.figures import exposure_figure, png_bytes
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import MEASURED, UNLIKE, Exposure, ExposureProfile, level_if_unlike
-from midair.table import Line, Row
+from midair.table import Details, Line, Row
 from midair.validation import within
 
 
@@ -22,9 +21,7 @@ def exposure_command(
     *,
     device: str | None = None,
     placement: Placement = None,
-    profile: str = files.DEFAULT_PROFILE,
-    profiles: Path | None = None,
-    ear_protection: Annotated[float, quantity("dB")] = 0.0,
+    options: ProfileOptions | None = None,
     repeats: int = 1,
     figure: Path | None = None,
     air: AirOptions | None = None,
@@ -33,7 +30,8 @@ def exposure_command(
 ) -> None:
     """Compute the sound levels of a drive at ears and palm, and check them against limits.
 
-    The evidence for the limits is thin; the command prints their source and their evidence.
+    The evidence for the limits is thin; --all prints their source and their evidence.
+    Levels are the maximum over 2 degrees around the stated air; if not stated, over 14 to 30 degrees.
 
     Parameters
     ----------
@@ -42,19 +40,10 @@ def exposure_command(
     device
         Array that would play the drive, as in midair play. The transducer strength stored in the drive is ignored.
         [default: the array that the drive was solved for]
-    profile
-        Name of the exposure profile.
-    profiles
-        TOML file of exposure profiles. [default: the profiles of midair]
-    ear_protection
-        Attenuation at 40 kHz of ear protection that everyone in the room wears, as you state it.
     repeats
         How often the drive would be played, for the dose.
     figure
         Write a PNG figure of the levels. [default: NAME.exposure.png]
-    air
-        Air of the room: levels are the maximum over 2 degrees around it; if not stated, over 14 to 30 degrees. The air
-        that the drive was solved for is ignored.
     json
         Print the result as JSON, and draw only if --figure is given.
 
@@ -64,7 +53,7 @@ def exposure_command(
     """
     within(repeats, "--repeats", 1)
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
-    chosen, room = files.profile_named(profile, profiles).behind(ear_protection), (air or AirOptions()).medium()
+    chosen, room = (options or ProfileOptions()).chosen(), (air or AirOptions()).medium()
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)
@@ -73,48 +62,42 @@ def exposure_command(
     found = devices.measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         files.write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
-    unlike = "" if json else _unlike_text(replace(drive, array=array), chosen)
-    felt = devices.felt_pressure_text(found)
+    felt, places = devices.felt_pressure_text(found), found.profile.places
     table: list[Line] = [
         {"profile": found.profile.name, "kept": found.excess <= 0, "excess_db": found.excess},
-        ("verdict", found.verdict()),
-        ("measured in", found.measured_in),
-        {"airs": [_air(each.medium) for each in found.airs], "loudest_air": _air(found.loudest_air)},
-        ("for", _array_text(drive, array)),
-        {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure},
-        ("resolution", found.resolution),
         Row("felt", not felt, text=felt or f"up to {found.pressure:.3g} Pa on the palm"),
-        {"palm_pressure_pa": found.pressure, "duration_s": found.duration},
-        ("unlike", unlike),
-        ("heat", found.heat),
-        {"palm_warming_k_estimate": found.warming, "palm_warming_limit_k": found.profile.warming},
-        {"duty": float(found.duty.max(initial=0.0)), "duty_limit": found.profile.duty},
-        Row(
-            "nonlinearity",
-            found.nonlinearity,
-            text=f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and more distorted",
+        ("computed for", found.measured_in),
+        ("not checked", "" if json else _unlike_text(replace(drive, array=array), chosen)),
+        Row("nonlinearity", found.nonlinearity, text=_nonlinear_text(found.nonlinearity)),
+        ("figure", str(target) if drawn else ""),
+        Details(
+            [
+                {"airs": [_air(each.medium) for each in found.airs], "loudest_air": _air(found.loudest_air)},
+                ("for", _array_text(drive, array)),
+                {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure},
+                ("loudest at", found.where),
+                ("resolution", found.resolution),
+                {"palm_pressure_pa": found.pressure, "duration_s": found.duration},
+                ("heat", found.heat),
+                {"palm_warming_k_estimate": found.warming, "palm_warming_limit_k": found.profile.warming},
+                {"duty": float(found.duty.max(initial=0.0)), "duty_limit": found.profile.duty},
+                {"places": {place.name: _place(found, number) for number, place in enumerate(places)}},
+                ("limits", f"{chosen.name}: {chosen.title}"),
+                Row("limits from", chosen.source, key="source"),
+                Row("evidence", chosen.evidence),
+            ]
         ),
-        {"places": {place.name: _place(found, number) for number, place in enumerate(found.profile.places)}},
-        Row("limits from", chosen.source, key="source"),
-        Row("evidence", chosen.evidence),
-        *([] if json else [("figure", str(target))]),
     ]
+    simulated = drive.provenance.simulated
     if not json:
-        print_figures(chosen.title, _columns(found))
-    print_table(table, json=json)
-
-
-def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:
-    return {
-        place.name + ("" if place.enforced else " (advice)"): {
-            "limit": (place.limit, "dB"),
-            "loudest frame": (float(found.peak[number]), "dB"),
-            "mean energy": (float(found.mean[number]), "dB"),
-            "same dose over 8 h": (float(found.daily[number]), "dB"),
-            "dose": (float(found.dose[number]), "Pa2 s"),
-        }
-        for number, place in enumerate(found.profile.places)
-    }
+        print_answer(found.verdict(), simulated=simulated)
+        levels = zip(places, found.peak, found.mean, found.daily, strict=True)
+        rows = [
+            (place.name, f"{peak:.1f}", f"{place.limit:g}" if place.enforced else "none", f"{mean:.1f}", f"{day:.1f}")
+            for place, peak, mean, day in levels
+        ]
+        print_grid(("dB", "loudest", "limit", "mean", "over 8 h"), rows)
+    print_table(table, simulated=simulated if json else False, json=json)
 
 
 def _array_to_play(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
@@ -139,7 +122,11 @@ def _unlike_text(drive: Drive, profile: ExposureProfile) -> str:
         for level, place in zip(level_if_unlike(drive, profile, spread), profile.places, strict=True)
         if place.enforced
     )
-    return f"{level:.1f} dB of further sound at the loudest place if transducers differ by {spread:g} rad; not checked"
+    return f"real transducers add about {level:.0f} dB at the loudest ear (phases differ by {spread:g} rad)"
+
+
+def _nonlinear_text(sigma: float) -> str:
+    return "" if sigma <= 1 else f"sigma {sigma:.2f}, above 1: the real sound is weaker and more distorted"
 
 
 def _place(found: Exposure, number: int) -> dict[str, object]:

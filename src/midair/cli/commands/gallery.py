@@ -4,9 +4,10 @@ from pathlib import Path
 
 from midair.cli.console import print_json, print_rows
 from midair.cli.options import Force, Json
-from midair.cli.output import may_write
+from midair.cli.output import may_write, print_table
 from midair.datasets import TOUCHES
-from midair.errors import InputError
+from midair.table import Row
+from midair.validation import one_of
 
 
 def gallery_command(
@@ -37,8 +38,8 @@ def gallery_command(
     $ midair gallery
     $ midair gallery heartbeat
     """
-    if name is not None and name not in TOUCHES:
-        raise InputError(f"gallery: expected one of {', '.join(TOUCHES)}, got {name!r}")
+    if name is not None:
+        one_of(name, TOUCHES, "gallery")
     if pictures is not None:
         pictures.mkdir(exist_ok=True)
         for touch in TOUCHES.values() if name is None else [TOUCHES[name]]:
@@ -53,5 +54,5 @@ def gallery_command(
     may_write(target, force, touch.ending)
     touch.write(target)
     verb = "solve" if touch.pattern is None else "draw"
-    rows = {"written": str(target), "what": touch.says, "licence": touch.licence, "next": f"midair {verb} {target}"}
-    return print_json(rows) if json else print_rows(rows.items())
+    rows = {"written": str(target), "licence": touch.licence, "next": f"midair {verb} {target}"}
+    return print_table([{"what": touch.says}, *(Row(*row) for row in rows.items())], answer=touch.says, json=json)

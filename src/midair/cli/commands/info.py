@@ -9,11 +9,10 @@ import numpy as np
 
 from midair import files, rig
 from midair.cli.options import Json
-from midair.cli.output import calibration_row, describe, describe_strokes, level_of_file, print_table, solve_error
+from midair.cli.output import calibration_row, describe, describe_drive, describe_strokes, print_table, recording_text
 from midair.model import Provenance, Setting
-from midair.settings import format_setting
-from midair.table import Line, Row
-from midair.targets import frames_without_lead
+from midair.settings import Settings, format_setting, nearest_mode, typed_options
+from midair.table import Details, Line, Row
 
 
 def info_command(source: Path, /, *, json: Json = False) -> None:
@@ -27,94 +26,75 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     Examples
     --------
     $ midair info take.h5
-    $ midair info take.drive.h5 --json
+    $ midair info take.drive.h5 --all
     """
     readers = {"drive": _drive, "calibration": _calibration, "array": _array}
     held = files.contents(source) if source.name.lower().endswith((".h5", ".hdf5")) else None
-    table, life = readers.get("" if held is None else held.kind, _take)(source)
-    if held is not None:
-        table.append(Row("written", held.created, text=f"{held.created} by {held.created_by}"))
-        table.append({"written_by": held.created_by})
-    table += [(f"step: {step.stage}", _settings(step.settings)) for step in life.steps]
+    answer, table, life = readers.get("" if held is None else held.kind, _take)(source)
     steps = [{"stage": step.stage, **step.settings} for step in life.steps]
-    table.append({"source": life.source, "notes": dict(life.notes), "steps": steps})
-    print_table(table, simulated=life.simulated, json=json)
+    table = [
+        ("file", str(source)),
+        ("from", life.source),
+        ("notes", ", ".join(f"{name} {text}" for name, text in life.notes.items())),
+        *([] if held is None else [Row("written", held.created, text=f"{held.created} by {held.created_by}")]),
+        *table,
+        {} if held is None else {"written_by": held.created_by},
+        Details([(f"step: {step.stage}", _settings(step.settings)) for step in life.steps]),
+        {"source": life.source, "notes": dict(life.notes), "steps": steps},
+    ]
+    print_table(table, answer=answer, simulated=life.simulated, json=json)
 
 
-_Facts = tuple[list[Line], Provenance]
+_Facts = tuple[str, list[Line], Provenance]
 
 
 def _calibration(source: Path) -> _Facts:
     calibration = files.load_calibration(source)
     if calibration is None:
-        return [{"kind": "calibration"}, Row("calibration", None, text="none")], Provenance()
+        return "no calibration", [{"kind": "calibration"}, Row("calibration", None, text="")], Provenance()
     rows = [Row(name, text) for name, text in rig.calibration_rows(calibration)]
     known = calibration_row(calibration, hidden=True)
-    return [{"kind": "calibration"}, known, *rows], calibration.provenance
+    return "calibration of a sensor", [{"kind": "calibration"}, known, *rows], calibration.provenance
 
 
 def _array(source: Path) -> _Facts:
     known = files.load_array_calibration(source)
-    return [{"kind": "array"}, *describe(known)], known.provenance
+    return "calibration of an array", [{"kind": "array"}, *describe(known)], known.provenance
 
 
 def _take(source: Path) -> _Facts:
     take = files.open_take(source)
     recording, calibration = take.recording, take.calibration
-    life = recording.provenance
     pressure = files.load_pressure(source) if take.stored else None
     largest = None if pressure is None else float(np.abs(pressure.pressure).max())
-    known = calibration is not None
-    sure = rig.describe_uncertainty(calibration) if known else None
-    return [
-        {"kind": "recording"},
-        Row("recording", str(source)),
-        ("source", life.source),
-        *describe(recording),
-        calibration_row(calibration, hidden=recording.unit == "Pa" and not known),
-        ("calibration id", f"{calibration.identifier}, version {calibration.version}" if known else ""),
-        ("calibration date", (calibration.date or "not recorded") if known else ""),
-        Row("uncertainty", sure, text=sure or ""),
-        Row(
-            "largest pressure", largest, key="largest_pressure_pa", text="" if largest is None else f"{largest:.3g} Pa"
-        ),
-        *describe_strokes(life, recording.rate),
-        *_notes(life),
-    ], life
-
-
-def _notes(life: Provenance) -> list[Line]:
-    return [(f"note: {name}", text) for name, text in life.notes.items()]
+    sure = None if calibration is None else rig.describe_uncertainty(calibration)
+    identity = "" if calibration is None else f"{calibration.identifier}, version {calibration.version}"
+    return (
+        f"recording of {recording_text(recording)}",
+        [
+            {"kind": "recording", "recording": str(source)},
+            *describe(recording),
+            Row("largest pressure", largest, key="largest_pressure_pa", text=f"{largest:.3g} Pa" if largest else ""),
+            calibration_row(calibration, source, hidden=recording.unit == "Pa" and calibration is None),
+            Row("uncertainty", sure, text=sure or ""),
+            Details([("calibration id", identity), *describe_strokes(recording.provenance, recording.rate)]),
+        ],
+        recording.provenance,
+    )
 
 
 def _drive(source: Path) -> _Facts:
-    solution = files.load_solution(source, streamed=True)
-    drive, plays = solution.drive, solution.plays
-    inside = frames_without_lead(drive.provenance, drive.frames, drive.rate)
-    seconds, silent = drive.frames / drive.rate, int((~plays).sum())
-    error = solution.error[inside][plays[inside]]
-    mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
-    level = level_of_file(source) if plays.any() else None
-    target = files.load_target(source, streamed=True) if plays.any() else None
-    energy_error = None if target is None else solve_error(solution, target)
-    error_text = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
-    name, count = drive.array.name, drive.array.count
-    low, high = float(drive.level.min()), float(drive.level.max())
-    return [
-        {"kind": "drive"},
-        Row("drive", str(source)),
-        ("source", drive.provenance.source),
-        Row("frames", drive.frames, text=f"{drive.frames} at {drive.rate:g} Hz, {seconds:.3f} s, {silent} silent"),
-        {"rate_hz": drive.rate, "duration_s": seconds, "silent_frames": silent},
-        Row("array", {"name": name, "transducers": count}, text=f"{name}, {count} transducers"),
-        Row("level", [low, high], text=f"{low:g} to {high:g} of full drive"),
-        *([] if level is None else level.rows()),
-        {"pressure": None if level is None else level.plain()},
-        ("E", error_text if energy_error is None else str(energy_error)),
-        {"E_mean": mean, "E_worst": worst},
-        {} if energy_error is None else energy_error.plain(),
-        *_notes(drive.provenance),
-    ], drive.provenance
+    life = files.load_solution(source, streamed=True).drive.provenance
+    settings, (about, lines) = Settings.of(life), describe_drive(source)
+    near = None if settings is None else nearest_mode(settings)
+    rows: list[Line] = []
+    if near is not None:
+        mode, changed = near
+        rows = [
+            ("settings", f"{mode} mode" + (f", {len(changed)} changed: midair info --all" if changed else "")),
+            Details([("changed", option) for option in typed_options(changed)]),
+        ]
+    return f"drive of {about}", [{"kind": "drive", "drive": str(source)}, *lines, *rows], life
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:

@@ -7,37 +7,36 @@ from pathlib import Path
 from rich.live import Live as Screen
 from rich.text import Text
 
-from midair.cli.console import banner, err, print_note, print_rows, verbosity
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
+from midair.cli.console import err, print_note, verbosity
+from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.keys import Signals, signals_noted
 from midair.cli.options import Json, StopInput, options_from, settings_from
 from midair.cli.output import may_write, print_table
 from midair.devices import stop_on_input
 from midair.errors import InputError
-from midair.model import Acoustics, Medium
+from midair.model import Acoustics
 from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate
 from midair.rig import live as begin
-from midair.table import Line, Row
+from midair.table import Details, Line, Row
 
 WRONG_RATE = 0.05
 """Relative deviation of the sensor's rate beyond which the command ends with status 1."""
 
 
 @options_from(LiveSettings)
-class LiveOptions(ExposureOptions):
-    """Sensor, array, and the processing between them."""
+class LiveOptions(RoomOptions):
+    """Sensor, array, and the processing between them, in the air of the room."""
 
-    def settings(self, room: Medium | None = None) -> LiveSettings:
-        """The settings that these options describe, in the stated air of the room."""
-        air = None if room is None else Acoustics(medium=room)
-        return settings_from(LiveSettings, self, acoustics=air, exposure=self.choices(room))
+    def settings(self) -> LiveSettings:
+        """The settings that these options describe."""
+        air = None if (room := self.medium()) is None else Acoustics(medium=room)
+        return settings_from(LiveSettings, self, acoustics=air, exposure=self.limits())
 
 
 def live_command(
     *,
     options: LiveOptions | None = None,
     heat: HeatOptions | None = None,
-    air: AirOptions | None = None,
     keep: Path | None = None,
     stop_input: StopInput = None,
     json: Json = False,
@@ -51,8 +50,6 @@ def live_command(
 
     Parameters
     ----------
-    air
-        Air of the room. [default: 22C, 50%]
     keep
         Record the session to this NAME.h5: calibrated pressure and drive. Existing files are not overwritten.
     json
@@ -66,9 +63,8 @@ def live_command(
     $ midair live --device autd3 --follow leap: --tracker-latency 12ms
     $ midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3
     """
-    air = air or AirOptions()
-    room = air.medium()
-    settings = (options or LiveOptions()).settings(room)
+    options = options or LiveOptions()
+    settings = options.settings()
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
@@ -80,13 +76,19 @@ def live_command(
         begin(settings=settings, cooling=cooling, keep=keep, report=print_note) as session,
     ):
         if not json:
-            banner(session.opened.simulated)
-            print_rows(_session_rows(session))
-        print_air(settings.acoustics.medium, stated=room is not None)
+            print_table(
+                _session_lines(session),
+                answer="touch is played as it comes; Ctrl-C ends it",
+                simulated=session.opened.simulated,
+                json=False,
+            )
+        print_air(settings.acoustics.medium, stated=options.temperature is not None)
         _watch(session, signals, quiet=json)
         ended = session
-    simulated = ended.opened.simulated if json else None  # printed above
-    print_table(_ended_table(ended, keep), json=json, simulated=simulated)
+    counts = ended.statistics
+    answer = f"{counts.frames} frames of touch, played {1e3 * counts.latency:.3g} ms later"
+    simulated = json and ended.opened.simulated  # printed above
+    print_table(_ended_table(ended, keep), answer=answer, json=json, simulated=simulated)
     if abs(ended.statistics.rate_error) > WRONG_RATE:
         return 1
     # Without a duration Ctrl-C is the normal end.
@@ -102,7 +104,7 @@ def _ended_table(ended: LiveSession, keep: Path | None) -> list[Line]:
         {**counts.plain(), "error_by_band": _by_band(ended)},
         {"exposure": opened.exposure, "array_calibration": opened.array_calibration},
         {"computer": opened.granted.words(), "rehearsal": opened.rehearsal.words()},
-        *_statistics_rows(counts),
+        *_statistics_lines(counts),
         *([] if keep is None else [Row("take", str(keep))]),
     ]
 
@@ -138,40 +140,48 @@ ALLOWED = "; it may play here: the array is simulated and emits no sound"
 """Only a device without sound plays after an exceeded check."""
 
 
-def _session_rows(session: LiveSession) -> list[tuple[str, str]]:
+def _session_lines(session: LiveSession) -> list[Line]:
     opened, order = session.opened, session.order
-    grid = opened.sensor
+    grid, parts = opened.sensor, session.statistics.parts
     errors = ", ".join(f"{100 * error:.0f} % in {band}" for band, error in _by_band(session).items())
     return [
         ("sensor", f"{order.sensor}, {grid.rows} x {grid.columns} cells at {opened.rate:g} Hz"),
         ("array", f"{order.device}, {opened.transducers} transducers, silencer {opened.silencer}"),
-        ("array calibration", opened.array_calibration or "none"),
         ("exposure", opened.exposure + ALLOWED * opened.exposure.startswith("exceeded")),
-        ("level", f"{opened.level:.3g} of full drive, rising over the first second"),
-        ("delay", " + ".join(f"{name} {1e3 * part:.3g} ms" for name, part in session.statistics.parts.items())),
-        ("error of the filter", errors),
-        ("computer", opened.granted.words()),
-        ("rehearsal", opened.rehearsal.words()),
+        ("delay", " + ".join(f"{name} {1e3 * part:.3g} ms" for name, part in parts.items())),
+        ("blurred", f"error by the short delay: {errors}" if errors else ""),
+        Details(
+            [
+                ("array calibration", opened.array_calibration or "none"),
+                ("level", f"{opened.level:.3g} of full drive, rising over the first second"),
+                ("computer", opened.granted.words()),
+                ("rehearsal", opened.rehearsal.words()),
+            ]
+        ),
     ]
 
 
-def _statistics_rows(counts: LiveStatistics) -> list[tuple[str, str]]:
+def _statistics_lines(counts: LiveStatistics) -> list[Line]:
     def times(shares: tuple[float, ...]) -> str:
         names = ("half", "99 %", "99.9 %", "all")
         return ", ".join(f"{name} within {1e3 * each:.3g}" for name, each in zip(names, shares, strict=True)) + " ms"
 
-    worst = "; ".join(f"second {second}: {late} late, {lost} lost" for second, late, lost in counts.worst)
-    tenths = "; ".join(f"{name} {' '.join(map(str, parts))}" for name, parts in counts.over_time.items())
+    late, worst = counts.late, "; ".join(f"second {at}: {late} late, {lost} lost" for at, late, lost in counts.worst)
+    first = sum(counts.over_time.get("late", ())[:1])
+    lost = f"{counts.lost} of {counts.frames} frames missing from the sensor, in {counts.gaps} gaps of 20 ms or more"
+    when = f", {first} of them in the first tenth" if first else ""
     return [
-        ("frames", f"{counts.frames}, {counts.played} of them played"),
-        ("lost", f"{counts.lost} missing from the sensor, in {counts.gaps} gaps of 20 ms or more"),
-        ("late", f"{counts.late}; {counts.hurried} solved in half the time, {counts.unanswered} without a solution"),
+        ("late", f"{late} of {counts.frames} frames{when}: the frame before stayed" if late else "no frame"),
+        ("lost", lost if counts.lost else ""),
         ("too hot", f"{counts.hot} frames dropped while a unit was too hot" if counts.hot else ""),
         ("failsafe", f"silenced the units {counts.failsafe} times; the level rose again" if counts.failsafe else ""),
-        ("latency", f"{1e3 * counts.latency:.3g} ms from skin to skin"),
-        ("sent after they were taken", times(counts.left)),
-        ("work on a frame", times(counts.work)),
-        ("worst seconds", worst),
-        ("by tenths of the run", tenths if counts.worst or counts.gaps else ""),
         ("rate", counts.rate_problem),
+        Details(
+            [
+                ("hurried", f"{counts.hurried} frames solved in half the time, {counts.unanswered} without an answer"),
+                ("sent after they were taken", times(counts.left)),
+                ("work on a frame", times(counts.work)),
+                ("worst seconds", worst),
+            ]
+        ),
     ]

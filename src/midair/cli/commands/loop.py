@@ -3,26 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
-from midair.cli.comparisons import plain, print_metrics, print_ratios, stated_array_calibration
-from midair.cli.console import banner, print_figures, print_json, print_rows, progress_bars, verbosity
+from midair.cli.comparisons import comparison_lines, plain, stated_array_calibration, verdict_lines
+from midair.cli.console import print_grid, progress_bars, verbosity
 from midair.cli.exposure_options import ExposureOptions, print_air
-from midair.cli.options import (
-    ArrayCalibration,
-    Force,
-    Json,
-    Lead,
-    PartLength,
-    SolveOptions,
-    StartAt,
-    options_from,
-    settings_from,
-)
-from midair.cli.output import may_write, warn_level
+from midair.cli.options import Force, Json, TakeOptions, options_from, settings_from
+from midair.cli.output import may_write, pressure_lines, print_table
 from midair.errors import InputError
+from midair.evaluate import TOUCHED
 from midair.headroom import level_of
 from midair.pipeline import required_lead
 from midair.rig import Loop, Outcome, PlaySettings, check_passes, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
+from midair.table import Details, Line
 
 
 @options_from(
@@ -41,13 +33,9 @@ def loop_command(
     *,
     rig: RigOptions | None = None,
     exposure: ExposureOptions | None = None,
-    array_calibration: ArrayCalibration = None,
-    options: SolveOptions | None = None,
-    start_at: StartAt = 0.0,
-    duration: PartLength = None,
+    options: TakeOptions | None = None,
     corrections: int = 1,
     iterate: int = 0,
-    lead: Lead = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -69,13 +57,13 @@ def loop_command(
     $ midair loop take.h5 report.html --start-at 0.4s
     """
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
-    options = options or SolveOptions()
+    options = options or TakeOptions()
     settings = options.settings()
     options.refuse_idle_palm()
     may_write(target, force, ".html")
-    original = pressure_of(source, settings, start_at, duration)
+    original = pressure_of(source, settings, options.start_at, options.duration)
     # The exposure check uses a temperature given by option only: not a default, nor one from a settings file.
-    room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
+    room = None if options.temperature is None else settings.acoustics.medium
     playing = settings_from(
         PlaySettings,
         rig or RigOptions(),
@@ -90,10 +78,9 @@ def loop_command(
             f"loop on {playing.device}: expected --sensor and its --calibration to re-record the array, got "
             f"{playing.sensor or 'no sensor'} and {'a' if playing.calibration else 'no'} calibration"
         )
-    opened = replace(opened, measured=stated_array_calibration(array_calibration, playing.device, settings))
-    banner(opened.array.simulated or original.provenance.simulated)
+    opened = replace(opened, measured=stated_array_calibration(options.array_calibration, playing.device, settings))
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    lead = required_lead(settings) if lead is None else lead
+    lead = required_lead(settings) if options.lead is None else options.lead
     # Every pass plays another drive, whose exposure is checked first.
     check_passes(corrections, iterate)
     with progress_bars() as stage, opened:
@@ -103,23 +90,26 @@ def loop_command(
 
 
 def _print(loop: Loop, target: Path, json: bool) -> None:
-    outcome, made = Outcome.of(loop), loop.passes[-1].reproduction
-    card = outcome.card
+    outcome, last = Outcome.of(loop), loop.passes[-1]
+    made, comparison = last.reproduction, last.comparison
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
-    warn_level(level)
-    if json:
-        passes = [plain(one.comparison) | {"step": one.step} for one in loop.passes]
-        went = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end, "level": level.plain()}
-        skin = {"perception": card and card.plain()["figures"], "verdict": outcome.verdict.plain()}
-        simulated = loop.passes[-1].comparison.simulated
-        return print_json({"report": str(target), "simulated": simulated, **went, **skin})
-    figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
-    print_rows(outcome.verdict.rows())
-    print_figures("before and after correction", figures)
-    print_ratios(loop.passes[-1].comparison.ratios)
-    if card is not None:
-        print_metrics(card)
-    ended = [("iteration", f"{loop.end}; {loop.taken_back} steps undone")] if loop.end else []
-    silencer = str(loop.passes[-1].rerecorded.provenance.steps[-1].settings["silencer"])
-    print_rows([*level.rows(), *ended, ("silencer", silencer), ("report", str(target))])
-    return None
+    card, (answer, others) = outcome.card, verdict_lines(outcome.verdict)
+    table: list[Line] = [
+        {"report": str(target), "passes": [plain(one.comparison) | {"step": one.step} for one in loop.passes]},
+        {"taken_back": loop.taken_back, "end": loop.end, "level": level.plain()},
+        {"perception": card and card.plain()["figures"], "verdict": outcome.verdict.plain()},
+        *others,
+        *pressure_lines(level),
+        ("iteration", f"{loop.end}; {loop.taken_back} steps undone" if loop.end else ""),
+        ("report", str(target)),
+        Details([("silencer", str(last.rerecorded.provenance.steps[-1].settings["silencer"]))]),
+        Details(comparison_lines(comparison, card)),
+    ]
+    print_table(table, answer=answer, simulated=comparison.simulated, json=json)
+    if not json:
+        passes = [one.comparison for one in loop.passes]
+        rows = [
+            ("fidelity, dB", *(f"{one.ratios[TOUCHED][0]:.1f}" for one in passes)),
+            *((name, *(f"{getattr(one, name):.3f}" for one in passes)) for name in ("gain", "correlation")),
+        ]
+        print_grid(("", *(f"pass {number + 1}" for number in range(len(passes)))), rows)

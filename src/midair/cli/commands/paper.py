@@ -59,8 +59,6 @@ def paper_command(
         Duration of each signal in figure 4 (a multiple of 40 ms, 80 ms or more) and in --fidelity.
     iterate
         Maximum number of iterative corrections in --fidelity; figure 4 makes at most one in the best mode.
-    air
-        Air for figure 4 and --fidelity, in both modes. [default: the paper's 340 m/s]
 
     Examples
     --------

@@ -8,23 +8,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from midair import devices, files, rig
-from midair.cli.comparisons import unreproduced_rows
-from midair.cli.console import banner, print_note, print_rows, progress_bars
-from midair.cli.exposure_options import AirOptions, ExposureOptions, HeatOptions, print_air
-from midair.cli.options import (
-    Force,
-    Lead,
-    PartLength,
-    PlaySolveOptions,
-    StartAt,
-    StopInput,
-    options_from,
-    settings_from,
-)
-from midair.cli.output import level_of_file, level_rows, may_write, reserved
+from midair.cli.console import print_note, progress_bars
+from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
+from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
+from midair.cli.output import describe_drive, left_out_row, may_write, print_table, reserved
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
+from midair.table import Details, Line
 
 
 @options_from(
@@ -45,14 +36,10 @@ def play_command(
     output: Path | None = None,
     force: Force = False,
     correct_air: bool = False,
-    exposure: ExposureOptions | None = None,
-    air: AirOptions | None = None,
+    room: RoomOptions | None = None,
     heat: HeatOptions | None = None,
     stop_input: StopInput = None,
-    solve: PlaySolveOptions | None = None,
-    start_at: StartAt = 0.0,
-    duration: PartLength = None,
-    lead: Lead = None,
+    solve: PlayTakeOptions | None = None,
     drive: Path | None = None,
 ) -> int | None:
     """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
@@ -71,9 +58,6 @@ def play_command(
         Re-recording of the virtual device. [default: NAME.rerecorded.h5]
     correct_air
         Correct the phases for the air of the room, exactly at the centre of the control points; needs --temperature.
-    air
-        Air of the room. A virtual device plays in the drive's own air if it is not stated. The exposure check takes the
-        maximum over 2 degrees around it; if not stated, over 14 to 30 degrees.
     drive
         Drive of a recording to write, NAME.drive.h5, the same as by midair solve.
 
@@ -84,25 +68,25 @@ def play_command(
     $ midair play circle.toml
     $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
     """
-    air = air or AirOptions()
-    room = air.medium()
+    room = room or RoomOptions()
+    medium = room.medium()
     settings = settings_from(
         rig.PlaySettings,
         options or PlayOptions(),
-        exposure=(exposure or ExposureOptions()).choices(room),
-        acoustics=None if room is None else Acoustics(medium=room),
+        exposure=room.limits(),
+        acoustics=None if medium is None else Acoustics(medium=medium),
         cooling=(heat or HeatOptions()).cooling(),
     )
     device, target = settings.device, None
-    solve, pattern = solve or PlaySolveOptions(), source.suffix.lower() in PATTERN_ENDINGS
+    solve, pattern = solve or PlayTakeOptions(), source.suffix.lower() in PATTERN_ENDINGS
     solved = pattern or source.name.lower().endswith(files.DRIVE_SUFFIX)
-    if solved and (solve.typed() or drive is not None or start_at or duration is not None or lead is not None):
-        raise InputError(f"options of midair solve, --drive: expected a recording with them, got {source}")
+    if solved and (given := solve.given() or "--drive" * (drive is not None)):
+        raise InputError(f"{given}: only for a recording; {source} is already solved and is played whole")
     if pattern:
         with TemporaryDirectory() as folder:
             drawn = _drawn_into(Path(folder), source, settings)
             again = Path(f"{source.stem}.rerecorded.h5") if output is None and device == "virtual" else output
-            more: dict[str, Any] = {"options": options, "exposure": exposure, "air": air, "heat": heat}
+            more: dict[str, Any] = {"options": options, "room": room, "heat": heat}
             return play_command(
                 drawn, output=again, force=force, correct_air=correct_air, stop_input=stop_input, **more
             )
@@ -123,7 +107,7 @@ def play_command(
             f"--output, --force, --seed, --spread: expected --device virtual, got {device}; "
             "midair loop re-records a real array"
         )
-    if correct_air and room is None:
+    if correct_air and medium is None:
         raise InputError("--correct-air: expected --temperature with it, got none")
     with devices.stop_on_input(stop_input), progress_bars() as stage:
         shown = _Shown(source, device, stage)
@@ -138,40 +122,47 @@ def play_command(
                 may_write(drive, force, files.DRIVE_SUFFIX)
             solve.refuse_idle_palm()
             solving = solve.settings()
-            if room is not None:
-                medium = replace(room, alpha=solving.acoustics.medium.alpha)
-                solving = solving.but(acoustics=replace(solving.acoustics, medium=medium))
-            pressure = rig.pressure_to_solve(source, solving, start_at, duration, lead=lead)
+            if medium is not None:
+                like = replace(medium, alpha=solving.acoustics.medium.alpha)
+                solving = solving.but(acoustics=replace(solving.acoustics, medium=like))
+            pressure = rig.pressure_to_solve(source, solving, solve.start_at, solve.duration, lead=solve.lead)
             if device == "virtual":
-                like = {"height": solving.target.grid.height, "band": solving.calibration.band}
-                settings = settings.but(**like, cells=pressure.sensor)
-            print_air(solving.acoustics.medium, stated=room is not None)
+                height, band = solving.target.grid.height, solving.calibration.band
+                settings = settings.but(height=height, band=band, cells=pressure.sensor)
+            print_air(solving.acoustics.medium, stated=medium is not None)
             shown.simulated = pressure.provenance.simulated
             how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
             with nullcontext() if drive is None else reserved(drive):
                 played = rig.play_pressure(pressure, solving, rig.open_rig(settings=settings), **how)
-    rows = [] if played.report is None else _played_rows(played.report, played.drive, device)
-    if target is not None and played.take is not None:
+    part = played.report.duration if played.report else played.drive.frames / played.drive.rate
+    found, table = played.exposure, list[Line]()
+    answer, ears = f"played {part:.4g} s on {device}", ("ears", found.verdict())
+    if played.report is not None:
+        answer, table = played.report.broken or answer, _report_lines(played.report)
+    elif played.take is not None and target is not None:
         heard = played.take.recording
         files.save(heard, target, calibration=played.take.calibration)
-        rows = [
-            ("played", f"{played.drive.frames} frames at {played.drive.rate:g} Hz on {device}"),
-            ("re-recorded", f"{target}, {heard.frames} frames at {heard.rate:g} Hz"),
-            ("silencer", str(heard.provenance.steps[-1].settings["silencer"])),
+        answer, ears = f"played {part:.4g} s on the virtual array", ("ears", f"on a real array {found.verdict()}")
+        table = [
+            ("re-recorded", str(target)),
+            Details([("silencer", str(heard.provenance.steps[-1].settings["silencer"]))]),
         ]
     if played.reaction is not None:
         middle, most = (1e3 * each for each in played.reaction)
-        rows += [("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms")]
+        table.append(("pose to sending", f"median {middle:.1f} ms, 99 % within {most:.1f} ms"))
     if played.error is not None:
-        rows += [
-            ("E", f"{100 * played.error.mean():.1f} %, mean of all frames"),
-            ("drive", str(drive or "not written")),
-        ]
+        mean = ("field error", f"{100 * played.error.mean():.1f} %, mean of all frames")
+        table += [mean, ("drive", str(drive or "not written, --drive FILE keeps it"))]
     if not shown.verdict:
-        verdict = played.exposure.verdict() if target is not None else f"{played.outcome}: {played.exposure.verdict()}"
-        rows += [*shown.about(played.drive), ("exposure", f"on a real array: {verdict}" if target else verdict)]
-        rows += [("measured in", played.exposure.measured_in), ("heat", played.exposure.heat)]
-    print_rows(rows)
+        table += [
+            *shown.about(played.drive),
+            ears,
+            Details([("computed for", found.measured_in), ("heat", found.heat)]),
+        ]
+    original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
+    original = original if original.exists() else "RECORDING"
+    table.append(("next", "" if target is None else f"midair compare {original} {target}"))
+    print_table(table, answer=answer, simulated=shown.simulated, json=False)
     return int(played.report is not None and bool(played.report.broken))
 
 
@@ -191,8 +182,8 @@ class _Shown(rig.PlayObserver):
         print_note(text, warn=warns)
 
     def opened(self, array: devices.ArrayDevice | devices.ImmediateArray) -> None:
-        """Print that what follows is simulated, if it is."""
-        banner(array.simulated or self.simulated)
+        """Note whether the result is simulated."""
+        self.simulated = self.simulated or array.simulated
 
     def cleared(
         self, array: devices.ArrayDevice | devices.ImmediateArray, drive: Drive, clearance: devices.ExposureClearance
@@ -201,14 +192,16 @@ class _Shown(rig.PlayObserver):
         if self._device == "virtual":
             return
         self.verdict, found = True, clearance.exposure
-        rows = [("exposure", clearance.verdict()), ("measured in", found.measured_in), ("heat", found.heat)]
-        print_rows([*self.about(drive), *rows, ("checkup", rig.checkup_line(array.name, self._device))])
+        more = Details([("computed for", found.measured_in), ("heat", found.heat)])
+        checkup = ("checkup", rig.checkup_line(array.name, self._device))
+        print_table([*self.about(drive), ("ears", clearance.verdict()), more, checkup], json=False)
 
-    def about(self, drive: Drive) -> list[tuple[str, str]]:
+    def about(self, drive: Drive) -> list[Line]:
         """Level of the drive of a file, and what a drive does not reproduce."""
-        solved = self._source.name.lower().endswith(files.DRIVE_SUFFIX)
-        level = level_rows(level_of_file(self._source, limits=False)) if solved else []
-        return [*level, *unreproduced_rows(drive.provenance)]
+        if self._source.name.lower().endswith(files.DRIVE_SUFFIX):
+            first, *others = describe_drive(self._source, limits=False)[1]
+            return [first, Details(others)]
+        return [left_out_row(drive.provenance)]
 
     def progress(self, done: int, total: int, /) -> None:
         """Draw the bar from the first frame on."""
@@ -228,14 +221,13 @@ def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:
     return target
 
 
-def _played_rows(report: devices.PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
+def _report_lines(report: devices.PlayReport) -> list[Line]:
     start = "unknown" if report.start is None else f"{report.start} ns of device time"
+    timing = f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"
+    whole = not (report.late or report.repeated or report.gap)
     return [
-        *([("BROKEN", report.broken)] if report.broken else []),
-        ("played", f"{report.frames} frames at {drive.rate:g} Hz on {device}, {report.duration:g} s"),
-        ("first frame", start),
-        ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
-        *([("paused", f"{report.paused:.1f} s in silence, since units were too hot")] if report.paused else []),
-        ("silencer", report.silencer),
+        ("timing", "every frame in time" if whole else f"{timing}, of {report.frames} frames"),
+        ("paused", f"{report.paused:.1f} s in silence, since units were too hot" if report.paused else ""),
         ("units", report.units or "not reported"),
+        Details([("frames", str(report.frames)), ("first frame", start), ("silencer", report.silencer)]),
     ]

@@ -15,14 +15,14 @@ from rich.table import Table
 from rich.text import Text
 
 from midair import devices, files, rig
-from midair.cli.console import banner, err, print_json, print_rows, verbosity
+from midair.cli.console import err, print_json, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
-from midair.cli.options import Json, Quiet, options_from, parse_quantity, settings_from
-from midair.cli.output import describe_strokes, sensor_text
+from midair.cli.options import Json, options_from, parse_quantity, settings_from
+from midair.cli.output import calibration_row, describe_strokes, duration_text, print_table, sensor_text
 from midair.cli.stage_options import Drawing, StageOptions
 from midair.errors import DeviceError, InputError
 from midair.model import Event, Provenance
-from midair.table import Line, Row, plain, printed
+from midair.table import Details, Line, Row, plain
 
 WIDTH = 8
 """Width of a bar in characters."""
@@ -40,7 +40,7 @@ class MeterScreen:
         keys: Keys,
         signals: Signals,
         *,
-        quiet: Quiet = False,
+        quiet: bool = False,
         every: float = 10.0,
     ) -> None:
         self._sensor, self._console, self._keys, self._signals = sensor, console, keys, signals
@@ -188,7 +188,6 @@ def record_command(
     subject: SubjectOptions | None = None,
     options: RecordOptions | None = None,
     staging: StageOptions | None = None,
-    quiet: Quiet = False,
     json: Json = False,
 ) -> int:
     """Record a sensor to a file.
@@ -213,7 +212,7 @@ def record_command(
     $ midair record virtual:towel towel.h5 --duration 1s
     $ midair record "lsl:Skin?unit=V" --object towel --repeats 5
     """
-    options, quiet = options or RecordOptions(), quiet or verbosity().quiet
+    options, quiet = options or RecordOptions(), verbosity().quiet
     trigger: str | None = getattr(options, "level", None)
     settings = settings_from(rig.RecordSettings, options, sensor=sensor, level=None)
     stated: dict[str, Any] = {
@@ -234,7 +233,6 @@ def record_command(
         settings = settings.but(duration=0.5 if "am-" in sensor else 1.28)
     ends = settings.duration is not None or device.on_demand
     device = devices.PacedSensor(device) if real_time and device.on_demand else device
-    banner(device.simulated)
     with ExitStack() as held, signals_noted() as signals, Keys() as keys:
         takes: list[rig.Take] = []
         screen = MeterScreen(held.enter_context(device), err(), keys, signals, quiet=quiet)
@@ -248,12 +246,12 @@ def record_command(
             for take in _takes(device, screen, signals, settings, output, about, drawing, key=key):
                 takes.append(take)
                 if take.frames and not json:
-                    print_rows(printed(describe_take(take, device, staged=drawing is not None)))
+                    lost = f"{take.lost} frames lost" if take.lost else "none lost"
+                    answer = f"{duration_text(device.grid, take.frames, device.rate, about.object)}, {lost}"
+                    print_table(describe_take(take, device), answer=answer, simulated=device.simulated, json=False)
         finally:
             if json:
-                print_json(
-                    [plain(describe_take(take, device, staged=drawing is not None)) for take in takes if take.frames]
-                )
+                print_json([plain(describe_take(take, device)) for take in takes if take.frames])
         # A signal in a pause between takes: the last take is complete, the remaining ones are missing.
         if signals.came and takes[-1].end != "kill" and len(takes) < settings.repeats:
             err().print(f"midair: stopped; kept {len(takes)} of {settings.repeats} takes")
@@ -357,15 +355,17 @@ def _status(takes: list[rig.Take], device: devices.SensorDevice) -> int:
     return 0
 
 
-def describe_take(take: rig.Take, device: devices.SensorDevice, *, staged: bool = False) -> list[Line]:
+def describe_take(take: rig.Take, device: devices.SensorDevice) -> list[Line]:
     """A take with its problems, and with its strokes if a motion stage moved the object."""
     levels, rate, low, high = take.levels, device.rate, take.lowest, take.highest
+    full = "" if device.full_scale is None else f" of {device.full_scale:.3g} {device.unit} full scale"
+    loudest = f"{max(abs(low), abs(high)):.3g} {device.unit}{full}, in cell {int(levels.highest.argmax())}"
+    # The events of the recording are in its file.
+    life = Provenance() if take.path is None else files.open_take(take.path).recording.provenance
     return [
-        Row("recording", str(take.path)),
-        Row("frames", take.frames, text=f"{take.frames} at {rate:.6g} Hz, {take.frames / rate:.3f} s"),
-        ("sensor", sensor_text(device.grid)),
-        {"rate_hz": rate, "lost_frames": take.lost, "end": take.end},
-        Row("range", [low, high], text=f"{low:.4g} to {high:.4g} {device.unit}"),
+        Row("file", str(take.path), key="recording"),
+        {"frames": take.frames, "rate_hz": rate, "lost_frames": take.lost, "end": take.end},
+        Row("loudest", [low, high], key="range", text=loudest),
         {
             "clipped_channels": levels.clipped.nonzero()[0].tolist(),
             "dead_channels": levels.dead.nonzero()[0].tolist(),
@@ -373,11 +373,8 @@ def describe_take(take: rig.Take, device: devices.SensorDevice, *, staged: bool 
             "rate_ppm": None if take.rate is None else take.rate.ppm,
             "clock_ppm": None if take.clock is None else take.clock.ppm,
         },
-        *(describe_strokes(_provenance(take), rate) if staged else []),
         *rig.take_problems(take, rate),
+        calibration_row(device.calibration, take.path),
+        ("next", "" if device.calibration is None else f"midair solve {take.path}"),
+        Details([("sensor", sensor_text(device.grid)), *describe_strokes(life, rate)]),
     ]
-
-
-def _provenance(take: rig.Take) -> Provenance:
-    """Provenance with the events of the recording, from the file."""
-    return Provenance() if take.path is None else files.open_take(take.path).recording.provenance

@@ -13,7 +13,7 @@ from cyclopts import App
 
 from midair import devices, files, rig
 from midair.cli.console import banner, print_note
-from midair.cli.exposure_options import AirOptions, ExposureOptions
+from midair.cli.exposure_options import RoomOptions
 from midair.cli.help_text import add_command, epilogue, examples_of
 from midair.cli.options import StopInput, options_from, quantity, settings_from
 from midair.errors import InputError
@@ -44,8 +44,7 @@ def serve_command(
     host: str = "127.0.0.1",
     ports: tuple[int, int] = (8700, 8701),
     key: Path | None = None,
-    exposure: ExposureOptions | None = None,
-    air: AirOptions | None = None,
+    room: RoomOptions | None = None,
     stop_input: StopInput = None,
 ) -> None:
     """Let other programs play: Unity, Max, TouchDesigner, scripts, over WebSocket or OSC.
@@ -75,7 +74,7 @@ def serve_command(
         sys.stdout.write(f"WebSocket ws://{host}:{tcp}/?key={secret}\nOSC {host}:{udp} key {secret}\n")
         sys.stdout.flush()
 
-    settings = _ready_settings(options or ServeOptions(), exposure, air)
+    settings = _ready_settings(options or ServeOptions(), room)
     with devices.stop_on_input(stop_input):
         rig.serve(folder, key=secret, settings=settings, host=host, ports=ports, report=print_note, ready=ready)
 
@@ -95,8 +94,7 @@ def adaptics_command(
     pressure: Annotated[float, quantity("Pa")] = 50.0,
     port: int = 8037,
     options: DesignerOptions | None = None,
-    exposure: ExposureOptions | None = None,
-    air: AirOptions | None = None,
+    room: RoomOptions | None = None,
     stop_input: StopInput = None,
 ) -> None:
     """Let the AdapTics Designer on this computer play its pattern on the array.
@@ -120,15 +118,14 @@ def adaptics_command(
         sys.stdout.write(f"AdapTics Designer: connect to ws://127.0.0.1:{tcp}/\n")
         sys.stdout.flush()
 
-    settings = _ready_settings(options or DesignerOptions(), exposure, air)
+    settings = _ready_settings(options or DesignerOptions(), room)
     with devices.stop_on_input(stop_input):
         rig.serve_adaptics(settings=settings, pressure=pressure, port=port, report=print_note, ready=ready)
 
 
-def _ready_settings(options: object, exposure: ExposureOptions | None, air: AirOptions | None) -> rig.PlaySettings:
+def _ready_settings(options: object, room: RoomOptions | None) -> rig.PlaySettings:
     """The settings of a server, after real-time priority was asked for."""
-    choices = (exposure or ExposureOptions()).choices((air or AirOptions()).medium())
-    settings = settings_from(rig.PlaySettings, options, exposure=choices)
+    settings = settings_from(rig.PlaySettings, options, exposure=(room or RoomOptions()).limits())
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
     print_note(rig.request_realtime().words())

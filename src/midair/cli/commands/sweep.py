@@ -9,9 +9,8 @@ from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import App, CycloptsError, Parameter
-from rich.table import Table as Shown
 
-from midair.cli.console import banner, bars, err, out, print_json
+from midair.cli.console import bars, err, out, print_answer, print_grid, print_json
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.help_text import add_command, epilogue
 from midair.cli.options import Json, OptionalTime, SolveOptions, Time, quantity
@@ -73,23 +72,20 @@ def show_report(results: SweepResults) -> None:
     texts = ("recording", "variant") if "trials" in tables else ()
     numbers = ("frames", "strength") if texts else ("strength", "height_mm", "patterns")
     shares = {"mean": "mean", "p95": "95 %", "worst": "worst", "mean_rounded": "rounded", "worst_rounded": "worst"}
-    banner(True)
-    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
-    for name in texts:
-        table.add_column(name, no_wrap=True)
-    for name in (*numbers, *shares.values()):
-        table.add_column(name, justify="right")
-    for row in tables["trials" if texts else "conditions"]:
-        figures = (f"{row[name]:.4g}" for name in numbers)
-        table.add_row(*(row[name] for name in texts), *figures, *(f"{100 * row[name]:.2f}" for name in shares))
-    out().print(table, width=max(out().width, 120), crop=False)
     known = np.isfinite(results.error).sum()
     items, each = ("frames", "a frame") if texts else ("patterns", "a pattern")
     missing = "" if results.complete else ", continue with the same command"
-    out().print(
-        f"{known} {items} solved{missing}; {results.seconds:.0f} s of processor time, "
-        f"{1e3 * results.seconds / known:.2f} ms {each}."
-    )
+    took = f"{results.seconds:.0f} s of processor time, {1e3 * results.seconds / known:.2f} ms {each}"
+    print_answer(f"{known} {items} solved{missing}; {took}", simulated=True)
+    rows = [
+        (
+            *(row[name] for name in texts),
+            *(f"{row[name]:.4g}" for name in numbers),
+            *(f"{100 * row[name]:.2f}" for name in shares),
+        )
+        for row in tables["trials" if texts else "conditions"]
+    ]
+    print_grid((*texts, *numbers, *shares.values()), rows, title="E = || |Gq| - p || / ||p||, in %")
 
 
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
@@ -137,8 +133,6 @@ def patterns_command(
         Directivity of a transducer.
     attenuation
         Attenuation of sound in air, in Np/m. [default: 0, or that of the stated air]
-    air
-        Air, given by its temperature. [default: the paper's 340 m/s]
     chunk
         Patterns per task; a killed process loses at most one task.
 

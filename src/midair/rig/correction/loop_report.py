@@ -134,14 +134,13 @@ def _summary(loop: Loop) -> str:
     last = loop.passes[-1]
     frames, solution = last.reproduction.target.frames, last.reproduction.solution
     level = level_of(solution, last.reproduction.target, band=loop.settings.calibration.band)
-    said = dict(level.rows())
     return (
         f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
         f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
         f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s), the re-recorded "
         f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
-        f"{last.comparison.gain:.2f} times its amplitude. Requested: {said['requested']}. Result: {said['predicted']}. "
-        f"Possible: {said['largest possible']}."
+        f"{last.comparison.gain:.2f} times its amplitude. "
+        f"{'; '.join(f'{name}: {text}' for name, text in level.rows())}."
     )
 
 

@@ -60,11 +60,9 @@ def next_step(gain: float, settings: Settings | None) -> str:
         return ""
     target = settings.target
     # Pressure is proportional to the square of the strength.
-    return (
-        f"--gain {target.gain / gain:.3g}"
-        if target.strength is None
-        else f"--strength {target.strength / np.sqrt(gain):.2g}"
-    )
+    if target.strength is None:
+        return f"--gain {target.gain / gain:.3g}"
+    return f"--strength {target.strength / np.sqrt(gain):.2g}"
 
 
 PALM_TITLE = "Vibration on a palm"

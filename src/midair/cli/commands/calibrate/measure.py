@@ -12,13 +12,13 @@ from cyclopts import Parameter
 
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, calibrate, measure_calibration
 from midair.cli.console import out, progress_bars
-from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
+from midair.cli.exposure_options import RoomOptions
 from midair.cli.import_options import calibration_from_options, stated_sensitivity
 from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time, quantity
 from midair.cli.output import calibration_row, may_write, print_table
 from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
-from midair.model import HEIGHT, Acoustics, Calibration, Medium, SensorGrid
+from midair.model import HEIGHT, Acoustics, Calibration, SensorGrid
 from midair.rig import (
     ReferenceChoice,
     VirtualRig,
@@ -289,8 +289,7 @@ def beam_command(
     aperture: Length = 8e-3,
     spread: Length = 1e-3,
     pressure_uncertainty: float = 0.3,
-    air: AirOptions | None = None,
-    exposure: ExposureOptions | None = None,
+    room: RoomOptions | None = None,
     seed: int = 0,
     options: OutputOptions | None = None,
 ) -> None:
@@ -317,10 +316,6 @@ def beam_command(
         Standard deviation of the point spread in the gel.
     pressure_uncertainty
         Relative uncertainty (k = 2) of the array's radiation pressure.
-    air
-        Air of the room; it decides where the beam is focused. [default: 22C and 50%]
-    exposure
-        Exposure profile; a beam that exceeds it is refused: lower --top.
     seed
         Random seed of a virtual rig.
 
@@ -328,17 +323,15 @@ def beam_command(
     --------
     $ midair calibrate beam
     """
-    options, room = options or OutputOptions(), (air or AirOptions()).medium()
-    medium = room or Medium.at(temperature=22.0, humidity=0.5)
+    options, room = options or OutputOptions(), room or RoomOptions()
     rig = VirtualRig(seed=seed, height=height)
     skin = rig.skin() if device == "virtual" else None
-    choices = (exposure or ExposureOptions()).choices(room)
     setting = BeamSetting(
         height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
     )
     source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
     array = rig.array_device(skin) if device == "virtual" else array_named(device)
-    print_air(medium, stated=room is not None)
+    medium = room.assumed()
     with progress_bars() as stage, array, source:
         options.path(source.grid)
         calibration = calibrate_by_beam(
@@ -347,7 +340,7 @@ def beam_command(
             BeamPlan(levels=levels, top=top),
             setting=setting,
             acoustics=Acoustics(medium=medium),
-            exposure=choices,
+            exposure=room.limits(),
             date=options.day,
             version=options.version(source.grid),
             progress=stage("beam on each cell"),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
-from midair.cli.exposure_options import AirOptions, ExposureOptions, print_air
+from midair.cli.exposure_options import RoomOptions
 from midair.cli.keys import Keys
 from midair.cli.options import Force, Json, Length, Placement, Spread, Time, quantity
 from midair.cli.output import describe, may_write, print_table
@@ -22,7 +22,7 @@ from midair.files import (
     save_array_calibration,
     save_tracker,
 )
-from midair.model import HEIGHT, RATE, Acoustics, Medium
+from midair.model import HEIGHT, RATE, Acoustics
 from midair.model import Placement as UnitPlacement
 from midair.rig import (
     PLACES,
@@ -54,8 +54,7 @@ def array_command(
     date: str | None = None,
     check: bool = False,
     placement: Placement = None,
-    air: AirOptions | None = None,
-    exposure: ExposureOptions | None = None,
+    room: RoomOptions | None = None,
     spread: Spread = "default",
     seed: int = 0,
     force: Force = False,
@@ -89,10 +88,6 @@ def array_command(
         Do not measure: check by two seconds of codes that the calibration still holds. Status 1 if not.
     placement
         TOML file with position and rotation of the units of a real array.
-    air
-        Air of the room. [default: 22C and 50%]
-    exposure
-        Exposure profile; codes that exceed it are refused: lower --top.
     seed
         Random seed of a virtual rig.
 
@@ -102,15 +97,14 @@ def array_command(
     $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5
     $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5 --check
     """
-    room = (air or AirOptions()).medium()
-    medium = room or Medium.at(temperature=22.0, humidity=0.5)
+    room = room or RoomOptions()
     rig = VirtualRig(seed=seed, height=height, spread=spread)
     units = None if placement is None else load_placement(placement)
     source, array = _devices(sensor, device, calibration, rig, units)
     session = ArraySession(
         height=height,
-        acoustics=Acoustics(medium=medium),
-        exposure=(exposure or ExposureOptions()).choices(room),
+        acoustics=Acoustics(medium=room.assumed()),
+        exposure=room.limits(),
         warn=lambda line: print_note(f"midair: warning: {line}", warn=True),
     )
     if check:
@@ -119,7 +113,6 @@ def array_command(
     name = re.sub(r"[^\w.-]+", "-", array.array.name).strip("-") or "array"
     target = output or Path(f"{name}-{day}{ARRAY_SUFFIX}")
     may_write(target, force)
-    print_air(medium, stated=room is not None)
     count, frames = array.array.count, round(duration * RATE)
     work = WORK * count * frames
     cpu = f"{work:.0f} to {3 * work:.0f} s of CPU, the more the transducers differ"
@@ -202,8 +195,7 @@ def tracker_command(
     device: str = "virtual",
     top: Annotated[float, quantity("Pa")] = 100.0,
     placement: Placement = None,
-    air: AirOptions | None = None,
-    exposure: ExposureOptions | None = None,
+    room: RoomOptions | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -224,22 +216,17 @@ def tracker_command(
         Highest pressure in the centre of the focus.
     placement
         TOML file with position and rotation of the units of a real array.
-    air
-        Air of the room; it decides where the focus lies. [default: 22C and 50%]
-    exposure
-        Exposure profile; a focus that exceeds it is refused: lower --top.
 
     Examples
     --------
     $ midair calibrate tracker leap: leap.toml --device autd3
     """
     may_write(output, force)
-    room = (air or AirOptions()).medium()
-    medium = room or Medium.at(temperature=22.0, humidity=0.5)
+    room = room or RoomOptions()
     units = None if placement is None else load_placement(placement)
     rig = VirtualRig()
     array = rig.array_device(rig.skin()) if device == "virtual" else array_named(device, units)
-    print_air(medium, stated=room is not None)
+    medium = room.assumed()
 
     def say(at: int) -> None:
         x, y, z = (1e3 * PLACES[at]).round()
@@ -251,7 +238,7 @@ def tracker_command(
             array,
             top=top,
             acoustics=Acoustics(medium=medium),
-            exposure=(exposure or ExposureOptions()).choices(room),
+            exposure=room.limits(),
             say=say,
             entered=lambda: "\n" in keys.pressed(),
         )

@@ -1,7 +1,7 @@
 """The command `study run`."""
 
 from midair.cli.console import PlainConsole, out, warn_simulated
-from midair.cli.exposure_options import AirOptions, ExposureOptions
+from midair.cli.exposure_options import RoomOptions
 from midair.cli.options import OptionalTime, StopInput, Study
 from midair.devices import stop_on_input
 from midair.errors import InputError
@@ -37,8 +37,7 @@ def run_command(
     noise: str = "default",
     lines: bool = False,
     serial: str = "",
-    exposure: ExposureOptions | None = None,
-    air: AirOptions | None = None,
+    room: RoomOptions | None = None,
     stop_input: StopInput = None,
     follow: str | None = None,
     tracker_latency: OptionalTime = None,
@@ -62,8 +61,6 @@ def run_command(
         Read whole lines instead of single keys.
     serial
         Serial port of the event markers in place of that of the plan; none for no serial markers.
-    air
-        Air of the room; it is stored with the answers.
     follow
         Tracker of the palm that drives follow on an AUTD3 array, as in midair play --follow.
     tracker_latency
@@ -85,9 +82,7 @@ def run_command(
     if _is_finished(folder, plan, participant):
         out().print(f"participant {participant} has already finished; no question was asked.")
         return 0
-    air = air or AirOptions()
-    room = air.medium()
-    choices = (exposure or ExposureOptions()).choices(room)
+    limits = (room or RoomOptions()).limits()
     screen = TerminalScreen(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
@@ -100,8 +95,8 @@ def run_command(
             array,
             folder,
             plan,
-            exposure=choices,
-            room=room,
+            exposure=limits,
+            room=limits.room,
             noise=noise,
             serial=serial,
             show=screen.present_text,
@@ -115,7 +110,7 @@ def run_command(
             folder.log(participant),
             rig.presenter,
             simulated=rig.simulated,
-            room=room,
+            room=limits.room,
             about=rig.about,
             markers=rig.markers,
         )
