@@ -32,7 +32,7 @@ LINES = {
     "rig": 9190,
     "patterns datasets": 1767,
     "view figures": 2040,
-    "cli": 6713,
+    "cli": 6603,
     "study": 6365,
     "studio": 6048,
     "sweep": 500,

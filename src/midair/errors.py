@@ -8,8 +8,8 @@ from difflib import get_close_matches
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """The name most like a word, as the end of a message; empty if none is like it."""
-    return "".join(f"; did you mean {name}?" for name in get_close_matches(word, names, n=1, cutoff=0.7))
+    """End of a message with the name most like a word; empty if none is."""
+    return "".join(f"; did you mean {name}?" for name in get_close_matches(word, names, n=1, cutoff=0.75))
 
 
 class MidairError(Exception):

@@ -44,14 +44,9 @@ class Headroom:
     focus: float
     """Pressure at the centre of a single focus of the whole array, in Pa."""
     even: float
-    """Pressure on all cells at once at the end of the linear range, in Pa."""
+    """Pressure on all cells at once at the end of the linear range, in Pa; a vibration has half of it as amplitude."""
     most: float
     """Saturation pressure on all cells at once, in Pa."""
-
-    @property
-    def swing(self) -> float:
-        """Largest vibration amplitude on all cells at once, in Pa: half of `even`, as pressure is never negative."""
-        return self.even / 2
 
     def __str__(self) -> str:
         return f"{_pa(self.focus)} on one point, {_pa(self.even)} on the whole palm, at {1e3 * self.height:.3g} mm"
@@ -93,14 +88,12 @@ class PressureLevel:
             f"--strength {self.strength * np.sqrt(fits):.2g}, or a --gain {fits:.2g} times as large"
         )
 
-    def __str__(self) -> str:
-        return f"peak {_pa(self.asked)}: {_pa(self.steady)} steady push, {_pa(self.vibration)} rms vibration"
-
     def rows(self) -> list[tuple[str, str]]:
         """Label and text of each row of a printed table, the most important first."""
+        parts = f"{_pa(self.steady)} steady push, {_pa(self.vibration)} rms vibration"
         full = "" if self.linear is None else f"; the array can do up to about {_pa(self.linear)}"
         return [
-            ("pressure", str(self)),
+            ("pressure", f"peak {_pa(self.asked)}: {parts}"),
             ("reached", f"{100 * self.comes:.0f} % of the peak, by the model{full}"),
             ("loudest point", f"{_pa(self.peak)} on the palm"),
             ("strength", f"{self.strength:.3f} of the sound of a single focus"),
@@ -113,7 +106,7 @@ class PressureLevel:
         plain: dict[str, object] = {"strength": self.strength, **own, "comes": self.comes, "too_loud": self.too_loud}
         if self.headroom is not None:
             head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
-            plain["can_be_had"] = {"height_m": self.headroom.height, **head, "swing_pa": self.headroom.swing}
+            plain["can_be_had"] = {"height_m": self.headroom.height, **head, "swing_pa": self.headroom.even / 2}
         return plain
 
 

@@ -1,6 +1,6 @@
 """Tables of names, values and units, which commands print on a terminal or as JSON."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
 
 
@@ -18,11 +18,8 @@ class Row:
     """The value as a person reads it; by default the value and its unit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Details:
+class Details(tuple["Line", ...]):
     """Lines that are printed only with all others, by ``--all``; JSON contains them."""
-
-    lines: Sequence["Line"]
 
 
 Line = Row | tuple[str, str] | Mapping[str, object] | Details
@@ -34,7 +31,7 @@ def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]
     rows: list[tuple[str, str]] = []
     for line in table:
         if isinstance(line, Details):
-            rows += printed(line.lines if all else (), all=all)
+            rows += printed(line, all=True) if all else []
         elif isinstance(line, Row):
             value = f"{line.value:.4g}" if isinstance(line.value, float) else str(line.value)
             rows.append((line.name, f"{value} {line.unit}".rstrip() if line.text is None else line.text))
@@ -48,7 +45,7 @@ def plain(table: Iterable[Line]) -> dict[str, object]:
     values: dict[str, object] = {}
     for line in table:
         if isinstance(line, Details):
-            values |= plain(line.lines)
+            values |= plain(line)
         elif isinstance(line, Row):
             values[line.key or line.name] = line.value
         elif not isinstance(line, tuple):

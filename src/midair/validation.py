@@ -155,8 +155,7 @@ def one_of(value: object, known: Any, name: str, *, error: type[InputError] = In
     """Raise an error unless `value` is one of `known`: the values of a Literal, or names."""
     names = get_args(known) or tuple(known)
     if value not in names:
-        near = did_you_mean(str(value), names)
-        raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}{near}")
+        raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}{did_you_mean(str(value), names)}")
 
 
 def check_names(given: Iterable[str], known: Iterable[str]) -> None:

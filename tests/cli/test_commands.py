@@ -12,7 +12,7 @@ from PIL import Image
 
 from midair.cli import run
 from midair.datasets import sample_path
-from midair.files import load, load_calibration, load_solution, save_calibration
+from midair.files import load, load_calibration, load_solution
 from midair.model import Medium
 
 QUICK = [
@@ -157,13 +157,7 @@ def test_info_prints_the_history_of_a_file(take, capsys):
     assert run(["info", "take.h5"]) == 0
     captured = capsys.readouterr()
     assert "300 at 1000 Hz" in captured.out
-    assert "SIMULATED" in captured.err
-
-
-def test_info_of_a_calibration(take, capsys):
-    save_calibration(load_calibration("take.h5"), "mine.calibration.h5")
-    assert run(["info", "mine.calibration.h5"]) == 0
-    assert "V/Pa" in capsys.readouterr().out
+    assert "SIMULATED" in captured.out
 
 
 def test_repair_of_a_file_that_needs_none(take, capsys):
@@ -191,7 +185,7 @@ def test_demo_writes_a_report_and_its_files(capsys):
         "palm.png",
     }
     captured = capsys.readouterr()
-    assert "SIMULATED" in captured.err
+    assert "SIMULATED" in captured.out
     assert "frames/s" in captured.err
     assert "996 transducers" in captured.out
     assert "fidelity on a whole palm, disc of 85 mm" in captured.out

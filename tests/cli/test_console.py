@@ -12,7 +12,6 @@ from midair.cli.comparisons import palm_lines
 from midair.cli.console import (
     PerSecond,
     PlainConsole,
-    Verbosity,
     elapsed_time,
     err,
     out,
@@ -108,11 +107,6 @@ def test_quiet_shows_results_and_no_bars(working, capsys):
 def test_verbose_prints_the_run_time(working, capsys):
     assert run(["works", "-v"]) == 0
     assert "took 0." in capsys.readouterr().err
-
-
-def test_it_holds_for_one_command_only(working, capsys):
-    run(["works", "-q"])
-    assert verbosity() == Verbosity()
 
 
 def test_elapsed_time_appears_late_and_ends_with_the_first_output(capsys, monkeypatch):

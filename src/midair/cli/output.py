@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from midair import files
-from midair.cli.console import out, print_answer, print_json, print_note, print_rows, verbosity
+from midair.cli.console import print_answer, print_json, print_note, print_rows, verbosity
 from midair.cli.options import format_quantity
 from midair.errors import InputError
 from midair.evaluate import error_by_energy
@@ -58,10 +58,8 @@ def print_table(
         return print_json(values)
     if answer or simulated:
         print_answer(answer, simulated=simulated)
-    print_rows(printed(table, all=verbosity().all))
-    for line in (*(f"note: {note}" for note in notes or ()), *(f"lost: {loss}" for loss in lost)):
-        out().print(line)
-    return None
+    more = [*(("note", note) for note in notes or ()), *(("lost", str(loss)) for loss in lost)]
+    return print_rows([*printed(table, all=verbosity().all), *more])
 
 
 def may_write(path: Path, force: bool, *endings: str) -> None:

@@ -42,11 +42,9 @@ class SolveError:
 
     def faint_text(self) -> str:
         """The error of the faint frames; empty without any."""
-        if not self.faint:
-            return ""
-        excess = "the sound exceeds the target, --set solver.level=auto reduces it"
-        error = f"mean {100 * self.faint_mean:.0f} %" if self.faint_mean <= 1 else excess
-        return f"{self.faint} of {self.frames} have less than 1 % of the loudest's power: {error}"
+        error = f"mean {100 * self.faint_mean:.0f} %" if self.faint_mean <= 1 else "too loud, --set solver.level=auto"
+        text = f"{self.faint} of {self.frames} have less than 1 % of the loudest's power: {error}"
+        return text if self.faint else ""
 
     def plain(self) -> dict[str, object]:
         """Ratios for JSON."""

@@ -13,14 +13,7 @@ from errno import EACCES, EAGAIN, EINVAL, ENOLCK, ENOSYS, ENOTSUP, EOPNOTSUPP
 from functools import cache
 from pathlib import Path
 
-from midair.errors import (
-    BrokenFileError,
-    DeviceStateError,
-    FileError,
-    MidairError,
-    MissingFileError,
-    did_you_mean,
-)
+from midair.errors import BrokenFileError, DeviceStateError, FileError, MidairError, MissingFileError, did_you_mean
 
 try:
     import fcntl
@@ -185,17 +178,11 @@ def write_file(path: str | os.PathLike[str], content: str | bytes, *, private: b
         partial.write_bytes(content if isinstance(content, bytes) else content.encode())
 
 
-def disk_text(needed: int, free: int) -> str:
-    """Bytes that a file needs on a disk, and those that are free."""
-    sizes = [f"{size / 1e12:.3g} TB" if size >= 1e12 else f"{size / 1e6:.3g} MB" for size in (needed, free)]
-    return f"needs {sizes[0]} on the disk, {sizes[1]} are free"
-
-
 def check_disk_space(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
     """Raise FileError if the disk of a folder has fewer than `needed` bytes free for the file `path`."""
     free = shutil.disk_usage(folder).free
     if free < needed:
-        raise FileError(f"{path}: {disk_text(needed, free)}; free some, or write to another disk")
+        raise FileError(f"{path}: needs {needed / 1e9:,.1f} GB on the disk, {free / 1e9:,.1f} are free; use another")
 
 
 @contextmanager

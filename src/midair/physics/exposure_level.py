@@ -177,15 +177,13 @@ class Exposure:
         place, _ = self.worst
         level = f"{self.peak[self.profile.places.index(place)]:.1f} dB at the {place.name}, limit {place.limit:g} dB"
         loud = f"{self.sound_excess:.1f} dB too loud" if self.sound_excess > 0 else "within the limit"
-        heat = f"; too hot: {self.heat}" if self._heat_excess > 0 else ""
-        return f"{loud}: {level}{heat}"
+        return f"{loud}: {level}" + (f"; too hot: {self.heat}" if self._heat_excess > 0 else "")
 
     @property
     def where(self) -> str:
         """One line: position of the worst place, its loudest frame, and the air in which it is loudest."""
-        place, frame = self.worst
-        at = " ".join(f"{1e3 * each:.0f}" for each in place.position)
-        return f"{place.name} ({at} mm), frame {frame}, in air of {self.loudest_air.degrees:.0f} °C"
+        (place, frame), air = self.worst, self.loudest_air
+        return f"{1e3 * np.array(place.position)} mm, frame {frame}, in air of {air.degrees:.0f} °C"
 
     def __repr__(self) -> str:
         return f"<Exposure {len(self.level)} frames, {self.repeats} times, {self.verdict()}>"

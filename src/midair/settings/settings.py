@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
-from midair.errors import BandError, BrokenFileError, InputError
+from midair.errors import BrokenFileError, InputError
 from midair.files import from_plain, read_toml, to_plain, write_file
 from midair.model import BAND, RATE, Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
@@ -26,11 +26,6 @@ class CalibrationSettings:
     """(low, high) of the frequency band that is kept, in Hz (paper, 3)."""
     inverse: Literal["fft", "fir"] = "fft"
     """Inverse of the channels' responses: zero-phase FFT or linear-phase FIR filter."""
-
-    def __post_init__(self) -> None:
-        low, high = self.band
-        if not low < high:
-            raise BandError(f"band: expected the low end first, {high:g} to {low:g} Hz, got {low:g} to {high:g} Hz")
 
 
 EARS = (80.0, 160.0)

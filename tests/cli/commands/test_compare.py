@@ -149,7 +149,7 @@ def test_a_report_holds_the_figures_and_both_recordings(capsys):
     assert run(["compare", "take.h5", "take.h5", "--report", "compared.html"]) == 0
     said = capsys.readouterr().out
     page = Path("compared.html").read_text(encoding="utf-8")
-    assert "report compared.html" in said
+    assert "report  compared.html" in said
     for words in ("SIMULATED", "signal to distortion", "midair compare take.h5 take.h5", 'data-name="again"'):
         assert words in page
     assert page.count("data:audio/wav") == 2

@@ -51,7 +51,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     assert "0 late, 0 repeated" in captured.out
     assert "ns of device time" in captured.out
     assert "silencer" in captured.out
-    assert "SIMULATED" in captured.err
+    assert "SIMULATED" in captured.out
     assert [entry["event"] for entry in log()] == ["play", "end"]
     assert log()[1]["reason"] == "played"
     assert list(Path("state").glob("playing-*")) == []

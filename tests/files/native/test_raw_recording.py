@@ -137,7 +137,7 @@ def test_closes_in_order_on_an_error_and_refuses_what_is_wrong(recording, option
         RecordingWriter(tmp_path / "away" / "a.h5", **options)
     with pytest.raises(FileError, match="with block"):
         RecordingWriter(tmp_path / "a.h5", **options).append(recording.samples)
-    with pytest.raises(FileError, match=r"free on the disk, got .* record for a shorter time"):
+    with pytest.raises(FileError, match=r"on the disk, .* are free; .* record for a shorter time"):
         RecordingWriter(tmp_path / "a.h5", **options, expected=10**15).__enter__()
     with RecordingWriter(tmp_path / "a.h5", **options), pytest.raises(FileError, match="a program is recording"):
         load(tmp_path / "a.h5")
@@ -179,7 +179,7 @@ def test_stops_before_the_disk_is_full(recording, options, tmp_path, alike):
     with RecordingWriter(tmp_path / "live.h5", **options) as writer:
         writer.append(recording.samples)
         writer.reserve = 2**70
-        with pytest.raises(FileError, match=r"MB free on the disk, got .* 40 frames so far are safe"):
+        with pytest.raises(FileError, match=r"on the disk, .* are free; .* 40 frames so far are safe"):
             writer.append(recording.samples)
     alike(load(tmp_path / "live.h5"), recording)
 
@@ -307,7 +307,7 @@ def written_in(path, *, reserve, **how):
 def test_a_full_disk_keeps_the_frames_reported_as_safe(size, reserve, tiny_disk, tmp_path):
     folder = tiny_disk(size)
     said, frames = written_in(folder / "live.h5", reserve=reserve)
-    assert "MB free on the disk" in said or "No space left on device" in said
+    assert "GB on the disk" in said or "No space left on device" in said
     assert [each.name for each in folder.iterdir()] == ["live.h5"] * (frames > 0)
     assert (frames > 0) == (reserve == 0 and size > 100)
     if frames:

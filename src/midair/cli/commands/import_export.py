@@ -22,7 +22,7 @@ from midair.cli.output import as_recording, calibration_row, describe, may_write
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.recordings import GapFill, Mending, select
-from midair.table import Line, Row
+from midair.table import Details, Line, Row
 
 
 def import_command(
@@ -100,11 +100,12 @@ def import_command(
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
     imported = files.OpenedTake(recording=sample(name)) if ready else import_recording(file, options, mending=mending)
+    credits: list[Line] = []
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
         about = SAMPLES[name]
-        more = (f"{key}: {it}" for key, it in about.notes.items())
-        notes = (*notes, f"licence: {about.licence}", f"origin: {about.source}", *more)
+        more = [Row(key, text) for key, text in {"origin": about.source, **about.notes}.items()]
+        credits = [Row("licence", about.licence), Details(more)]
     recording = imported.recording
     stated = calibration_from_options(recording, sensitivity, peak)
     known = stated or imported.calibration
@@ -113,7 +114,8 @@ def import_command(
     stated_by = calibration_row(known, target, hidden=recording.unit == "Pa" and not known)
     ready = recording.unit == "Pa" or known is not None
     next_row = ("next", f"midair solve {target}" if ready else "")
-    table: list[Line] = [Row("file", str(target), key="recording"), *describe(recording), stated_by, next_row]
+    file_row = Row("file", str(target), key="recording")
+    table: list[Line] = [file_row, *describe(recording), *credits, stated_by, next_row]
     notes = (*notes, *imported.report)
     if recording.duration < SHORT:
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")

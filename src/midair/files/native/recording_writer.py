@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
-from midair.files.atomic import disk_text, lock_recording, reason, writable_path
+from midair.files.atomic import lock_recording, reason, writable_path
 from midair.files.native.calibration_file import calibration_values
 from midair.files.native.hdf5 import signature
 from midair.files.native.raw_recording import FRAMES, MAGIC, TEXT, convert, frame_type, record
@@ -170,7 +170,8 @@ class RecordingWriter:
             self._failed = True
             far = f"the {self.frames} frames so far are safe, free some space and continue under another name"
             near = "free some space, record for a shorter time, or use another disk"
-            raise FileError(f"{self.path}: {disk_text(needed, free)}; {near if self._handle is None else far}")
+            sizes = f"needs {needed / 1e9:,.1f} GB on the disk, {free / 1e9:,.1f} are free"
+            raise FileError(f"{self.path}: {sizes}; {near if self._handle is None else far}")
 
     def _write(self, data: bytes) -> None:
         """Append records, and flush them to the disk after each `interval`."""

@@ -63,8 +63,7 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     kind, colon, place = name.partition(":")
     if (colon and not place) or kind not in ARRAYS:
         others = "".join(f"{each}:PLACE, " for each in ARRAYS.others)
-        near = did_you_mean(name, ("virtual", *ARRAYS))
-        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}{near}")
+        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}{did_you_mean(name, ARRAYS)}")
     return ARRAYS[kind](name, placement, silencer)
 
 

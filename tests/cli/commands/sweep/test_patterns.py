@@ -23,7 +23,7 @@ def test_from_patterns_to_a_report(capsys, one_line):
     assert run(ask) == 0
     said = capsys.readouterr()
     assert "48/48" in said.err
-    assert "SIMULATED" in said.err
+    assert "SIMULATED" in said.out
     assert "48 patterns solved; " in said.out
     sweep = from_plain(PatternSweep, load_sweep(Path("s.sweep")).settings)
     assert sweep.strengths == (0.1, 0.2)
@@ -107,7 +107,7 @@ def test_recordings_under_settings(take, capsys, one_line):
     assert run(ask) == 0
     said = capsys.readouterr()
     assert "80/80" in said.err
-    assert "SIMULATED" in said.err
+    assert "SIMULATED" in said.out
     assert "method=glide height=200mm" in said.out
     assert run(["sweep", "report", "r.sweep", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

@@ -174,16 +174,17 @@ def apply_command(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
     save(recording, source, calibration=known, pressure=pressure)
+    largest, rms = np.abs(pressure.pressure).max(), np.sqrt(np.square(pressure.pressure).mean(axis=0).max())
     table: list[Line] = [
-        ("recording", str(source)),
+        ("file", str(source)),
+        ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
         calibration_row(known),
         ("uncertainty", "" if known is None else describe_uncertainty(known)),
-        ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
-        ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
-        ("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"),
-        ("rms of the strongest cell", f"{np.sqrt(np.square(pressure.pressure).mean(axis=0).max()):.3g} Pa"),
+        ("crosstalk", "" if crosstalk == "keep" else f"undone, damping {damping:g}"),
+        ("next", f"midair solve {source}"),
     ]
-    print_table(table, simulated=pressure.provenance.simulated, json=False)
+    answer = f"pressure up to {largest:.3g} Pa, {rms:.3g} Pa rms in the strongest cell"
+    print_table(table, answer=answer, simulated=pressure.provenance.simulated, json=False)
 
 
 def show_command(source: Path, page: Path | None = None, /, *, force: Force = False, json: Json = False) -> None:
