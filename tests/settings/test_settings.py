@@ -14,7 +14,7 @@ from midair.settings import (
     with_fewer_points,
     with_paper_mode,
 )
-from midair.solvers import Cells, Fast, Glide, LevenbergMarquardt, Windows
+from midair.solvers import Cells, Fast, LevenbergMarquardt, Windows
 from midair.targets import Circle
 
 
@@ -99,11 +99,7 @@ def test_settings_of_the_modes():
     assert (best.target.mapping, best.target.rate) == ("slow-bias", 4000.0)
     assert best.solver.guard is not None
     assert best.compensation.precompensate
-    quick = quick_mode()
-    assert isinstance(best.solver.method, Glide)
-    assert isinstance(quick.solver.method, Glide)
-    assert quick.solver.method.smooth < best.solver.method.smooth
-    assert quick.but(method=best.solver.method) == best
+    assert quick_mode().but(rate=3 * quick_mode().target.rate) == best
     finest = finest_mode()
     assert finest.solver.quiet_palm
     assert finest.but(quiet_palm=0.0, fit="windows", level=1.0, amplitudes="equal", predict=False) == best
