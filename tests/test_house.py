@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1872,
-    "settings streaming .": 2831,
+    "settings streaming .": 2739,
     "physics": 3105,
     "recordings targets correct evaluate": 4038,
     "calibration": 3102,

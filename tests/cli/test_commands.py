@@ -87,18 +87,6 @@ def test_phases_are_corrected_for_the_typed_air(take, capsys):
     assert step.settings["to_m_s"] == Medium.at(temperature=25.5).speed
 
 
-@pytest.mark.long
-def test_play_runs_no_solver(take, capsys, monkeypatch):
-    """It prints the level of the drive; the limits of the array, for which patterns are solved, are in info."""
-    assert run(["solve", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s"]) == 0
-    assert "largest possible" in capsys.readouterr().out
-    monkeypatch.setattr("midair.headroom.solve", lambda *_, **__: pytest.fail("play ran a solver"))
-    assert run(["play", "take.drive.h5"]) == 0
-    printed = capsys.readouterr().out
-    assert "predicted" in printed
-    assert "largest possible" not in printed
-
-
 @pytest.mark.slow
 def test_loop_writes_a_report(take, capsys):
     assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0

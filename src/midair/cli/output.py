@@ -16,7 +16,6 @@ from midair.cli.console import print_answer, print_json, print_note, print_rows,
 from midair.cli.options import format_quantity
 from midair.errors import InputError
 from midair.evaluate import error_by_energy
-from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import (
     AmplitudeFrames,
     ArrayCalibration,
@@ -27,6 +26,7 @@ from midair.model import (
     SensorGrid,
     Setting,
 )
+from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
 from midair.streaming import blocks
@@ -180,8 +180,8 @@ def left_out_row(provenance: Provenance) -> tuple[str, str]:
     return "left out", str(provenance.last("not reproduced").get("text", ""))
 
 
-def describe_drive(path: Path, *, limits: bool = True) -> tuple[str, list[Line]]:
-    """Duration and array of the drive in a file, and its table; with `limits`, also those of the array."""
+def describe_drive(path: Path) -> tuple[str, list[Line]]:
+    """Duration and array of the drive in a file, and its table."""
     solution, target = files.load_solution(path, streamed=True), files.load_target(path, streamed=True)
     drive, plays, life = solution.drive, solution.plays, solution.drive.provenance
     inside = frames_without_lead(life, drive.frames, drive.rate)
@@ -189,11 +189,11 @@ def describe_drive(path: Path, *, limits: bool = True) -> tuple[str, list[Line]]
     error = error_by_energy(solution.error[inside], (power * plays)[inside])
     level = None
     if target is not None and plays.any():
-        level = level_of(solution, target, band=band_of(target), limits=limits)
+        level = level_of(solution, target, band=band_of(target))
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears
     name, count, rate = drive.array.name, drive.array.count, drive.rate
-    low, high = float(drive.level.min()), float(drive.level.max())
+    low, *_, high = sorted(float(end) for each in blocks(drive.level) for end in (each.min(), each.max()))
     iterations = float(solution.iterations[plays].mean()) if plays.any() else 0.0
     frames = f"{drive.frames} at {rate:g} Hz, {silent} silent, {inside.start} of lead at either end"
     about = f"{(inside.stop - inside.start) / rate:.4g} s at {rate:g} Hz for {name}, {count} transducers"

@@ -11,9 +11,9 @@ import tomli_w
 from midair.errors import InputError
 from midair.evaluate import RATIOS, Verdict, compare, metrics_or_none, ratio_text
 from midair.files import load_solution, open_take
-from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, TransducerArray
 from midair.pipeline import required_lead
+from midair.pressure_level import level_of
 from midair.rig import (
     BudgetPlan,
     VirtualRig,

@@ -10,8 +10,8 @@ from midair.cli.options import Force, Json, TakeOptions, options_from, settings_
 from midair.cli.output import may_write, pressure_lines, print_table
 from midair.errors import InputError
 from midair.evaluate import TOUCHED
-from midair.headroom import level_of
 from midair.pipeline import required_lead
+from midair.pressure_level import level_of
 from midair.rig import Loop, Outcome, PlaySettings, check_passes, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 from midair.table import Details, Line

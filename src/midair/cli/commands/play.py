@@ -199,7 +199,7 @@ class _Shown(rig.PlayObserver):
     def about(self, drive: Drive) -> list[Line]:
         """Level of the drive of a file, and what a drive does not reproduce."""
         if self._source.name.lower().endswith(files.DRIVE_SUFFIX):
-            first, *others = describe_drive(self._source, limits=False)[1]
+            first, *others = describe_drive(self._source)[1]
             return [first, Details(others)]
         return [left_out_row(drive.provenance)]
 

@@ -32,9 +32,9 @@ from midair.figures import (
     traces_figure,
 )
 from midair.files import write_file
-from midair.headroom import level_of
 from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
+from midair.pressure_level import level_of
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.laboratory import laboratory_picture
 from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture

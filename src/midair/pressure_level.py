@@ -1,12 +1,10 @@
-"""Largest pressure that an array can produce, and how a drive's requested pressure compares with it (model, in Pa).
+"""How the pressure that a drive requests compares with the pressure that comes (model, in Pa).
 
-An array of transducers of equal amplitude produces one strong focus or a weaker pressure on the whole palm. Up to some
-level the produced pressure follows the requested one; beyond it, it saturates.
+Up to some level the produced pressure follows the requested one; beyond it, it saturates.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,41 +13,19 @@ from midair.array_types import Array
 from midair.evaluate import in_band
 from midair.model import (
     BAND,
-    RATE,
-    Acoustics,
     AmplitudeFrames,
     ControlGrid,
     Drive,
     Palm,
-    SensorGrid,
     Solution,
-    TransducerArray,
 )
-from midair.physics import ArrayKey, focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
+from midair.physics import focus_amplitude, radiation_pressure, transfer_matrix
 from midair.settings import Settings
-from midair.solvers import solve
 from midair.streaming import blocks, read_frames
-from midair.targets import frames_without_lead, interpolation_matrix
+from midair.targets import frames_without_lead
 
 LINEAR = 0.9
 """Ratio of produced to requested pressure at the end of the linear range."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Headroom:
-    """Largest pressures that an array can produce at a height."""
-
-    height: float
-    """In m."""
-    focus: float
-    """Pressure at the centre of a single focus of the whole array, in Pa."""
-    even: float
-    """Pressure on all cells at once at the end of the linear range, in Pa; a vibration has half of it as amplitude."""
-    most: float
-    """Saturation pressure on all cells at once, in Pa."""
-
-    def __str__(self) -> str:
-        return f"{_pa(self.focus)} on one point, {_pa(self.even)} on the whole palm, at {1e3 * self.height:.3g} mm"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,68 +44,47 @@ class PressureLevel:
     """Ratio of predicted to requested pressure in the loudest frames."""
     peak: float
     """Highest predicted pressure at any point of a palm of 85 mm, in Pa."""
-    linear: float | None = None
-    """Highest pressure at a control point for which the loudest pattern is in the linear range, in Pa, if computed."""
-    headroom: Headroom | None = None
-    """Largest pressures of the array, if computed."""
 
     @property
     def too_loud(self) -> bool:
         """True above the linear range, where the predicted pressure falls short of the requested one."""
-        return self.linear is not None and self.asked > self.linear and self.comes < LINEAR
+        return self.comes < LINEAR
 
     def advice(self) -> str:
         """Suggested strength or gain if the drive requests too much; otherwise empty."""
-        if self.linear is None or not self.too_loud:
+        if not self.too_loud:
             return ""
-        fits = self.linear / self.asked
+        # About what the array reaches, it also reaches when no more is requested.
         return (
             f"too strong for the array, which reaches {100 * self.comes:.0f} % of the peak of {_pa(self.asked)}: use "
-            f"--strength {self.strength * np.sqrt(fits):.2g}, or a --gain {fits:.2g} times as large"
+            f"--strength {self.strength * np.sqrt(self.comes):.2g}, or a --gain {self.comes:.2g} times as large"
         )
 
     def rows(self) -> list[tuple[str, str]]:
         """Label and text of each row of a printed table, the most important first."""
         parts = f"{_pa(self.steady)} steady push, {_pa(self.vibration)} rms vibration"
-        full = "" if self.linear is None else f"; the array can do up to about {_pa(self.linear)}"
         return [
             ("pressure", f"peak {_pa(self.asked)}: {parts}"),
-            ("reached", f"{100 * self.comes:.0f} % of the peak, by the model{full}"),
+            ("reached", f"{100 * self.comes:.0f} % of the peak, by the model"),
             ("loudest point", f"{_pa(self.peak)} on the palm"),
             ("strength", f"{self.strength:.3f} of the sound of a single focus"),
-            *([] if self.headroom is None else [("array limit", str(self.headroom))]),
         ]
 
     def plain(self) -> dict[str, object]:
         """Dictionary for JSON, pressures in Pa."""
-        own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "linear", "peak")}
-        plain: dict[str, object] = {"strength": self.strength, **own, "comes": self.comes, "too_loud": self.too_loud}
-        if self.headroom is not None:
-            head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
-            plain["can_be_had"] = {"height_m": self.headroom.height, **head, "swing_pa": self.headroom.even / 2}
-        return plain
+        own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "peak")}
+        return {"strength": self.strength, **own, "comes": self.comes, "too_loud": self.too_loud}
 
 
-def headroom(array: TransducerArray, grid: ControlGrid, acoustics: Acoustics | None = None) -> Headroom:
-    """Largest pressures of `array` at the height of `grid` on a sensor of 4 x 4 cells, cached."""
-    return _headroom(ArrayKey(array), grid, acoustics)
-
-
-def level_of(
-    solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = BAND, limits: bool = True
-) -> PressureLevel:
-    """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz.
-
-    With `limits`, also the limits of the array for this pattern, for which a few patterns are solved.
-    """
+def level_of(solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = BAND) -> PressureLevel:
+    """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz."""
     drive = solution.drive
     medium = drive.acoustics.medium
     piece = frames_without_lead(target.provenance, target.frames, target.rate)
-    loudest, point, sums = _loudest(target, piece)
+    point, sums = _loudest(target, piece)
     wave = _at_point(target, piece, point)
     pressure = radiation_pressure(wave, medium)
     vibration = in_band(pressure[:, None], target.rate, (band[0], min(band[1], target.rate / 2)))
-    pattern = read_frames(target.amplitude, loudest, loudest + 1)[0]
     focus = focus_amplitude(target.grid, drive.array, acoustics=drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
     powerful = _highest(target, piece, lambda block: (block**2).sum(axis=1), count=16)
@@ -141,8 +96,6 @@ def level_of(
         vibration=float(np.sqrt((vibration**2).mean())),
         comes=_pressure_ratio(drive, target, powerful),
         peak=_peak_on_palm(_frames_of(drive, highest), target.grid),
-        linear=linear_range(drive.array, target.grid, pattern**2, drive.acoustics)[0] if limits else None,
-        headroom=headroom(drive.array, target.grid, drive.acoustics) if limits else None,
     )
 
 
@@ -150,33 +103,6 @@ def band_of(target: AmplitudeFrames) -> tuple[float, float]:
     """Band of the recording that a target was made from, in Hz; 20 to 470 Hz where its provenance has none."""
     known = Settings.of(target.provenance)
     return BAND if known is None else known.calibration.band
-
-
-def linear_range(
-    array: TransducerArray, grid: ControlGrid, pattern: Array, acoustics: Acoustics | None = None
-) -> tuple[float, float]:
-    """End of the linear range and saturation of a pressure pattern, shape (point,), any unit; both results in Pa."""
-    acoustics, top = acoustics or Acoustics(), float(pattern.max())
-    if not top > 0:
-        return 0.0, 0.0
-    chosen, grid = thinned(grid)
-    pattern = pattern[chosen]
-    focus = radiation_pressure(np.array(focus_amplitude(grid, array, acoustics=acoustics)), acoustics.medium)
-    asked = float(focus) * np.geomspace(2e-3, 1.0, 9)
-    wanted = asked[:, None] * pattern / top
-    frames = AmplitudeFrames(amplitude=sound_amplitude(wanted, acoustics.medium), rate=RATE, grid=grid)
-    drive = solve(frames, array, acoustics=acoustics, method="fast", iterations=(30, 30)).drive
-    G = transfer_matrix(grid, array, acoustics=acoustics)
-    pressed = radiation_pressure(drive.q @ G.T, acoustics.medium)
-    part = (pressed * wanted).sum(axis=1) / (wanted**2).sum(axis=1)
-    lacks = np.flatnonzero(part < LINEAR * part[0])
-    if not len(lacks):
-        return float(asked[-1]), float((part * asked).max())
-    first = int(lacks[0])
-    # Interpolate over the logarithm of the level, between the last level in the linear range and the first above it.
-    low, high = part[first - 1] / part[0], part[first] / part[0]
-    share = (low - LINEAR) / (low - high)
-    return float(asked[first - 1] * (asked[first] / asked[first - 1]) ** share), float((part * asked).max())
 
 
 def thinned(grid: ControlGrid) -> tuple[NDArray[np.int64], ControlGrid]:
@@ -193,42 +119,27 @@ def _pa(value: float) -> str:
     return f"{float(f'{value:.2g}'):g} Pa"
 
 
-@lru_cache(maxsize=32)
-def _headroom(keyed: ArrayKey, grid: ControlGrid, acoustics: Acoustics | None) -> Headroom:
-    acoustics = acoustics or Acoustics()
-    focus = radiation_pressure(np.array(focus_amplitude(grid, keyed.array, acoustics=acoustics)), acoustics.medium)
-    even = interpolation_matrix(SensorGrid(), grid).sum(axis=1)
-    linear, most = linear_range(keyed.array, grid, even, acoustics)
-    return Headroom(height=grid.height, focus=float(focus), even=linear, most=most)
-
-
-def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
-    """Frame with the highest power, point with the highest amplitude, and the maximum amplitude of each point."""
-    most, frame, top = -1.0, piece.start, np.zeros(target.grid.count)
-    for first, block in _blocks(target, piece):
-        power = (block**2).sum(axis=1)
-        if power.max() > most:
-            most, frame = float(power.max()), first + int(power.argmax())
+def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, Array]:
+    """Point with the highest amplitude, and the maximum amplitude of each point."""
+    top = np.zeros(target.grid.count)
+    for block in _blocks(target, piece):
         top = np.maximum(top, block.max(axis=0))
-    return frame, int(top.argmax()), top
+    return int(top.argmax()), top
 
 
 def _highest(target: AmplitudeFrames, piece: slice, of: Callable[[Array], Array], *, count: int) -> list[int]:
     """The `count` frames with the highest value of a function of a block of frames."""
-    value = np.concatenate([of(block) for _, block in _blocks(target, piece)])
+    value = np.concatenate([of(block) for block in _blocks(target, piece)])
     return [piece.start + int(frame) for frame in np.argsort(value)[::-1][:count]]
 
 
 def _at_point(target: AmplitudeFrames, piece: slice, point: int) -> Array:
     # Copies: a view would keep its whole block in memory.
-    return np.concatenate([block[:, point].copy() for _, block in _blocks(target, piece)])
+    return np.concatenate([block[:, point].copy() for block in _blocks(target, piece)])
 
 
-def _blocks(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Array]]:
-    first = piece.start
-    for block in blocks(target.amplitude[piece.start : piece.stop]):
-        yield first, block
-        first += len(block)
+def _blocks(target: AmplitudeFrames, piece: slice) -> Iterator[Array]:
+    return blocks(target.amplitude[piece.start : piece.stop])
 
 
 def _pressure_ratio(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:

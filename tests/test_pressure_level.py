@@ -5,45 +5,16 @@ import numpy as np
 import pytest
 
 from midair.datasets import sample
-from midair.headroom import headroom, level_of, linear_range, thinned
 from midair.model import AmplitudeFrames, Calibration, ControlGrid, Medium, Provenance, TransducerArray
 from midair.physics import PlaybackChain, Transducers, radiation_pressure, simulate, sound_amplitude, transfer_matrix
 from midair.pipeline import calibrated_pressure, reproduce
+from midair.pressure_level import level_of, thinned
 from midair.settings import finest_mode
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3()
 SMALL = TransducerArray.autd3(columns=1, rows=1)
 GRID = ControlGrid(rows=6, columns=6, pitch=11e-3)
-
-
-@pytest.fixture(scope="module")
-def room():
-    return headroom(ARRAY, GRID)
-
-
-def test_a_focus_presses_with_all_transducers_in_step(room):
-    loudest = np.abs(transfer_matrix(GRID, ARRAY)).sum(axis=1).max()
-    assert room.focus == pytest.approx(float(radiation_pressure(np.array(loudest), Medium())))
-
-
-@pytest.mark.long
-def test_pressure_on_all_cells_is_a_small_part_of_a_focus(room):
-    """On the paper's points 33 Pa and 39 at most, against 1487 in a focus; on fewer points more."""
-    paper = headroom(ARRAY, ControlGrid())
-    assert paper.focus == pytest.approx(1487, abs=1)
-    assert 28 < paper.even < 40
-    assert paper.even < paper.most < 1.5 * paper.even
-    assert "1500 Pa in one focus" in str(paper)
-    assert "200 mm" in str(paper)
-    assert paper.even < room.even < room.focus
-
-
-def test_results_are_cached(room):
-    assert headroom(TransducerArray.autd3(), GRID) is room
-    louder = replace(ARRAY, pressure=2 * ARRAY.pressure)
-    assert headroom(louder, GRID).focus == pytest.approx(4 * room.focus)
-    assert headroom(louder, GRID).even == pytest.approx(4 * room.even, rel=0.05)
 
 
 def test_a_fine_grid_costs_no_more_than_the_paper_s():
@@ -71,7 +42,8 @@ def test_a_wave_of_4_pa_is_reproduced_by_one_unit():
     assert told.steady == pytest.approx(2, rel=0.01)
     assert told.vibration == pytest.approx(2 / np.sqrt(2), rel=0.05)
     assert told.comes == pytest.approx(1, abs=0.03)
-    assert told.strength == pytest.approx(np.sqrt(4 / told.headroom.focus))
+    loudest = np.abs(transfer_matrix(GRID, SMALL)).sum(axis=1).max()
+    assert told.strength == pytest.approx(np.sqrt(4 / radiation_pressure(np.array(loudest), Medium())))
     assert not told.too_loud
     assert told.advice() == ""
     assert dict(told.rows())["pressure"].startswith("peak 4 Pa: 2 Pa steady push")
@@ -96,7 +68,7 @@ def test_the_peak_is_that_of_the_loudest_point_of_the_palm(focus):
     wanted = AmplitudeFrames(amplitude=[sharp] * 20 + [broad] * 100, rate=1000.0, grid=grid)
     made = solve(wanted, array, method="fast")
     top = top_on_palm(made.drive, grid.height, pitch=1e-3)
-    assert level_of(made, wanted, limits=False).peak == pytest.approx(top, rel=0.05)
+    assert level_of(made, wanted).peak == pytest.approx(top, rel=0.05)
     assert top > 1.1 * radiation_pressure(made.drive.q @ transfer_matrix(grid, array).T, Medium()).max()
 
 
@@ -107,7 +79,7 @@ def test_the_peak_of_a_recording_in_the_finest_mode():
     flat = Calibration.flat(denim.sensor, sensitivity=1.0, unit=denim.unit)
     made = reproduce(calibrated_pressure(denim, flat, settings.but(band=(20.0, 200.0))).cut(0.4, 0.05), array, settings)
     top = top_on_palm(made.solution.drive, settings.target.grid.height, pitch=1e-3)
-    assert level_of(made.solution, made.target, limits=False).peak == pytest.approx(top, rel=0.05)
+    assert level_of(made.solution, made.target).peak == pytest.approx(top, rel=0.05)
 
 
 def test_the_lead_does_not_count():
@@ -120,14 +92,6 @@ def test_above_the_linear_range_it_gives_advice():
     told = level(100.0)
     assert told.too_loud
     assert told.comes < 0.6
-    assert told.linear < 100
-    assert "--strength" in told.advice()
-    fits = told.strength * np.sqrt(told.linear / told.asked)
-    assert f"--strength {fits:.2g}" in told.advice()
-    again = level(told.linear)
+    assert f"--strength {told.strength * np.sqrt(told.comes):.2g}" in told.advice()
+    again = level(told.comes * told.asked)
     assert again.comes > 0.85
-    assert not again.too_loud
-
-
-def test_silence_has_no_range():
-    assert linear_range(ARRAY, GRID, np.zeros(GRID.count)) == (0.0, 0.0)
