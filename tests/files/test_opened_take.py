@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -80,52 +78,6 @@ def test_a_scale_makes_pressure_of_any_number(path):
     for scale in (0.0, np.nan):
         with pytest.raises(InputError, match="other than 0 Pa"):
             ImportOptions(scale=scale)
-
-
-PACKED = np.arange(12.0)
-
-
-@pytest.mark.parametrize("shape", [(12, 1), (1, 12), (6, 2), (2, 3, 2), (3, 4)])
-def test_packed_samples_are_frames_whatever_axes_the_file_has(shape, path):
-    file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V")
-    pair = SensorGrid(rows=2, columns=2)
-    seen = file.resolve(ImportOptions(packed=4, sensor=pair, rate=10.0), path)
-    np.testing.assert_array_equal(seen.recording.samples, PACKED.reshape(3, 2, 2))
-    assert seen.recording.rate == 10
-    assert seen.report[-1] == "12 numbers were taken as 3 frames of 4 channels in turn."
-    assert seen.recording.provenance.steps[0].settings["packed"] == 4
-
-
-def test_the_rate_of_a_packed_file_is_that_of_its_rows(path):
-    line = SensorGrid(rows=1, columns=4)
-    for shape, rate in (((12, 1), 400.0), ((6, 2), 200.0), ((3, 4), 100.0), ((1, 12), 100 / 3)):
-        file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V", rate=rate)
-        assert file.resolve(ImportOptions(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
-
-
-def test_packed_channels_can_be_chosen_too(path):
-    file = ImportedData(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
-    seen = file.resolve(ImportOptions(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
-    np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
-
-
-def test_packed_samples_have_one_unit(path):
-    said = ImportOptions(packed=4, sensor=SensorGrid(rows=2, columns=2))
-    file = ImportedData(samples=PACKED.reshape(6, 2), form="bin", rate=10.0, units=("mV", "mV"))
-    np.testing.assert_allclose(file.resolve(said, path).recording.samples, PACKED.reshape(3, 2, 2) / 1e3)
-    with pytest.raises(UnitError, match="got V, mV"):
-        replace(file, units=("mV", "V")).resolve(said, path)
-
-
-def test_incomplete_packed_frames_are_refused(path):
-    with pytest.raises(ShapeError, match="multiple of 5 packed numbers, got 12"):
-        foreign((12, 1), rate=10.0, unit="V").resolve(ImportOptions(packed=5), path)
-    with pytest.raises(ShapeError, match="leave the time out"):
-        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).resolve(
-            ImportOptions(packed=4), path
-        )
-    with pytest.raises(InputError, match="from 1 on"):
-        ImportOptions(packed=0)
 
 
 def test_gaps_are_refused_or_filled_and_reported(path):

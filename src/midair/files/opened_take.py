@@ -58,13 +58,10 @@ class ImportOptions(Declared):
     stream: str | None = setting(
         None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT."
     )
-    packed: int | None = setting(None, "Number of channels that are interleaved in one row of numbers, such as 16.")
     mending: Mending | None = None
     """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
 
     def __post_init__(self) -> None:
-        if self.packed is not None and self.packed < 1:
-            raise InputError(f"packed: expected a number of channels from 1 on, got {self.packed}")
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
             raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
         if self.scale is not None and self.unit not in (None, "Pa"):
@@ -72,7 +69,7 @@ class ImportOptions(Declared):
 
     def check(self, recording: Recording, path: Path) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
-        for name in ("scale", "channels", "stream", "packed"):
+        for name in ("scale", "channels", "stream"):
             if getattr(self, name) is not None:
                 raise MismatchError(f"{path}: a file of midair needs no options; leave {name} out")
         if self.mending is not None:
@@ -117,8 +114,6 @@ class ImportedData:
         """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
         if self.rate is None and (self.stamps is not None or any(map(is_clock, self.names))):
             return self._at_fixed_rate(given).resolve(given, path)
-        if given.packed is not None:
-            return self._deinterleaved(given.packed, path).resolve(replace(given, packed=None), path)
         if given.channels is not None:
             return self._select(given.channels, path).resolve(replace(given, channels=None), path)
         rate = self._rate(given, path)
@@ -179,33 +174,6 @@ class ImportedData:
             missing=even.missing,
             settings={**found.settings, "rate_hz": even.rate, "interpolation": "linear"},
             report=(*report, *guess, *even.report),
-        )
-
-    def _deinterleaved(self, channels: int, path: Path) -> "ImportedData":
-        """Deinterleave numbers into frames of `channels` channels: c0 c1 c2 ... c0 c1 c2 ..."""
-        whole = np.asarray(self.samples, np.float64)
-        wide = int(np.prod(whole.shape[1:]))
-        if whole.size % channels:
-            raise ShapeError(
-                f"{path}: expected a multiple of {channels} packed numbers, got {whole.size}; check that the file is "
-                "complete and the number of channels right"
-            )
-        if "interpolation" in self.settings and wide % channels:
-            # Interpolation between the time stamps of two channels would be wrong.
-            raise ShapeError(
-                f"{path}: expected whole frames of {channels} channels in each row with a time, got {wide} numbers; "
-                "leave the time out and state the rate"
-            )
-        sentence = f"{whole.size} numbers were taken as {whole.size // channels} frames of {channels} channels in turn."
-        return replace(
-            self,
-            samples=whole.reshape(-1, channels),
-            rate=None if self.rate is None else self.rate * wide / channels,
-            sensor=None,
-            names=(),
-            units=self.units[:1] * channels if len(set(self.units)) == 1 else self.units,
-            settings={**self.settings, "packed": channels},
-            report=(*self.report, sentence),
         )
 
     def _rate(self, given: ImportOptions, path: Path) -> float:

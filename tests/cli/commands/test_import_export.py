@@ -1,4 +1,4 @@
-"""The command mend, and import of what is packed, clipped or folded; the rest is in tests of what they share."""
+"""The command mend, and import of what is clipped or folded; the rest is in tests of what they share."""
 
 import json
 from pathlib import Path
@@ -89,16 +89,6 @@ def test_empty_fields_of_a_table_are_mended(capsys):
     Path("a.csv").write_text("time [s],a [V],b [V]\n,1,2\n0.1,1,2\n")
     assert run(["import", "a.csv", "b.h5", "--layout", "1x2:5mm", "--mend", "20ms"]) == 1
     assert "none in row 1" in capsys.readouterr().err
-
-
-def test_packed_channels_of_a_wav_are_frames(answer):
-    samples = np.round(1000 * RNG.normal(size=(500, 16))).astype(np.int16)
-    soundfile.write("a.wav", samples.ravel(), 16000, subtype="PCM_16")
-    told = answer("import", "a.wav", "a.h5", "--unit", "count", "--packed", "16")
-    assert "8000 numbers were taken as 500 frames of 16 channels in turn." in told["notes"]
-    recording = load("a.h5")
-    assert recording.rate == 1000
-    np.testing.assert_array_equal(recording.samples.reshape(-1, 16), samples)
 
 
 def test_a_clipped_wav_and_a_magnitude_are_named(answer):
