@@ -171,7 +171,7 @@ def test_refuses_to_replace_a_folder(ending, recording, tmp_path):
         {"sensor": SensorGrid(rows=5, columns=3)},
         {"scale": 2.0},
         {"channels": ["0"]},
-        {"stream": "a"},
+        {"field": "a"},
     ],
     ids=lambda said: next(iter(said)),
 )

@@ -72,7 +72,7 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
         .tdms; .ahap and .haptic effects are rendered to waves.
-    rate, unit, sensor, scale, channels, stream, mending
+    rate, unit, sensor, scale, channels, field, mending
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
     Raises

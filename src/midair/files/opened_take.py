@@ -55,7 +55,7 @@ class ImportOptions(Declared):
     channels: Sequence[str] | None = setting(
         None, "Channels to read, in this order, by name or by number from 0.", option=""
     )
-    stream: str | None = setting(
+    field: str | None = setting(
         None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT."
     )
     mending: Mending | None = None
@@ -69,7 +69,7 @@ class ImportOptions(Declared):
 
     def check(self, recording: Recording, path: Path) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
-        for name in ("scale", "channels", "stream"):
+        for name in ("scale", "channels", "field"):
             if getattr(self, name) is not None:
                 raise MismatchError(f"{path}: a file of midair needs no options; leave {name} out")
         if self.mending is not None:

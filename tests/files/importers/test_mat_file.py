@@ -121,6 +121,6 @@ def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
 @each
 def test_takes_the_array_that_is_named(ending, tmp_path):
     path = write(tmp_path / f"a{ending}", {"a": np.ones((3, 4)), "b": np.zeros((3, 4))})
-    assert load(path, **SAID, stream="b", channels=["1"]).samples.max() == 0
+    assert load(path, **SAID, field="b", channels=["1"]).samples.max() == 0
     with pytest.raises(MismatchError, match="called 'c'"):
-        load(path, **SAID, stream="c")
+        load(path, **SAID, field="c")

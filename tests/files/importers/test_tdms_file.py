@@ -61,9 +61,9 @@ def test_several_groups_need_a_name(tdms, columns, file):
     path = file(tdms(columns) + tdms(columns, group="arm"))
     with pytest.raises(BrokenFileError, match=r"skin \(2 channels\), arm \(2 channels\)"):
         load(path, sensor=PAIR)
-    assert load(path, sensor=PAIR, stream="arm").frames == 60
+    assert load(path, sensor=PAIR, field="arm").frames == 60
     with pytest.raises(MismatchError, match="expected a group 'leg'"):
-        load(path, stream="leg")
+        load(path, field="leg")
 
 
 def test_an_unclosed_file_gives_its_complete_records(tdms, columns, file):

@@ -41,16 +41,16 @@ def test_several_streams_need_a_name(xdf, samples, file):
     data = xdf.whole(xdf(samples, name="skin"), xdf(samples[:, :3] * 2, name="arm", number=2))
     with pytest.raises(BrokenFileError, match=r"expected one stream of numbers.*skin \(200\), arm \(200\)"):
         load(file(data), unit="V")
-    assert load(file(data), unit="V", stream="arm", channels=["1"]).samples[5, 0, 0] == 2 * samples[5, 1]
+    assert load(file(data), unit="V", field="arm", channels=["1"]).samples[5, 0, 0] == 2 * samples[5, 1]
     with pytest.raises(MismatchError, match="called 'leg'"):
-        load(file(data), unit="V", stream="leg")
+        load(file(data), unit="V", field="leg")
 
 
 def test_damage_is_reported_not_printed(xdf, samples, file, capsys):
     data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
     place = data.rindex(b"\x04" + np.uint32(200).tobytes())
     data[place] = 9
-    seen = open_take(file(bytes(data)), unit="V", stream="skin")
+    seen = open_take(file(bytes(data)), unit="V", field="skin")
     assert any("pyxdf: found likely XDF file corruption" in sentence for sentence in seen.report)
     assert capsys.readouterr() == ("", "")
 

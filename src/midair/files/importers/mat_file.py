@@ -40,16 +40,16 @@ def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
     numbers = {name: each for name, each in arrays.items() if isinstance(each, np.ndarray) and each.dtype.kind in "fiu"}
     names = [name for name, array in numbers.items() if array.ndim in (1, 2, 3) and array.size > 1]
     found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
-    if given.stream is not None:
-        if given.stream not in names:
-            raise MismatchError(f"{path}: expected an array of frames called {given.stream!r}, got {found}")
-        return given.stream
+    if given.field is not None:
+        if given.field not in names:
+            raise MismatchError(f"{path}: expected an array of frames called {given.field!r}, got {found}")
+        return given.field
     for only in (["samples"] if "samples" in names else [], [name for name in names if arrays[name].ndim > 1], names):
         if len(only) == 1:
             return only[0]
     raise BrokenFileError(
         f"{path}: expected one array of numbers with axes (frame, channel) or (frame, row, column), or one called "
-        f"samples, or the name of one as stream, got {found}"
+        f"samples, or the name of one as field, got {found}"
     )
 
 

@@ -36,7 +36,7 @@ class _Object:
 
 
 def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read the channels of the only group that has any, or of the group `stream`."""
+    """Read the channels of the only group that has any, or of the group `field`."""
     objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
     group, channels = _group(objects, path, given)
     for name, channel in channels.items():
@@ -65,11 +65,11 @@ def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tup
         if len(parts) == 2 and item.pieces:
             groups.setdefault(parts[0], {})[parts[1]] = item
     found = ", ".join(f"{name} ({len(channels)} channels)" for name, channels in groups.items()) or "none"
-    wanted = {given.stream} & groups.keys() if given.stream is not None else groups.keys()
-    if given.stream is not None and not wanted:
-        raise MismatchError(f"{path}: expected a group {given.stream!r} with numbers in it, got {found}")
+    wanted = {given.field} & groups.keys() if given.field is not None else groups.keys()
+    if given.field is not None and not wanted:
+        raise MismatchError(f"{path}: expected a group {given.field!r} with numbers in it, got {found}")
     if len(wanted) != 1:
-        raise BrokenFileError(f"{path}: expected one group with numbers, or its name as stream, got {found}")
+        raise BrokenFileError(f"{path}: expected one group with numbers, or its name as field, got {found}")
     name = next(iter(wanted))
     return name, groups[name]
 

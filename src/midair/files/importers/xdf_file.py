@@ -17,7 +17,7 @@ from midair.files.opened_take import Format, ImportedData, ImportOptions, Opened
 
 
 def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read the only numeric stream of an XDF, or the one named `stream`."""
+    """Read the only numeric stream of an XDF, or the one named `field`."""
     try:
         from pyxdf import load_xdf
     except ImportError as wrong:
@@ -28,12 +28,12 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     usable = [stream for stream in usable if len(stream["time_series"]) > 1]
     names = ", ".join(f"{_first(stream['info'], 'name')} ({len(stream['time_series'])})" for stream in streams)
     found = names or "none"
-    if given.stream is not None:
-        usable = [stream for stream in usable if _first(stream["info"], "name") == given.stream]
+    if given.field is not None:
+        usable = [stream for stream in usable if _first(stream["info"], "name") == given.field]
         if len(usable) != 1:
-            raise MismatchError(f"{path}: expected one stream of numbers called {given.stream!r}, got {found}")
+            raise MismatchError(f"{path}: expected one stream of numbers called {given.field!r}, got {found}")
     if len(usable) != 1:
-        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as stream, got {found}")
+        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as field, got {found}")
     stream = usable[0]
     info = stream["info"]
     channels, nominal = _channels(info), float(_first(info, "nominal_srate") or 0)
