@@ -1,61 +1,9 @@
 """Sensors, motion stages, trackers, arrays, palms and laboratories as users describe them in TOML.
 
-A sensor, corrected by `midair identify`::
-
-    name = "palm sensor 3"
-    rows = 4
-    columns = 4
-    pitch_mm = 11.0
-    unit = "V"                    # unit of the samples: V, count or Pa
-    full_scale = 1.25             # level at which the source clips, in that unit; optional
-    sensitivity = 0.02            # unit per Pa, nominal; optional
-    order = [                     # channel of the source for each cell, row by row; default 0, 1, 2, ...
-      0, 1, 2, 3,
-      4, 5, 6, 7,
-      8, 9, 10, 11,
-      12, 13, 14, 15,
-    ]
-
-The set-up of a motion stage that moves an object to the sensor, in machine coordinates, as after ``MPos:`` in a status
-report of Grbl::
-
-    heading = "+x"                # direction of strokes: +x, -x, +y or -y
-    start_mm = [20.0, 50.0]       # x, y of the start of strokes
-    contact_mm = -32.5            # z at which the object is in contact
-    clear_mm = -20.0              # z without contact; z increases away from the sensor
-    approach_mm_s = 5.0           # speed of the approach to the contact
-    return_mm_s = 50.0            # speed of all other moves
-    homing = "switches"           # default, or "by hand": the user moves the stage home before switching it on
-
-    [travel]                      # limits of travel; a stroke beyond them is refused before any move
-    x_mm = [0.0, 200.0]
-    y_mm = [0.0, 120.0]
-    z_mm = [-60.0, 0.0]
-
-The placement of an array's units, in the order of their wiring. The array is shifted so that its centre, the mean of
-all transducers, is the origin::
-
-    name = "my array"
-
-    [[unit]]
-    position_mm = [0, 0, 0]        # position of the unit's first transducer
-    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; optional
-
-The placement of a tracker, by hand or by `midair calibrate tracker`. A tracker's own coordinates are x to the right, y
-away from the person, z up::
-
-    rotation_deg = [0, 0, 180]     # about the fixed x, then y, then z axis
-    offset_mm = [0, -120, 15]      # place of the tracker's origin in array coordinates
-    uncertainty_mm = 1.5           # standard uncertainty of a placed point; optional
-
-The outline of a palm above the array, as a disc or a polygon::
-
-    name = "left hand"
-    disc_mm = 85                                   # one of these two
-    outline_mm = [[-40, -45], [40, -45], [0, 50]]  # x and y from the centre of the array
-    pitch_mm = 2.5                                 # distance between evaluated points; optional
-
-`Laboratory` lists the keys of ``lab.toml``, for the part "palm and laboratory" of an error budget.
+Keys end in their unit. Rotations are about the fixed x, then y, then z axis. A stage is in machine coordinates, as
+after ``MPos:`` in a status report of Grbl; units of an array come in the order of their wiring, each by its first
+transducer; a tracker's own coordinates are x to the right, y away from the person, z up. The documentation shows a
+file of each kind: build-a-sensor.md, data/stage.toml, play-on-your-array.md, follow.md and palm.md.
 """
 
 import os
