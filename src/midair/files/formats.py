@@ -2,12 +2,10 @@
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import wraps
-from inspect import signature
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -27,9 +25,6 @@ from midair.registry import Registry
 from midair.validation import check_type
 
 Place = str | os.PathLike[str]
-Given = ParamSpec("Given")
-Taken = TypeVar("Taken")
-
 _STORED = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
 FORMATS: Registry[Format] = Registry("midair.formats", _STORED)
 """File formats by the ending of a name, in small letters."""
@@ -42,27 +37,7 @@ OTHERS: Mapping[str, str] = {
 """Suffixes of files other than recordings, and what is for them."""
 
 
-def _taking(
-    options: Callable[Given, ImportOptions],
-) -> Callable[[Callable[[Place, ImportOptions], Taken]], Callable[Concatenate[Place, Given], Taken]]:
-    """Replace the options of a function of a path and options by keyword arguments, one for each field."""
-
-    def decorate(read: Callable[[Place, ImportOptions], Taken]) -> Callable[Concatenate[Place, Given], Taken]:
-        @wraps(read)
-        def reading(path: Place, *args: Given.args, **given: Given.kwargs) -> Taken:
-            check_type(path, "path", str, os.PathLike)
-            return read(path, options(*args, **given))
-
-        own = signature(read)
-        parameters = (own.parameters["path"], *signature(options).parameters.values())
-        vars(reading)["__signature__"] = own.replace(parameters=parameters)
-        return reading
-
-    return decorate
-
-
-@_taking(ImportOptions)
-def load(path: Place, given: ImportOptions) -> Recording | Solution:
+def load(path: Place, **given: Any) -> Recording | Solution:
     """Read a recording in any supported format, or the solution in a ``.drive.h5``.
 
     `open_take` also returns the calibration, the journal and a report of assumptions.
@@ -72,7 +47,7 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
         .tdms; .ahap and .haptic effects are rendered to waves.
-    rate, unit, sensor, scale, channels, field, mending
+    rate, unit, sensor, scale, channels, field, transpose, time, separator, decimal, skip, unit_row, mending
         Facts that a file of another program does not contain: the fields of `ImportOptions`.
 
     Raises
@@ -82,33 +57,30 @@ def load(path: Place, given: ImportOptions) -> Recording | Solution:
     InputError
         A subclass that names the missing or unusable fact.
     """
+    check_type(path, "path", str, os.PathLike)
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
-        if given != ImportOptions():
-            values = {field.name: getattr(given, field.name) for field in fields(given)}
-            got = ", ".join(f"{name}={value!r}" for name, value in values.items() if value not in (None, False))
+        if given:
+            got = ", ".join(f"{name}={value!r}" for name, value in given.items())
             raise InputError(f"{path}: expected no options for a drive, got {got}")
         return load_solution(path)
-    return _opened(path, given).recording
+    return open_take(path, **given).recording
 
 
-@_taking(ImportOptions)
-def open_take(path: Place, given: ImportOptions) -> OpenedTake:
+def open_take(path: Place, **given: Any) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
     The content of a file decides what it is; the case of its suffix does not matter. Parameters and errors are those of
     `load`.
     """
-    return _opened(path, given)
-
-
-def _opened(path: Place, given: ImportOptions) -> OpenedTake:
+    check_type(path, "path", str, os.PathLike)
+    options = ImportOptions(**given)
     file = existing_file(path)
     form = format_of(path)
     if form.memory:
         check_memory_for(form.memory * file.stat().st_size, f"{path}, a {form.name} file", "cut it, or decimate it")
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
     with parse_errors(file, f"a {form.name} file"), np.errstate(all="ignore"):
-        imported = form.read(file, given)
+        imported = form.read(file, options)
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 
