@@ -124,6 +124,21 @@ def test_refuses_a_bad_header(tmp_path):
         load(tmp_path / "a.wav", unit="V")
 
 
+@pytest.mark.parametrize("size", [0xFFFFFFFF, 0x80000000, 0x7FFFFFFF - 36, 0])
+@pytest.mark.parametrize("start", [0.0, 0.3])
+def test_samples_of_no_stated_length_are_read_to_the_end(size, start, tmp_path):
+    """Sizes of ffmpeg, arecord and SoX that write to a pipe, and of a recorder that was cut off."""
+    wave = np.r_[[start] * 10, tone()].astype(np.float32)
+    soundfile.write(tmp_path / "a.wav", wave, 8000, subtype="FLOAT", format="WAV")
+    data = bytearray((tmp_path / "a.wav").read_bytes())
+    at = data.index(b"data") + 4
+    data[at : at + 4] = size.to_bytes(4, "little")
+    (tmp_path / "a.wav").write_bytes(data[: at + 4 + 4 * len(wave)])
+    taken = open_take(tmp_path / "a.wav", unit="V")
+    np.testing.assert_array_equal(taken.recording.samples.ravel(), wave)
+    assert taken.report[-1] == "The length of the samples was not stated: the file was read to its end."
+
+
 def test_refuses_other_subtypes(foreign):
     with pytest.raises(BrokenFileError, match="got WAV with ALAW"):
         load(foreign("ALAW"), unit="V")

@@ -11,6 +11,7 @@ that begin with the four letters, lengths are uint64 and include the 24 bytes be
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -37,10 +38,15 @@ class RiffChunk:
     letters: bytes
     start: int
     length: int
+    open: bool = False
+    """Whether its length was not stated: a program that writes to a pipe, or stops early, cannot know it."""
 
 
 def chunks(path: Path) -> tuple[RiffChunk, ...]:
-    """The chunks of a WAV, RF64 or Wave64 file, in order; raises BrokenFileError if it is another file or truncated."""
+    """The chunks of a WAV, RF64 or Wave64 file, in order; raises BrokenFileError if it is another file or truncated.
+
+    Samples of no stated length (0, or from 2^31 - 2^10 bytes on and more than the file has) reach to its end.
+    """
     size = path.stat().st_size
     with path.open("rb") as file:
         start = file.read(40)
@@ -92,8 +98,20 @@ def _walk_riff(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
             (long,) = _numbers_at(file, place + 16, "<Q")
         if letters == b"data" and length == _LONG and long:
             length = long
-        yield RiffChunk(letters=letters, start=place + 8, length=length)
-        place += 8 + length + length % 2
+        rest = size - place - 8
+        unknown = letters == b"data" and (
+            rest < length >= 2**31 - 2**10 if length else not _chunk_at(file, place + 8, size)
+        )
+        yield RiffChunk(letters=letters, start=place + 8, length=rest if unknown else length, open=unknown)
+        place += 8 + (rest if unknown else length + length % 2)
+
+
+def _chunk_at(file: BinaryIO, place: int, size: int) -> bool:
+    """True at the end of a file and where a chunk begins."""
+    if place + 8 > size:
+        return True
+    letters, length = _numbers_at(file, place, "<4sI")
+    return letters.isascii() and letters.decode().isprintable() and place + 8 + length <= size
 
 
 def _walk_wave64(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
@@ -158,7 +176,13 @@ def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a WAV, RF64 or Wave64 file: PCM of 8 to 32 bits, float32, float64 or µ-law."""
-    header = next((content(path, chunk) for chunk in chunks(path) if chunk.letters == CHUNK), b"")
+    found = chunks(path)
+    header = next((content(path, chunk) for chunk in found if chunk.letters == CHUNK), b"")
+    if unknown := next((chunk for chunk in found if chunk.open), None):
+        data = bytearray(path.read_bytes())
+        data[unknown.start - 4 : unknown.start] = struct.pack("<I", min(unknown.length, _LONG))
+        note = "The length of the samples was not stated: the file was read to its end."
+        return _read(path, given, _WAV, "", BytesIO(data), (note,))
     return _read(path, given, _WAV, header.decode("ascii"))
 
 
@@ -167,7 +191,14 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
     return _read(path, given, _FORMATS, "")
 
 
-def _read(path: Path, given: ImportOptions, forms: Sequence[str], header: str) -> OpenedTake:
+def _read(
+    path: Path,
+    given: ImportOptions,
+    forms: Sequence[str],
+    header: str,
+    data: BytesIO | None = None,
+    notes: tuple[str, ...] = (),
+) -> OpenedTake:
     """Recording in a sound file of one of these forms, with midair's header if there is one.
 
     Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are integers. A stated
@@ -175,7 +206,7 @@ def _read(path: Path, given: ImportOptions, forms: Sequence[str], header: str) -
     """
     import soundfile
 
-    with soundfile.SoundFile(path) as file:
+    with soundfile.SoundFile(path if data is None else data) as file:
         form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
         if form not in forms or (forms == _WAV and subtype not in _READABLE):
             expected = "PCM, float or µ-law in a WAV" if forms == _WAV else f"one of {', '.join(forms)}"
@@ -199,7 +230,7 @@ def _read(path: Path, given: ImportOptions, forms: Sequence[str], header: str) -
         form=name,
         rate=given.rate if given.rate is not None and round(given.rate) == rate else rate,
         settings={"subtype": subtype, "scale": scale},
-        report=tuple(report),
+        report=(*report, *notes),
     ).resolve(given, path)
 
 
