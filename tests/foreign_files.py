@@ -51,7 +51,8 @@ def _tdms_properties(values: dict, order: str) -> bytes:
         if isinstance(value, str):
             parts.append(_tdms_text(key, order) + struct.pack(order + "I", 0x20) + _tdms_text(value, order))
         else:
-            parts.append(_tdms_text(key, order) + struct.pack(order + "Id", 10, value))
+            kind = (7, "I") if isinstance(value, int) else (10, "d")
+            parts.append(_tdms_text(key, order) + struct.pack(f"{order}I{kind[1]}", kind[0], value))
     return b"".join(parts)
 
 
@@ -86,3 +87,12 @@ def tdms(columns, *, order="<", interleaved=False, chunks=1, group="skin", said=
     flags = (6 if meta else 0) | 8 | (32 if interleaved else 0) | (64 if order == ">" else 0)
     body = head + b"".join(raw)
     return b"TDSm" + struct.pack("<I", flags) + struct.pack(order + "IQQ", 4713, len(body), len(head)) + body
+
+
+def daqmx(rows: bytes, offsets, said, *, frames, width) -> bytes:
+    """A TDMS segment of DAQmx raw data: rows of `width` bytes, in which each channel is an int16 at its offset."""
+    head = struct.pack("<I", len(offsets) + 1) + _tdms_text("/'skin'", "<") + struct.pack("<II", 0xFFFFFFFF, 0)
+    for name, offset in offsets.items():
+        head += _tdms_text(f"/'skin'/'{name}'", "<") + struct.pack("<IIIQI", 0x1269, 0xFFFFFFFF, 1, frames, 1)
+        head += struct.pack("<IIIII", 3, 0, offset, 0, 0) + struct.pack("<II", 1, width) + _tdms_properties(said, "<")
+    return b"TDSm" + struct.pack("<IIQQ", 0x8E, 4713, len(head) + len(rows), len(head)) + head + rows

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.foreign_files import daqmx
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files import load, open_take
@@ -74,12 +75,54 @@ def test_an_unclosed_file_gives_its_complete_records(tdms, columns, file):
     assert seen.report == ("The file was not closed: complete records were read.",)
 
 
+SCALES = {
+    "wf_increment": 1e-3,
+    "unit_string": "Volts",
+    "NI_Scaling_Status": "unscaled",
+    "NI_Number_Of_Scales": 3,
+    "NI_Scale[1]_Scale_Type": "Linear",
+    "NI_Scale[1]_Linear_Slope": 0.5,
+    "NI_Scale[1]_Linear_Y_Intercept": -1.0,
+    "NI_Scale[1]_Linear_Input_Source": 0,
+    "NI_Scale[2]_Scale_Type": "Polynomial",
+    "NI_Scale[2]_Polynomial_Coefficients_Size": 3,
+    "NI_Scale[2]_Polynomial_Coefficients[0]": 1.0,
+    "NI_Scale[2]_Polynomial_Coefficients[1]": 2e-3,
+    "NI_Scale[2]_Polynomial_Coefficients[2]": 1e-7,
+    "NI_Scale[2]_Polynomial_Input_Source": 1,
+}
+
+
+@pytest.fixture
+def logged(file):
+    """Two channels and two chunks as NI-DAQmx logs them, rows of int16 between bytes of others, and their volts."""
+    rows = np.random.default_rng(3).integers(-30_000, 30_000, (40, 4)).astype("<i2")
+    volts = np.polynomial.polynomial.polyval(0.5 * rows[:, [1, 3]] - 1, [1, 2e-3, 1e-7])
+    return file(daqmx(rows.tobytes(), {"ai0": 2, "ai1": 6}, SCALES, frames=20, width=8)), volts
+
+
+def test_reads_what_daqmx_logs(logged):
+    path, volts = logged
+    recording = load(path, sensor=PAIR)
+    assert (recording.rate, recording.unit) == (1000, "V")
+    np.testing.assert_allclose(recording.samples[:, 0], volts, rtol=1e-12)
+
+
+def test_an_outside_reader_reads_the_same_of_daqmx(logged):
+    path, volts = logged
+    channels = pytest.importorskip("nptdms").TdmsFile.read(path)["skin"].channels()
+    np.testing.assert_allclose(np.stack([each[:] for each in channels], axis=1), volts, rtol=1e-12)
+
+
 def test_refuses_data_that_it_would_misread(tdms, columns, file):
-    with pytest.raises(UnknownFormatError, match="scaled by NI_Scale"):
-        load(file(tdms(columns, said={"NI_Scale[0]_Linear_Slope": 2.0})), sensor=PAIR)
-    daqmx = bytearray(tdms(columns))
-    daqmx[4] |= 128
-    with pytest.raises(UnknownFormatError, match="DAQmx raw data"):
-        load(file(bytes(daqmx)), sensor=PAIR)
+    table = {"wf_increment": 1.0, "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "RTD"}
+    with pytest.raises(UnknownFormatError, match="scale RTD, which is not read"):
+        load(file(tdms(columns, said=table)), sensor=PAIR)
+    digital = daqmx(bytes(40), {"a": 0}, {}, frames=20, width=2).replace(b"\x69\x12", b"\x69\x13")
+    with pytest.raises(UnknownFormatError, match="digital lines"):
+        load(file(digital), sensor=PAIR)
+    circular = SCALES | {"NI_Scale[1]_Linear_Input_Source": 2}
+    with pytest.raises(BrokenFileError, match="expected a scale before 1 as its input, got 2"):
+        load(file(daqmx(bytes(40), {"a": 0}, circular, frames=20, width=2)))
     with pytest.raises(BrokenFileError, match="channels of one length in group 'skin', got a 60, b 50"):
         load(file(tdms({"a": columns["a"]}) + tdms({"b": columns["a"][:50]})), sensor=PAIR)

@@ -2,9 +2,9 @@
 
 Layout: "TDMS File Format Internal Structure" (National Instruments). A file is a sequence of segments; each has a
 lead-in of 28 bytes, optional metadata (objects with a path, an index of their raw data, and properties) and raw data in
-chunks, channel after channel or interleaved. Supported: integers and floats, contiguous and interleaved, either byte
-order, many segments. Not supported: DAQmx raw data and scaled channels, whose numbers are not in the unit of the
-sensor.
+chunks, channel after channel or interleaved. DAQmx raw data, which NI-DAQmx logs, are rows of bytes in one or several
+buffers, in which each channel has an offset. Channels may be scaled by lines and polynomials of other scales or of the
+raw numbers. Not supported: digital lines, and scales of thermocouples, RTDs, strain gauges and tables.
 """
 
 import math
@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 
-_META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
+_META, _NEW, _RAW, _INTERLEAVED, _BIG = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
 _TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), 1)) | {0x19: "f4", 0x1A: "f8"}
 _STRING, _BOOLEAN, _TIME = 0x20, 0x21, 0x44
 _UNFINISHED = 0xFFFFFFFFFFFFFFFF
+_DAQMX, _DAQMX_TYPES = 0x1269, ("u1", "i1", "u2", "i2", "u4", "i4")
+_UNSCALED = 0xFFFFFFFF
 
 
 @dataclass(slots=True, kw_only=True)
@@ -32,6 +34,9 @@ class _Object:
     properties: dict[str, Any] = field(default_factory=dict[str, Any])
     dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype("u1"))
     count: int = 0
+    place: tuple[int, int] = (0, 0)
+    widths: tuple[int, ...] = ()
+    """Of DAQmx raw data: buffer and byte of the channel in a row, and the widths of the rows of all buffers."""
     pieces: list[NDArray[Any]] = field(default_factory=list[NDArray[Any]])
 
 
@@ -39,10 +44,7 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
     """Read the channels of the only group that has any, or of the group `field`."""
     objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
     group, channels = _group(objects, path, given)
-    for name, channel in channels.items():
-        if any(key.startswith("NI_Scal") for key in channel.properties):
-            raise UnknownFormatError(f"{path}: channel {name} is scaled by NI_Scale properties; write scaled numbers")
-    columns = [np.concatenate([piece.astype(np.float64) for piece in channel.pieces]) for channel in channels.values()]
+    columns = [_scaled(name, channel, path) for name, channel in channels.items()]
     if len({len(column) for column in columns}) != 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(channels, columns, strict=True))
         raise BrokenFileError(f"{path}: expected channels of one length in group {group!r}, got {lengths}")
@@ -56,6 +58,35 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
         settings={"group": group},
         report=("The file was not closed: complete records were read.",) if cut else (),
     ).resolve(given, path)
+
+
+def _scaled(name: str, channel: _Object, path: Path) -> NDArray[np.float64]:
+    """Numbers of a channel after its scales; UnknownFormatError for a scale that is neither a line nor a polynomial."""
+    raw = np.concatenate([piece.astype(np.float64) for piece in channel.pieces])
+    known = channel.properties
+    last = int(known.get("NI_Number_Of_Scales", 0)) - 1
+    if last < 0 or known.get("NI_Scaling_Status") == "scaled":
+        return raw
+
+    def numbers(scale: int) -> NDArray[np.float64]:
+        kind = known.get(f"NI_Scale[{scale}]_Scale_Type")
+        # The scale that has no type is the raw number itself, as DAQmx counts it.
+        if scale == _UNSCALED or (kind is None and channel.widths and scale == 0):
+            return raw
+        if kind not in ("Linear", "Polynomial"):
+            raise UnknownFormatError(
+                f"{path}: channel {name} has the scale {kind}, which is not read; export it as text"
+            )
+        own = f"NI_Scale[{scale}]_{kind}_"
+        source = int(known.get(f"{own}Input_Source", _UNSCALED))
+        if source != _UNSCALED and source >= scale:
+            raise BrokenFileError(f"{path}: expected a scale before {scale} as its input, got {source}")
+        if kind == "Linear":
+            return numbers(source) * known[f"{own}Slope"] + known[f"{own}Y_Intercept"]
+        terms = [known[f"{own}Coefficients[{i}]"] for i in range(int(known[f"{own}Coefficients_Size"]))]
+        return np.asarray(np.polynomial.polynomial.polyval(numbers(source), terms), np.float64)
+
+    return numbers(last)
 
 
 def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tuple[str, dict[str, _Object]]:
@@ -134,8 +165,6 @@ def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
         if flags & _META:
             active = _metadata(cursor, objects, [] if flags & _NEW else active)
         if flags & _RAW and raw != _UNFINISHED:
-            if flags & _DAQMX:
-                raise UnknownFormatError(f"{cursor.path}: DAQmx raw data is not read; convert it to scaled TDMS")
             cursor.place = start + 28 + raw
             _raw(cursor, objects, active, end, interleaved=bool(flags & _INTERLEAVED))
         cursor.place = end
@@ -149,13 +178,20 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
         item = objects.setdefault(name, _Object())
         index = cursor.number("I")
         if index not in (0, 0xFFFFFFFF):
-            # The index of plain numbers is 20 bytes long.
-            if index != 20:
-                raise UnknownFormatError(f"{cursor.path}: {name} holds text or DAQmx raw data, which is not read")
             code, dimension, count = cursor.number("I"), cursor.number("I"), cursor.number("Q")
-            if code not in _TYPES or dimension != 1:
-                raise UnknownFormatError(f"{cursor.path}: {name} holds data of type {code}, which is not read")
-            item.dtype, item.count = np.dtype(cursor.order + _TYPES[code]), count
+            if index == _DAQMX and cursor.number("I") == 1:
+                code, *place, _, _ = (cursor.number("I") for _ in range(5))
+                item.place = place[0], place[1]
+                item.widths = tuple(cursor.number("I") for _ in range(cursor.number("I")))
+                kind = _DAQMX_TYPES[code] if code < len(_DAQMX_TYPES) else ""
+            else:
+                # The index of plain numbers is 20 bytes long.
+                kind = _TYPES.get(code, "") if index == 20 else ""
+            if not kind or dimension != 1:
+                raise UnknownFormatError(
+                    f"{cursor.path}: {name} holds text, digital lines or data of type {code}, not read"
+                )
+            item.dtype, item.count = np.dtype(cursor.order + kind), count
         if index == 0xFFFFFFFF:
             active = [other for other in active if other != name]
         elif name not in active:
@@ -179,24 +215,30 @@ def _value(cursor: _Cursor, code: int) -> Any:
 
 
 def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: int, *, interleaved: bool) -> None:
-    """Read complete chunks up to `end`; an incomplete last chunk is ignored."""
+    """Read complete chunks up to `end`; an incomplete last chunk is ignored.
+
+    A chunk is one or several buffers of rows. Interleaved channels share the rows of one buffer; else each has its own.
+    """
     held = [objects[name] for name in active if objects[name].count]
-    sizes = [item.count * item.dtype.itemsize for item in held]
-    if not held or not 0 < sum(sizes) <= end - cursor.place:
+    if not held:
         return
-    whole = (end - cursor.place) // sum(sizes)
+    sizes, stored = [item.dtype.itemsize for item in held], {item.widths for item in held}
+    widths, places = tuple(sizes), [(i, 0) for i in range(len(held))]
     if interleaved:
-        if len({item.count for item in held}) != 1:
-            raise BrokenFileError(f"{cursor.path}: expected interleaved channels of one length, got several")
-        rows = np.frombuffer(
-            cursor.take(whole * sum(sizes)), np.dtype([(str(i), item.dtype) for i, item in enumerate(held)])
-        )
-        for i, item in enumerate(held):
-            item.pieces.append(rows[str(i)])
-        return
-    table = np.frombuffer(cursor.take(whole * sum(sizes)), np.uint8).reshape(whole, sum(sizes))
-    for item, part in zip(held, np.split(table, np.cumsum(sizes)[:-1], axis=1), strict=True):
-        item.pieces.append(np.ascontiguousarray(part).view(item.dtype).reshape(-1))
+        widths, places = (sum(sizes),), [(0, sum(sizes[:i])) for i in range(len(held))]
+    if any(stored):
+        widths, places = held[0].widths, [item.place for item in held]
+    shared = interleaved or any(stored)
+    counts = [held[0].count] * len(widths) if shared else [item.count for item in held]
+    if shared and (len(stored) > 1 or len({item.count for item in held}) > 1):
+        raise BrokenFileError(f"{cursor.path}: expected channels of one length in shared rows, got several")
+    chunk = [count * width for count, width in zip(counts, widths, strict=True)]
+    whole = max(0, end - cursor.place) // sum(chunk) if sum(chunk) else 0
+    table = np.frombuffer(cursor.take(whole * sum(chunk)), np.uint8).reshape(whole, sum(chunk))
+    buffers = np.split(table, np.cumsum(chunk)[:-1], axis=1)
+    for item, (buffer, first) in zip(held, places, strict=True):
+        rows = buffers[buffer].reshape(-1, widths[buffer])[:, first : first + item.dtype.itemsize]
+        item.pieces.append(np.ascontiguousarray(rows).view(item.dtype).reshape(-1))
 
 
 TDMS = Format(name="TDMS", read=read_tdms, memory=3)
