@@ -20,18 +20,28 @@ class InputError(MidairError, ValueError):
     """A value that cannot be used.
 
     `parameters` correct the input, each as it is typed in Python; the message ends with this advice. `setting` is the
-    name of the setting that is out of range, with which the message then begins.
+    name of the setting that is out of range, with which the message then begins. `several` are errors to show as one.
     """
 
-    def __init__(self, *args: object, parameters: Mapping[str, str] | None = None, setting: str = "") -> None:
+    def __init__(
+        self,
+        *args: object,
+        parameters: Mapping[str, str] | None = None,
+        setting: str = "",
+        several: Sequence["InputError"] = (),
+    ) -> None:
         super().__init__(*args)
-        self.parameters, self.setting = dict(parameters or {}), setting
+        self.parameters, self.setting, self.several = dict(parameters or {}), setting, tuple(several)
 
     def __str__(self) -> str:
         return self.message({})
 
     def message(self, typed: Mapping[str, str]) -> str:
         """The message with parameters as they are typed elsewhere, such as options of a command."""
+        if self.several:
+            first, *others = (each.message(typed) for each in self.several)
+            # The name of the file is the same in all.
+            return "; ".join([first, *(text.removeprefix(first.partition(": ")[0] + ": ") for text in others)])
         advice = [typed.get(name, python) for name, python in self.parameters.items()]
         return super().__str__() + (f"; give {', or '.join(advice)}" if advice else "")
 

@@ -80,7 +80,7 @@ def channel_numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, 
     return tuple(int(name) for name in names)
 
 
-@options_from(files.ImportOptions, "rate", "unit", "scale", "field")
+@options_from(files.ImportOptions)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
     """Properties that the file does not state."""

@@ -2,9 +2,9 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from midair.errors import InputError, MismatchError, RateError, ShapeError, Unit
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit, known_unit
 from midair.recordings import Mended, Mending, is_clock, mend, repeated_rows, seconds, to_fixed_rate
 from midair.validation import Declared, documented, setting
+
+Decimal = Literal["point", "comma"]
+"""Sign of decimals in text."""
 
 ONE = SensorGrid(rows=1, columns=1)
 """Default sensor of a file with one channel."""
@@ -56,12 +59,19 @@ class ImportOptions(Declared):
         None, "Channels to read, in this order, by name or by number from 0.", option=""
     )
     field: str | None = setting(
-        None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT."
+        None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT such as S.data."
     )
-    mending: Mending | None = None
-    """How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps."""
+    transpose: bool = setting(False, "Take the last axis of an array as time, not the one that fits or is longest.")
+    time: str | None = setting(None, "Column of time stamps, by name or by number from 0; none to ignore them.")
+    separator: str | None = setting(None, "Separator of a text: comma, semicolon, tab, space, bar or one character.")
+    decimal: Decimal | None = setting(None, "Sign of decimals in a text.")
+    skip: int = setting(0, "Number of lines of a text to leave out at its start.")
+    unit_row: int | None = setting(None, "Line of a text that holds the units, from 1 on; 0 for none.")
+    mending: Mending | None = setting(None, "How to fill gaps (NaN, infinite or missing numbers).", option="")
 
     def __post_init__(self) -> None:
+        if self.skip < 0 or (self.unit_row or 0) < 0:
+            raise InputError(f"skip, unit_row: expected lines from 0 on, got {self.skip}, {self.unit_row}")
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
             raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
         if self.scale is not None and self.unit not in (None, "Pa"):
@@ -69,15 +79,12 @@ class ImportOptions(Declared):
 
     def check(self, recording: Recording, path: Path) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
-        for name in ("scale", "channels", "field"):
-            if getattr(self, name) is not None:
-                raise MismatchError(f"{path}: a file of midair needs no options; leave {name} out")
-        if self.mending is not None:
-            raise MismatchError(f"{path}: a file of midair has no gaps; leave mend out")
-        for name in ("rate", "unit", "sensor"):
-            given, stated = getattr(self, name), getattr(recording, name)
-            if given is not None and given != stated:
-                raise MismatchError(f"{path}: the file states {name} {stated}, got {name} {given}; leave {name} out")
+        for name in (one.name for one in fields(self)):
+            value, stated = getattr(self, name), getattr(recording, name, None)
+            if name in ("rate", "unit", "sensor") and value not in (None, stated):
+                raise MismatchError(f"{path}: the file states {name} {stated}, got {name} {value}; leave {name} out")
+            if name not in ("rate", "unit", "sensor") and value not in (None, False):
+                raise MismatchError(f"{path}: a file of midair has no gaps and needs no options; leave {name} out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,7 +101,7 @@ class ImportedData:
     clock: str = "time [s]"
     """Name of the stamps, with their unit if it is known."""
     nominal: float | None = None
-    """Fixed rate of a stream whose stamps have jitter, in Hz."""
+    """Fixed rate that the file states, in Hz, where stamps may have jitter."""
     missing: int = 0
     """Number of frames that are NaN, because their rows are missing."""
     unit: Unit | None = None
@@ -112,13 +119,23 @@ class ImportedData:
 
     def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
-        if self.rate is None and (self.stamps is not None or any(map(is_clock, self.names))):
-            return self._at_fixed_rate(given).resolve(given, path)
-        if given.channels is not None:
-            return self._select(given.channels, path).resolve(replace(given, channels=None), path)
-        rate = self._rate(given, path)
-        unit = self._unit(given, path)
-        sensor, assumed = self._sensor(given, path)
+        found = self if self.rate is not None else self._at_fixed_rate(given, path)
+        found = found if given.channels is None else found._select(given.channels, path)
+        return found._recording(given, path)
+
+    def _recording(self, given: ImportOptions, path: Path) -> OpenedTake:
+        facts: list[Any] = []
+        lacking: list[InputError] = []
+        for find in (self._rate, self._unit, self._sensor):
+            try:
+                facts.append(find(given, path))
+            except InputError as wrong:
+                if not wrong.parameters:
+                    raise
+                lacking.append(wrong)
+        if lacking:
+            raise lacking[0] if len(lacking) == 1 else InputError(several=lacking)
+        rate, unit, (sensor, assumed) = facts
         mended, mending = Mended(samples=self.samples, journal=()), given.mending
         if mending is None and self.missing:
             mending = Mending(fill="line")
@@ -144,27 +161,29 @@ class ImportedData:
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
 
-    def _at_fixed_rate(self, given: ImportOptions) -> "ImportedData":
+    def _at_fixed_rate(self, given: ImportOptions, path: Path) -> "ImportedData":
         """Place rows on frames by their stamps, or by the first column of stamps; other such columns are left out."""
-        stamps, clock, found, report = self.stamps, self.clock, self, self.report
+        stamps, clock, report, found = self.stamps, self.clock, self.report, self
+        at = [i for i, name in enumerate(self.names) if is_clock(name)]
+        at = at or [0] * bool(self.names and self.units and is_clock(f"t [{self.units[0]}]"))
+        if given.time is not None:
+            stamps, at = None, [] if given.time == "none" else [self._index_of(given.time, self.samples.shape[1], path)]
+        if at:
+            found = self._only([i for i in range(self.samples.shape[1]) if i not in at])
+            found = replace(found, settings={**self.settings, "columns": found.names})
+        if stamps is None and at:
+            place, *at = at
+            stamps, clock = self.samples[:, place], self.names[place] if self.names else str(place)
+            unit = f"time [{self.units[place]}]" if self.units else ""
+            clock = unit if is_clock(unit) else clock
+            if any(self.names[i] == self.names[place] and (self.samples[:, i] != stamps).any() for i in at):
+                raise RateError(f"{path}: expected one time for all channels, got columns {clock!r} that differ")
+        if at:
+            report = (*report, f"Other columns of time were left out: {', '.join(self.names[i] for i in at)}.")
         if stamps is None:
-            at, *others = [i for i, name in enumerate(self.names) if is_clock(name)]
-            stamps, clock = self.samples[:, at], self.names[at]
-            if at < len(self.units) and self.units[at]:
-                clock = clock if self.units[at] in clock else f"{clock} [{self.units[at]}]"
-            kept = [i for i in range(len(self.names)) if i not in (at, *others)]
-            if others:
-                named = ", ".join(self.names[i] for i in others)
-                report = (*report, f"Other columns of time were left out: {named}.")
-            names = tuple(self.names[i] for i in kept)
-            found = replace(
-                self,
-                samples=self.samples[:, kept],
-                names=names,
-                units=tuple(self.units[i] for i in kept) if self.units else (),
-                settings={**self.settings, "columns": names},
-            )
-        time, guess = seconds(stamps, clock, rate=given.rate)
+            stated = () if self.nominal is None else (f"Rate {self.nominal:g} Hz, as the file states.",)
+            return replace(found, rate=self.nominal, report=(*report, *stated))
+        time, guess = seconds(stamps, clock, rate=given.rate or self.nominal)
         rows = found.samples.reshape(len(time), -1)
         even = to_fixed_rate(time, rows, rate=given.rate, nominal=self.nominal)
         return replace(
@@ -174,6 +193,15 @@ class ImportedData:
             missing=even.missing,
             settings={**found.settings, "rate_hz": even.rate, "interpolation": "linear"},
             report=(*report, *guess, *even.report),
+        )
+
+    def _only(self, places: Sequence[int]) -> "ImportedData":
+        """These channels in this order."""
+        return replace(
+            self,
+            samples=self.samples.reshape(len(self.samples), -1)[:, places],
+            names=tuple(self.names[i] for i in places) if self.names else tuple(map(str, places)),
+            units=tuple(self.units[i] for i in places) if self.units else (),
         )
 
     def _rate(self, given: ImportOptions, path: Path) -> float:
@@ -245,20 +273,12 @@ class ImportedData:
         places = [self._index_of(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):
             raise ShapeError(f"{path}: expected different channels, got {', '.join(channels) or 'none'}")
-        names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
-        samples = self.samples.reshape(len(self.samples), -1)[:, places]
-        some = samples[:_COMPARED]
+        found = self._only(places)
+        some = found.samples[:_COMPARED]
         fine = len(np.unique(some, axis=0)) > len(some) / 2  # coarse numbers repeat by themselves
-        repeats = tuple(sentence for sentence in repeated_rows(samples) if fine and sentence not in self.report)
-        return replace(
-            self,
-            samples=samples,
-            report=(*self.report, *repeats),
-            sensor=None,
-            names=names,
-            units=tuple(self.units[i] for i in places) if self.units else (),
-            settings={**self.settings, "channels": names},
-        )
+        repeats = tuple(text for text in repeated_rows(found.samples) if fine and text not in self.report)
+        settings = {**self.settings, "channels": found.names}
+        return replace(found, report=(*self.report, *repeats), sensor=None, settings=settings)
 
     def _index_of(self, channel: str, count: int, path: Path) -> int:
         if channel in self.names:

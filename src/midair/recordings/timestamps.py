@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import RateError
-from midair.streaming import blocks
 
 FILLED = 0.05
 """Largest share of frames that may be missing."""
@@ -25,10 +24,13 @@ USED = 0.9
 BACK = 0.2
 """Stamps of a stream with jitter may run back by less than this, in s."""
 
+_WORD = r"((?:milli|micro|nano|[mnuµμ])?s(?:ecs?|econds?)?)"
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _CLOCK = re.compile(
-    r"(?:time|timestamp|t|elapsed|(seconds)_elapsed)[\s_]*(?:[\[(/]?\s*(s|sec|seconds|ms|us|µs|μs|ns)\s*[\])]?)?", re.I
+    r"(?:(?:elapsed|relative|system|unix|local|logging|sample|device|host)[\s_]?)?(?:time(?:[\s_]?stamp)?|ts?|epoch|zeit|"
+    rf"elapsed|x[-_]axis|x[-_]value)(?:[\s_]*[\s_\[(/]\s*{_WORD}\s*[\])]?)?|{_WORD}_elapsed|(millis|micros|nanos)",
+    re.IGNORECASE,
 )
-_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _DATES = (978e6, 4.1e9)  # 2001 to 2099, in s since 1970
 _GUESSED = (20.0, 200e3)  # rates in Hz of a clock whose unit is not stated
 
@@ -58,12 +60,13 @@ def seconds(stamps: Array, name: str, *, rate: float | None) -> tuple[Array, tup
     whole numbers raise RateError.
     """
     stated = _CLOCK.fullmatch(name)
-    unit = (stated[1] or stated[2] or "").lower() if stated else ""
+    word = next((each.lower() for each in (stated.groups() if stated else ()) if each), "")
+    unit = word and {"": "s", "m": "ms", "milli": "ms", "n": "ns", "nano": "ns"}.get(word.partition("s")[0], "us")
     span = float(np.ptp(stamps)) if len(stamps) else 0.0
     since = stamps - stamps[:1]
     if unit or not np.isfinite(span) or span == 0:
         return since * _SECONDS.get(unit, 1.0), ()
-    measured = {unit: (len(stamps) - 1) / span / _SECONDS[unit] for unit in ("s", "ms", "us", "ns")}
+    measured = {unit: (len(stamps) - 1) / span / _SECONDS[unit] for unit in _SECONDS}
     dates = [unit for unit in measured if _DATES[0] < np.abs(stamps).max() * _SECONDS[unit] < _DATES[1]]
     whole = bool((stamps == np.round(stamps)).all())
     fits = [unit for unit in measured if rate is not None and 0.5 < measured[unit] / rate < 2]
@@ -273,10 +276,7 @@ def _rate(measured: float, stated: float | None, tolerance: float = 0.02) -> flo
 
 def repeated_rows(samples: Array) -> tuple[str, ...]:
     """Report of rows, shape (row, channel), that repeat the previous one at a later time, if not all do."""
-    repeats, before = 0, samples[:0]
-    for block in blocks(samples):
-        rows = np.concatenate([before, block])
-        repeats, before = repeats + int((np.diff(rows, axis=0) == 0).all(axis=1).sum()), block[-1:]
+    repeats = int((np.diff(samples, axis=0) == 0).all(axis=1).sum())
     if not repeats or repeats == len(samples) - 1:
         return ()
     of = len(samples)

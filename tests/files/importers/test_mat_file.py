@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from midair.errors import BrokenFileError, MismatchError
+from midair.errors import BrokenFileError, InputError, MismatchError, ShapeError
 from midair.files import load, open_take, save
 from midair.model import SensorGrid
 
@@ -73,15 +73,6 @@ def test_other_programs_read_samples_rate_and_unit(ending, recording, tmp_path):
 
 
 @each
-def test_reads_frames_and_channels(ending, tmp_path):
-    data = np.arange(32).reshape(2, 16)
-    seen = open_take(write(tmp_path / f"a{ending}", {"data": data}), **SAID)
-    np.testing.assert_array_equal(seen.recording.samples, data.reshape(2, 4, 4))
-    assert "4 x 4" in seen.report[0]
-    assert seen.recording.provenance.steps[0].settings["array"] == "data"
-
-
-@each
 def test_reads_frames_rows_and_columns(ending, tmp_path):
     data = np.random.default_rng(0).normal(size=(5, 2, 3))
     seen = open_take(write(tmp_path / f"a{ending}", {"data": data, "scale": 3.0}), **SAID)
@@ -116,6 +107,84 @@ def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
     arrays = {name: value for name, value in arrays.items() if not name.startswith("__")}
     with pytest.raises(BrokenFileError, match="rate was edited"):
         load(write(path, {**arrays, "rate": 5.0}))
+
+
+TONE = np.sin(2 * np.pi * 100 * np.arange(60)[:, None] / 1000) * np.linspace(0.5, 1, 16)
+
+
+@each
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"fs": 1e3},
+        {"Fs": 1e3, "unit": "mV"},
+        {"srate": 1000},
+        {"sampling_rate": 1e3, "t": np.arange(60) / 1e3},
+        {"time_ms": np.arange(60)},
+    ],
+)
+def test_rate_stamps_and_unit_beside_the_array_count(ending, facts, tmp_path):
+    for data in (TONE, TONE.T):
+        path = write(tmp_path / f"a{ending}", {"data": data, "label": "towel", **facts})
+        said = {} if "unit" in facts else {"unit": "V"}
+        recording = load(path, **said)
+        assert recording.rate == pytest.approx(1000, rel=1e-6)
+        np.testing.assert_allclose(recording.samples.reshape(60, 16), TONE * (1 if said else 1e-3), atol=1e-12)
+        with pytest.raises(InputError, match="250 Hz; leave"):
+            load(path, **said, rate=250.0)
+
+
+@each
+def test_two_rates_are_refused(ending, tmp_path):
+    with pytest.raises(MismatchError, match="expected one rate, got 500 Hz, 1000 Hz"):
+        load(write(tmp_path / f"a{ending}", {"data": TONE, "fs": 1e3, "rate": 500}), unit="V")
+
+
+@pytest.mark.parametrize(
+    ("shape", "sensor", "turned"),
+    [
+        ((20, 6), SensorGrid(rows=2, columns=3), False),
+        ((6, 20), SensorGrid(rows=2, columns=3), True),
+        ((4, 6), SensorGrid(rows=2, columns=3), False),
+        ((20, 2, 3), SensorGrid(rows=2, columns=3), False),
+        ((2, 3, 20), SensorGrid(rows=2, columns=3), True),
+        ((16, 40), None, True),
+        ((3, 16), None, False),
+    ],
+)
+def test_the_axis_of_time_follows_from_layout_or_length(shape, sensor, turned, tmp_path):
+    data = np.random.default_rng(0).normal(size=shape)
+    np.save(tmp_path / "a.npy", data)
+    taken = open_take(tmp_path / "a.npy", **SAID, sensor=sensor)
+    frames = np.moveaxis(data, -1, 0) if turned else data
+    np.testing.assert_array_equal(taken.recording.samples.reshape(frames.shape), frames)
+    assert ("was turned: its last axis is time" in " ".join(taken.report)) == turned
+
+
+def test_a_square_array_needs_an_option(tmp_path):
+    data = np.random.default_rng(0).normal(size=(6, 6))
+    np.save(tmp_path / "a.npy", data)
+    with pytest.raises(ShapeError, match=r"got a \(6, 6\), whose first or last may be time; give transpose=True"):
+        load(tmp_path / "a.npy", **SAID)
+    recording = load(tmp_path / "a.npy", **SAID, transpose=True, channels=["1"])
+    np.testing.assert_array_equal(recording.samples.ravel(), data[1])
+
+
+def test_fields_of_structs_and_cells_have_paths(tmp_path):
+    trials = np.empty(2, object)
+    trials[:] = [TONE[:20], TONE[20:]]
+    struct_of = {"S": {"data": TONE, "fs": 1e3, "inner": {"data": TONE.T}}, "fs": 500.0, "trials": trials}
+    savemat(tmp_path / "a.mat", struct_of)
+    assert load(tmp_path / "a.mat", unit="V", field="S.data").rate == 1000
+    assert load(tmp_path / "a.mat", unit="V", field="trials.1").frames == 40
+    assert load(tmp_path / "a.mat", unit="V", field="S.inner.data").frames == 60
+    with pytest.raises(BrokenFileError, match=r"its name as field, got S.data \(60, 16\), S.fs \(\), S.inner.data"):
+        load(tmp_path / "a.mat", unit="V")
+    with h5py.File(tmp_path / "b.mat", "w", userblock_size=512) as file:
+        file["S/data"], file["S/fs"] = TONE.T, [[1e3]]
+    with (tmp_path / "b.mat").open("rb+") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    np.testing.assert_array_equal(load(tmp_path / "b.mat", unit="V").samples.reshape(60, 16), TONE)
 
 
 @each

@@ -30,7 +30,7 @@ def test_a_header_larger_than_the_file_allocates_no_memory(tmp_path):
         header = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 16)}
         np.lib.format.write_array_header_1_0(file, header)
         file.write(bytes(800))
-    with pytest.raises(BrokenFileError, match="expected 128000000000000 bytes according to its header, got 800"):
+    with pytest.raises(BrokenFileError, match="length is greater than file size"):
         load(tmp_path / "a.npy", **SAID)
 
 

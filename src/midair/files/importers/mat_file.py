@@ -1,11 +1,11 @@
 """MATLAB and NumPy files: `samples`, `rate`, `unit` and midair's header, or one array of another program.
 
-SciPy reads and writes MATLAB's versions 4 to 7; version 7.3 is HDF5.
+SciPy reads and writes MATLAB's versions 4 to 7; version 7.3 is HDF5. Fields of structs and cells are arrays with a path
+as name, S.data or trials.0. A number fs, srate or the like beside the array is its rate, a vector of times its stamps.
 """
 
-import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,44 +13,107 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, FileError, MismatchError
+from midair.errors import BrokenFileError, FileError, MismatchError, ShapeError
 from midair.files.atomic import atomic_file, check_disk_space, reason
 from midair.files.importers.header import header_of, own_take
+from midair.files.importers.text_table import WORDS
 from midair.files.native.hdf5 import open_hdf5
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
 from midair.files.size_limits import check_expansion
-from midair.model import Recording
+from midair.model import Recording, SensorGrid
+from midair.recordings import is_clock
 
 
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
     """The recording in named arrays of midair, or in the only array of frames of another program."""
     if "midair" in arrays:
         return _own(arrays, path, given)
-    name = _chosen(arrays, path, given)
-    samples = np.asarray(arrays[name], np.float64)
-    report: tuple[str, ...] = ()
-    if samples.ndim == 1 or samples.shape[0] == 1:
-        report = (f"Array {name} {samples.shape} was taken as one channel of {samples.size} frames.",)
-        samples = samples.reshape(-1, 1)
-    return ImportedData(samples=samples, form=form, settings={"array": name}, report=report).resolve(given, path)
+    flat = dict(_flattened(arrays))
+    name = _chosen(flat, path, given)
+    samples, report = _time_first(np.asarray(flat[name], np.float64), name, path, given)
+    # What stands in the same struct is nearer than what stands beside it.
+    folder, _, _ = name.rpartition(".")
+    near: dict[str, NDArray[Any]] = {}
+    for place in ("", folder):
+        near |= {
+            key.rpartition(".")[2]: np.ravel(each) for key, each in flat.items() if key.rpartition(".")[0] == place
+        }
+    facts = {key.lower().replace("_", ""): each for key, each in near.items() if each.size == 1}
+    rates = {float(each[0]) for key, each in facts.items() if key in WORDS["rates"] and each.dtype.kind in "fiu"}
+    if len(rates) > 1:
+        raise MismatchError(f"{path}: expected one rate, got {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}")
+    rate = next(iter(rates), None)
+    clocks = {key: each for key, each in near.items() if is_clock(key) and each.size == len(samples)}
+    clock, stamps = next(iter(clocks.items()), ("time [s]", None))
+    units = [str(facts[key][0]) for key in ("unit", "units") if key in facts and facts[key].dtype.kind == "U"]
+    return ImportedData(
+        samples=samples,
+        form=form,
+        rate=rate if stamps is None else None,
+        stamps=stamps,
+        clock=clock,
+        nominal=rate,
+        units=tuple(units[:1]) * int(np.prod(samples.shape[1:])),
+        settings={"array": name},
+        report=report,
+    ).resolve(given, path)
+
+
+def _flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Arrays, numbers and texts of nested structs and cells, with paths as names."""
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        value = list(value.flat)
+    if isinstance(value, Mapping):
+        inside = [(str(key), each) for key, each in value.items()]
+    elif isinstance(value, list):
+        inside = [(str(key), each) for key, each in enumerate(value)]
+    else:
+        yield name, value
+        return
+    for key, each in inside:
+        yield from _flattened(each, f"{name}.{key}" if name else key)
 
 
 def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
-    """Name of the array of frames: the chosen one, or "samples", or the only one."""
+    """Name of the array of frames: the chosen one, or "samples" or "data", or the only one."""
     numbers = {name: each for name, each in arrays.items() if isinstance(each, np.ndarray) and each.dtype.kind in "fiu"}
     names = [name for name, array in numbers.items() if array.ndim in (1, 2, 3) and array.size > 1]
-    found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
+    found = ", ".join(f"{name} {np.shape(array)}" for name, array in list(arrays.items())[:12]) or "nothing"
     if given.field is not None:
         if given.field not in names:
             raise MismatchError(f"{path}: expected an array of frames called {given.field!r}, got {found}")
         return given.field
-    for only in (["samples"] if "samples" in names else [], [name for name in names if arrays[name].ndim > 1], names):
+    names = [name for name in names if not is_clock(name.rpartition(".")[2])] or names
+    usual = [[name for name in names if name.rpartition(".")[2] == each] for each in ("samples", "data")]
+    for only in (*usual, [name for name in names if numbers[name].ndim > 1], names):
         if len(only) == 1:
             return only[0]
     raise BrokenFileError(
-        f"{path}: expected one array of numbers with axes (frame, channel) or (frame, row, column), or one called "
-        f"samples, or the name of one as field, got {found}"
+        f"{path}: expected one array of numbers, or one called samples or data, or its name as field, got {found}"
     )
+
+
+def _time_first(
+    samples: NDArray[np.float64], name: str, path: Path, given: ImportOptions
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Samples with the axis of time first: the one beside which the layout fits, or else the longer one."""
+    shape = samples.shape
+    if samples.ndim == 1 or samples.size == max(shape):
+        return samples.reshape(-1, 1), (f"Array {name} {shape} was taken as one channel of {samples.size} frames.",)
+    sensor = given.sensor or SensorGrid()
+    wanted = (sensor.count,) if samples.ndim == 2 else sensor.shape
+    fits = [axis for axis, rest in ((0, shape[1:]), (-1, shape[:-1])) if rest == wanted]
+    if len(fits) != 1 and not given.transpose:
+        if shape[0] == shape[-1]:
+            raise ShapeError(
+                f"{path}: expected an array with one longest axis, got {name} {shape}, whose first or last may be time",
+                parameters={"transpose": "transpose=True for the last", "sensor": "sensor=SensorGrid(...)"},
+            )
+        fits = [0 if shape[0] > shape[-1] else -1]
+    if not given.transpose and fits[0] == 0:
+        return samples, ()
+    moved = np.moveaxis(samples, -1, 0)
+    return moved, (f"Array {name} {shape} was turned: its last axis is time, {len(moved)} frames.",)
 
 
 def _own(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> OpenedTake:
@@ -71,18 +134,8 @@ def _text(array: Any) -> str:
 
 def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
     """Read an array of frames, which has no other information; objects are not loaded, because they could run code."""
-    with path.open("rb") as file:
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, kind = read(file)
-        announced, there = math.prod(shape) * kind.itemsize, path.stat().st_size - file.tell()
-        if announced != there and not kind.hasobject:
-            # NumPy would allocate the memory before it reads the file.
-            raise BrokenFileError(
-                f"{path}: expected {announced} bytes according to its header, got {there}; copy the file again"
-            )
-        file.seek(0)
-        array = np.load(file, allow_pickle=False)
+    # Mapped, because NumPy would allocate what a damaged header announces.
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
     return from_arrays({path.stem: array}, "NPY", path, given)
 
 
@@ -134,7 +187,7 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
     if start[124:128] not in (b"\x00\x01IM", b"\x01\x00MI") and 0 not in start[:4]:
         raise BrokenFileError(f"{path}: expected a MATLAB file, got one that begins with {start[:12]!r}")
     try:
-        arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False)
+        arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False, simplify_cells=True)
     except scipy.io.matlab.MatReadError as wrong:
         raise BrokenFileError(f"{path}: expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
     return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", path, given)
@@ -145,8 +198,14 @@ def _version_73(path: Path) -> dict[str, Any]:
     import h5py
 
     with open_hdf5(path) as file:
-        found = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
-        return {name: np.transpose(item[()]) for name, item in found.items() if item.dtype.kind in "fiu"}
+        found: dict[str, Any] = {}
+
+        def visit(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and not name.startswith("#refs#"):
+                found[name.replace("/", ".")] = np.transpose(item[()])
+
+        file.visititems(visit)
+        return found
 
 
 MAT = Format(name="MAT", read=read_mat, write=write_mat, memory=3)

@@ -1,0 +1,407 @@
+"""Tables of numbers in text: one reader for CSV, TSV, LabVIEW's .lvm, and lines of a serial monitor or plotter.
+
+What a file does not state is found in its lines: encoding, separator, sign of decimals, lines before the numbers,
+names, a row of units, times of day, counters, notes beside the numbers, and marks of an overflow. Where two readings
+fit, the file is refused, and the error names the option that decides.
+"""
+
+import codecs
+import csv
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.array_types import Array
+from midair.errors import BrokenFileError, InputError, NonFiniteError
+from midair.files.opened_take import Decimal, ImportOptions
+from midair.model import known_unit
+from midair.progress import report_progress
+from midair.recordings import is_clock
+from midair.validation import is_number
+
+SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "space": " "}
+"""Separators by name, in the order of preference; several spaces are one."""
+
+_ONE_COLUMN = "\x1f"
+_COMMENTS = ("#", "%", "//", "; ")
+WORDS: Mapping[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
+"""Marks, names and units of other programs, in small letters."""
+
+_SCPI = (9.9e37, -9.9e37, 9.91e37)  # infinity and NaN of instruments (SCPI 1999, volume 1, 7.2.1)
+_TIME = re.compile(
+    r"(?P<date>\d{1,4}[-/.](?:\d{1,2}|[A-Z]{3})[-/.]\d{2,4})?(?:T|\s+)?"
+    r"(?:(?:(?P<h>\d+):)?(?P<m>\d{1,2}):(?P<s>\d\d(?:[.,]\d+)?)(?::(?P<ms>\d{3}))?\s*(?P<half>[AP]M)?)?"
+    r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+_MONITOR = re.compile(r"(\d\d:\d\d:\d\d[.,]\d+) -> ")
+_LABEL = re.compile(r"([A-Za-z_][\w .]*)[:=]\s*([^\s:=]+)")
+_UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\bin (\S{1,5})$")
+"""A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
+_STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)\s*(?:([kmunµ])?(?:hz|s/s|s|sps)\b)?"
+_RATE = re.compile(r"\b(?:fs|sampl\w*[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED, re.IGNORECASE)
+_STEP = re.compile(r"\b(?:sampl\w* (?:interval|period)|delta_x|increment|time interval)" + _STATED, re.IGNORECASE)
+_VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TextTable:
+    """Columns of numbers."""
+
+    names: tuple[str, ...]
+    """Column names without surrounding spaces; () if the text has none."""
+    units: tuple[str, ...]
+    """Unit of each column, from its name, a row of units or a note, "" for none; () if the text states none."""
+    values: NDArray[np.float64]
+    """Shape (row, column); gaps are NaN."""
+    stamps: Array | None
+    """Time of each row in s, from times of day, a counter at the stated rate, or a first column without a name."""
+    rate: float | None
+    """Rate that the lines before the numbers state, in Hz."""
+    report: tuple[str, ...]
+    """How the text was read: a sentence on the text, and one on the columns."""
+
+
+class _Row(NamedTuple):
+    line: int
+    fields: list[str]
+
+
+def decoded(data: bytes) -> tuple[str, str]:
+    """Text of a file and the name of its encoding: UTF-8, UTF-16, or Windows-1252 for bytes that are neither."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16"), "UTF-16"
+    start = data[:400]
+    for name, zeros in (("utf-16-le", start[1::2].count(0)), ("utf-16-be", start[::2].count(0))):
+        if zeros == start.count(0) > len(start) / 4:
+            return data.decode(name), "UTF-16"
+    try:
+        return data.decode("utf-8-sig"), "UTF-8"
+    except UnicodeDecodeError:
+        return data.decode("cp1252"), "Windows-1252"
+
+
+def read_table(text: str, path: Path, given: ImportOptions | None = None, *, encoding: str = "UTF-8") -> TextTable:
+    """Read the numbers of a text, with the names and units of their columns.
+
+    With mending, fields that are empty, NaN, infinite or marked as overflow become NaN; otherwise they raise
+    NonFiniteError. Raises BrokenFileError if the text has no such table, and InputError if two readings of it fit.
+    """
+    given = given or ImportOptions()
+    lines, comments, separator = _lines(text, given)
+    sample = [line for _, line in lines[len(lines) // 2 :]]
+    separator = separator or _separator(sample[:: 1 + len(sample) // 200], given, path)
+    rows = _rows(lines, separator, path)
+    decimal = given.decimal or _decimal(rows, path)
+    columns, start = _place(rows)
+    head, body = rows[:start], rows[start:]
+    if not body:
+        raise BrokenFileError(f"{path}: expected rows of numbers, got none")
+    names, units, unit_line = _names(head, columns, given, body[0].line, path)
+    names = names or next((found for note in comments[-1:] if (found := _row_of_names(note, separator, columns))), ())
+    if not names and all(map(_LABEL.fullmatch, body[0].fields)):
+        names, body = _labelled(body, path)
+    _check_widths(body, columns[-1] + 1, path)
+    rate, unit = _facts(comments, head, body, columns, decimal)
+    named = list(names) or [""] * len(columns)
+    units = units or [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
+    kept, stamps, left = _converted(body, columns, named, decimal, path, gaps=given.mending is not None)
+    if len(kept) > 1:
+        first, values = next(iter(kept.items()))
+        timed = stamps is not None or any(map(is_clock, names)) or is_clock(f"t [{units[first]}]")
+        counts = named[first].lower() in WORDS["counters"] or units[first].lower() == "sequence"
+        if not timed and rate and not names and np.allclose(np.diff(values), 1 / rate, rtol=1e-2):
+            stamps = kept.pop(first)
+            left.append("the first one is the time in s")
+        elif counts and given.time is None and (counted := _counted(values)) is not None:
+            del kept[first]
+            left.append("the first one counts the rows")
+            if not timed and (every := rate or given.rate):
+                stamps = counted / every
+    if not kept:
+        raise BrokenFileError(f"{path}: expected rows of numbers, got none")
+    spelled = next((name for name, sign in SEPARATORS.items() if sign == separator), repr(separator))
+    said = [encoding, "one column" if separator == _ONE_COLUMN else f"separator {spelled}", f"decimal {decimal}"]
+    said += [f"numbers from line {body[0].line} on", *([f"units in line {unit_line}"] if unit_line else [])]
+    shown = [(named[i] or str(columns[i] + 1)) + (f" [{units[i]}]" if unit_line and units[i] else "") for i in kept]
+    return TextTable(
+        names=tuple(named[i] for i in kept) if names else (),
+        units=tuple(units[i] for i in kept) if any(units) else (),
+        values=np.stack(list(kept.values()), axis=1),
+        stamps=stamps,
+        rate=rate,
+        report=(f"Text read as {', '.join(said)}.", "; ".join([f"Columns: {', '.join(shown[:20])}", *left]) + "."),
+    )
+
+
+def _lines(text: str, given: ImportOptions) -> tuple[list[tuple[int, str]], list[str], str]:
+    """Lines with their numbers, without comments and empty ones; the comments; and the separator if it is stated."""
+    lines = list(enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1))[given.skip :]
+    lines = [(number, line) for number, line in lines if line.strip()]
+    stated = given.separator or ""
+    if lines and (found := re.fullmatch(r"sep=(.)\s*", lines[0][1])):
+        lines, stated = lines[1:], stated or found[1]
+    comments = [line.lstrip("#%/; ") for _, line in lines if line.startswith(_COMMENTS)]
+    lines = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
+    if lines and (first := _MONITOR.match(lines[0][1])):
+        rest = lines[0][1][first.end() :]
+        mark = next((sign for sign in "\t;," if sign in rest), " ")
+        lines = [(number, _MONITOR.sub(lambda one: one[1].replace(",", ".") + mark, line)) for number, line in lines]
+    separator = SEPARATORS.get(stated, stated)
+    if len(separator) > 1:
+        raise InputError(f"separator: expected {', '.join(SEPARATORS)} or one character, got {stated!r}")
+    return lines, comments, separator
+
+
+def _separator(sample: Sequence[str], given: ImportOptions, path: Path) -> str:
+    """The separator by which most fields are numbers or times, in lines of equal numbers of fields."""
+    best, separator = 0.0, _ONE_COLUMN
+    for sign in SEPARATORS.values():
+        rows = [row.fields for row in _rows(list(enumerate(sample)), sign, path)]
+        width, count = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+        filled = [field for row in rows for field in row if field]
+        share = sum(map(_is_value, filled)) / max(1, len(filled))
+        if width > 1 and 2 * count >= len(rows) and share > best and (sign, given.decimal) != (",", "comma"):
+            best, separator = share, sign
+    if separator == "," and given.decimal is None and any(re.search(r"(?:^|,)0\d*,0\d", line) for line in sample):
+        raise InputError(
+            f"{path}: expected one reading of {sample[-1][:40]!r}, got two: commas of decimals, and between columns",
+            parameters={"separator": 'separator="comma"', "decimal": 'decimal="comma"'},
+        )
+    return separator
+
+
+def _rows(lines: Sequence[tuple[int, str]], separator: str, path: Path) -> list[_Row]:
+    if separator == " ":
+        return [_Row(number, line.split()) for number, line in lines]
+    texts = report_progress([line for _, line in lines], len(lines))
+    reader, rows = csv.reader(texts, delimiter=separator, skipinitialspace=True), list[_Row]()
+    try:
+        for fields in reader:
+            rows.append(_Row(lines[reader.line_num - 1][0], [field.strip() for field in fields]))
+    except csv.Error as wrong:
+        at = lines[reader.line_num - 1][0]
+        raise BrokenFileError(f"{path}: expected separated values, got line {at}: {wrong}") from wrong
+    return [row for row in rows if any(row.fields)]
+
+
+def _decimal(rows: Sequence[_Row], path: Path) -> Decimal:
+    """The sign of decimals; InputError if commas may be of decimals and of thousands."""
+    later = (field for row in rows[len(rows) // 2 :] for field in row.fields)
+    fields = [field for field in later if re.fullmatch(r"[-+.,\deE]*\d", field)]
+    commas = [field for field in fields if "," in field]
+    last = {field.rfind(",") > field.rfind(".") for field in commas if "." in field}
+    grouped = all(re.fullmatch(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", field) for field in commas)
+    if not commas or last == {False} or (grouped and any("." in field or field.count(",") > 1 for field in fields)):
+        return "point"
+    if grouped:
+        raise InputError(
+            f"{path}: expected one reading of {commas[0]!r}, got two: a comma of decimals, and of thousands",
+            parameters={"decimal": 'decimal="comma" or "point"'},
+        )
+    return "comma"
+
+
+def _number(field: str, decimal: Decimal) -> float | None:
+    """Number of a field, NaN for an empty one and for a mark of an overflow; None for other text."""
+    sign, other = (".", ",") if decimal == "point" else (",", ".")
+    if not field or field.lower() in WORDS["marks"]:
+        return np.nan
+    whole, point, rest = field.partition(sign)
+    if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(?:\{other}\d{{3}})+", whole):
+        whole = whole.replace(other, "")
+    # Python reads 1_000 as 1000; other programs write no underscores in numbers.
+    if other in whole + rest or "_" in field or not is_number(text := whole + point.replace(",", ".") + rest):
+        return None
+    return np.nan if float(text) in _SCPI else float(text)
+
+
+def _is_value(field: str) -> bool:
+    """True for a number with any sign of decimals, a time or date, a mark of an overflow, or a number with a label."""
+    if _number(field, "point") is not None or _number(field, "comma") is not None:
+        return True
+    found = _TIME.fullmatch(field)
+    return (found is not None and bool(found["m"] or found["date"])) or _LABEL.fullmatch(field) is not None
+
+
+def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
+    """Columns that hold anything in the second half of the rows, and the number of rows before the first numbers."""
+    later = [row.fields for row in rows[len(rows) // 2 :]]
+    width = Counter(map(len, later)).most_common(1)[0][0] if later else 0
+    columns = [i for i in range(width) if any(len(fields) == width and fields[i] for fields in later)]
+    labels = bool(later) and all(map(_LABEL.fullmatch, later[-1]))
+    for start, row in enumerate(rows):
+        first = next((row.fields[i] for i in columns if i < len(row.fields) and row.fields[i]), "---")
+        numbered = len(columns) > 2 and row.fields == ["", *map(str, range(len(columns) - 1))]  # names of pandas
+        if _is_value(first) and not numbered and (labels or not _LABEL.fullmatch(first)):
+            return columns, start
+    return columns or [0], len(rows)
+
+
+def _names(
+    head: Sequence[_Row], columns: Sequence[int], given: ImportOptions, line: int, path: Path
+) -> tuple[tuple[str, ...], list[str], int]:
+    """Names and units of the columns, and the line of the units; (), [] and 0 for none."""
+    stated = [row for row in head if row.line == given.unit_row]
+    if given.unit_row and not stated:
+        raise InputError(f"{path}: unit_row: expected a line before the numbers in line {line}, got {given.unit_row}")
+    wide = [row for row in head if len(row.fields) > columns[-1] and row not in stated]
+    if given.unit_row is None and wide and all(_is_unit(wide[-1].fields[i]) for i in columns):
+        stated = [wide[-1]]
+        wide = wide[:-1] or wide
+    listed = [row.fields for row in head if row.fields[0].lower() == "y_unit_label"]  # of LabVIEW
+    units = [(fields[i] if 0 < i < len(fields) else "") for fields in listed[-1:] for i in columns]
+    units = [row.fields[i].strip("[]() ") for row in stated for i in columns] or units
+    found = _row_of_names(wide[-1].fields, "", columns) if wide else ()
+    found = found or tuple(row.fields[i] for row in stated for i in columns)
+    last = [field for row in head[-1:] for field in row.fields if field]
+    if not found and not stated and 1 < len(last) <= columns[-1] and not any(map(is_number, last)):
+        raise BrokenFileError(
+            f"{path}: expected {len(last)} fields in line {line}, got {columns[-1] + 1}; the file is truncated or its "
+            "rows differ"
+        )
+    return found, units, stated[0].line if stated else 0
+
+
+def _row_of_names(row: str | list[str], separator: str, columns: Sequence[int]) -> tuple[str, ...]:
+    """Names of the columns in a row of fields, or in a comment in which NumPy writes them; () if it holds others."""
+    fields = row if isinstance(row, list) else [field.strip() for field in row.split(separator.strip() or None)]
+    if len(fields) <= columns[-1] or (row is not fields and len(fields) != len(columns) > 1):
+        return ()
+    found = tuple(fields[i] for i in columns)
+    numbers = [field for field in found if is_number(field)]
+    fits = not numbers or numbers == [str(i) for i in range(len(columns) - 1)]
+    return found if fits and not _RATE.search(" ".join(found)) and (row is fields or len(found) > 1) else ()
+
+
+def _is_unit(field: str) -> bool:
+    plain = field.strip("[]() ").lower()
+    known = known_unit(field.strip("[]() "))[0] is not None or is_clock(f"t [{plain}]") or plain in WORDS["quantities"]
+    return known or field[0] + field[-1] in ("()", "[]")
+
+
+def _labelled(body: Sequence[_Row], path: Path) -> tuple[tuple[str, ...], list[_Row]]:
+    """Labels of numbers such as ``a0:512``, which are the same in all rows, and the rows without them."""
+    found = [[_LABEL.fullmatch(field) for field in row.fields] for row in body]
+    names = tuple(each[1].strip() if each else "" for each in found[0])
+    for row, each in zip(body, found, strict=True):
+        if tuple(one[1].strip() if one else "" for one in each) != names:
+            raise BrokenFileError(f"{path}: expected the labels {', '.join(names)}, got others in line {row.line}")
+    return names, [_Row(row.line, [one[2] for one in each if one]) for row, each in zip(body, found, strict=True)]
+
+
+def _check_widths(body: Sequence[_Row], width: int, path: Path) -> None:
+    for row in body:
+        if len(row.fields) < width or any(row.fields[width:]):
+            raise BrokenFileError(
+                f"{path}: expected {width} fields in line {row.line}, got {len(row.fields)}; the file is truncated or "
+                "its rows differ"
+            )
+
+
+def _facts(
+    comments: Sequence[str], head: Sequence[_Row], body: Sequence[_Row], columns: Sequence[int], decimal: Decimal
+) -> tuple[float | None, str]:
+    """Rate in Hz and unit that the text states beside its numbers; None for no rate or several, "" for no unit."""
+    # Oscilloscopes of Tektronix write notes beside the first numbers, and those of Rigol in two rows of more columns.
+    rows = [*(row.fields for row in head), *(row.fields[: columns[0]] for row in body[:20])]
+    pairs = [f"{name} {value}" for one, two in pairwise(rows) for name, value in zip(one, two, strict=False)]
+    text = "\n".join([*comments, *map(" ".join, rows), *pairs])
+    text = text.replace(",", ".") if decimal == "comma" else text
+    large, small = {"": 1.0, "k": 1e3, "m": 1e6}, {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
+    rates = {float(value) * large.get(factor.lower(), np.nan) for value, factor in _RATE.findall(text)}
+    steps = {float(value) * small.get(factor.lower(), np.nan) for value, factor in _STEP.findall(text)} - {0.0}
+    found = {float(f"{rate:.9g}") for rate in (*rates, *(1 / step for step in steps))}
+    units = set(_VERTICAL.findall(text))
+    return found.pop() if len(found) == 1 else None, units.pop() if len(units) == 1 else ""
+
+
+def _converted(
+    body: Sequence[_Row], columns: Sequence[int], names: Sequence[str], decimal: Decimal, path: Path, *, gaps: bool
+) -> tuple[dict[int, Array], Array | None, list[str]]:
+    """Numbers by place in `columns`, times of the rows in s from times of day, and what was done with other columns."""
+    kept: dict[int, Array] = {}
+    left: list[str] = []
+    total, timed = np.zeros(len(body)), False
+    for i, column in enumerate(columns):
+        fields = [row.fields[column] for row in body]
+        where = f"column {names[i]!r}" if names[i] else f"column {column + 1}"
+        times = [one.groupdict() for one in map(_TIME.fullmatch, fields[:1]) if one and (one["m"] or one["date"])]
+        if times:
+            times += [
+                one.groupdict() if one else times[0] | {"m": None, "date": None}
+                for one in map(_TIME.fullmatch, fields[1:])
+            ]
+            clock = times[0]["m"] is not None
+            total, timed = total + _seconds(times), timed or clock
+            left.append(f"{where} holds {'times of day' if clock else 'dates'}")
+        elif len(body) > 2 and not any(map(_is_value, filter(None, fields))):
+            left.append(f"{where} has no numbers and is left out")
+        else:
+            kept[i] = _numbers(fields, body, where, decimal, path, gaps=gaps)
+            wraps = np.diff(kept[i], prepend=kept[i][:1]) < -(2.0**31)
+            if wraps.any() and 0 <= kept[i].min() <= kept[i].max() < 2**32:
+                # Clocks of microcontrollers have 32 bits.
+                kept[i] = kept[i] + 2.0**32 * np.cumsum(wraps)
+                left.append(f"{where} started again at 2^32")
+    midnight = np.concatenate([[0], np.cumsum(np.diff(total) < -43_200)])
+    return kept, total + 86_400.0 * midnight if timed else None, left
+
+
+def _seconds(times: Sequence[Mapping[str, str | None]]) -> Array:
+    """Seconds since the first midnight; each change of the date is one day, so that missing days are a gap."""
+    dates = [one["date"] for one in times]
+    days = np.concatenate([[0], np.cumsum([a != b for a, b in pairwise(dates)])])
+
+    def part(one: Mapping[str, str | None], name: str) -> float:
+        return float((one[name] or "0").replace(",", "."))
+
+    hours = [
+        part(one, "h") % 12 + 12 * (one["half"].lower() == "pm") if one["half"] else part(one, "h") for one in times
+    ]
+    rest = [60 * part(one, "m") + part(one, "s") + 1e-3 * part(one, "ms") for one in times]
+    return 86_400.0 * days + 3600 * np.array(hours) + rest
+
+
+def _counted(values: Array) -> Array | None:
+    """Numbers of the rows from 0 on, if the values count them; a counter may start again at its least value."""
+    if len(values) < 3 or not np.isfinite(values).all() or (values != np.round(values)).any():
+        return None
+    steps = np.diff(values)
+    steps[steps < 0] += np.ptp(values) + 1
+    return np.concatenate([[0], np.cumsum(steps)]) if steps.min() > 0 and np.median(steps) == 1 else None
+
+
+def _numbers(
+    fields: Sequence[str], body: Sequence[_Row], where: str, decimal: Decimal, path: Path, *, gaps: bool
+) -> Array:
+    try:
+        values = np.array(fields, np.float64)
+        plain = not any("_" in field for field in fields) and not np.isin(values, _SCPI).any()
+    except ValueError:
+        values, plain = np.zeros(0), False
+    if not plain:
+        found = [_number(field, decimal) for field in fields]
+        if None in found:
+            at = found.index(None)
+            raise BrokenFileError(
+                f"{path}: expected a number, got {fields[at][:40]!r} in line {body[at].line}, {where}"
+            )
+        values = np.array(found, np.float64)
+    if gaps:
+        return np.where(np.isfinite(values), values, np.nan)
+    if not np.isfinite(values).all():
+        at = int(np.argmin(np.isfinite(values)))
+        got = f"finite numbers, got {fields[at]}" if fields[at] else "a number, got an empty field"
+        raise NonFiniteError(
+            f"{path}: expected {got} in line {body[at].line}, {where}; midair import --mend fills short gaps"
+        )
+    return values
