@@ -1,7 +1,4 @@
-"""All errors that midair raises on purpose, in one tree.
-
-Each message states the expected value, the value received, and what to do.
-"""
+"""All errors that midair raises on purpose, in one tree: each states what was expected, what came, and what to do."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -20,30 +17,21 @@ class InputError(MidairError, ValueError):
     """A value that cannot be used.
 
     `parameters` correct the input, each as it is typed in Python; the message ends with this advice. `setting` is the
-    name of the setting that is out of range, with which the message then begins. `several` are errors to show as one.
+    name of the setting that is out of range, with which the message then begins. Several errors become one in a line.
     """
 
-    def __init__(
-        self,
-        *args: object,
-        parameters: Mapping[str, str] | None = None,
-        setting: str = "",
-        several: Sequence["InputError"] = (),
-    ) -> None:
+    def __init__(self, *args: object, parameters: Mapping[str, str] | None = None, setting: str = "") -> None:
         super().__init__(*args)
-        self.parameters, self.setting, self.several = dict(parameters or {}), setting, tuple(several)
+        self.parameters, self.setting = dict(parameters or {}), setting
 
     def __str__(self) -> str:
         return self.message({})
 
     def message(self, typed: Mapping[str, str]) -> str:
         """The message with parameters as they are typed elsewhere, such as options of a command."""
-        if self.several:
-            first, *others = (each.message(typed) for each in self.several)
-            # The name of the file is the same in all.
-            return "; ".join([first, *(text.removeprefix(first.partition(": ")[0] + ": ") for text in others)])
         advice = [typed.get(name, python) for name, python in self.parameters.items()]
-        return super().__str__() + (f"; give {', or '.join(advice)}" if advice else "")
+        several = "; ".join(each.message(typed) for each in self.args if isinstance(each, InputError))
+        return (several or super().__str__()) + (f"; give {', or '.join(advice)}" if advice else "")
 
 
 class ShapeError(InputError):

@@ -134,7 +134,10 @@ class ImportedData:
                     raise
                 lacking.append(wrong)
         if lacking:
-            raise lacking[0] if len(lacking) == 1 else InputError(several=lacking)
+            others = [
+                type(one)(one.args[0].removeprefix(f"{path}: "), parameters=one.parameters) for one in lacking[1:]
+            ]
+            raise InputError(lacking[0], *others) if others else lacking[0]
         rate, unit, (sensor, assumed) = facts
         mended, mending = Mended(samples=self.samples, journal=()), given.mending
         if mending is None and self.missing:
