@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4038,
     "calibration": 3102,
     "solvers": 4302,
-    "files": 4973,
+    "files": 4972,
     "devices": 7928,
     "rig": 9190,
     "patterns datasets": 1767,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_545, "benchmarks": 4_500}
+BESIDE = {"tests": 51_565, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
