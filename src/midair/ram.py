@@ -39,9 +39,11 @@ def return_large_arrays(least: int = 2**22) -> bool:
     """
     if sys.platform != "linux":
         return False
-    # mallopt(3): parameter -3 is M_MMAP_THRESHOLD; other C libraries lack this function.
+    # mallopt(3); other C libraries lack this function.
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    return mallopt is not None and bool(mallopt(-3, least))
+    # M_MMAP_THRESHOLD (-3), which also freezes M_TRIM_THRESHOLD (-1) at 128 KiB unless that is set: then the heap of
+    # small arrays would be returned after each step of a solver, and its pages fetched again.
+    return mallopt is not None and all(bool(mallopt(name, size)) for name, size in ((-3, least), (-1, 2**27)))
 
 
 def _number(path: Path, pattern: str = r"^(\d+)$") -> int | None:
