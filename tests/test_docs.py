@@ -176,7 +176,7 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
     table = runpy.run_path(str(ROOT / "docs" / "reference.py"))["choices_table"]()
     assert "| `solver.guard.margin` |  | default | 25mm |  |  |  |" in table
     assert all(f"`--{choice.name}`" in table for choice in CHOICES)
-    assert "`target.rate`<br>`--rate` | Drive frame rate. | 1000Hz | 4000Hz |  |  |  |" in table
+    assert "`target.rate`<br>`--rate` | Drive frame rate. | 1000Hz | 4000Hz | 1333.33Hz |  |  |" in table
     assert "| lm | glide |  |  | free |" in table
     assert set(MODES) == {"paper", "best", "quick", "finest", "quiet"}
 

@@ -31,7 +31,7 @@ def frozen_array(
         _check_shape(value.shape, name, axes)
         # Type checkers treat lazy frames as an array.
         return cast("NDArray[Any]", value)
-    if np.iscomplexobj(value) and not np.issubdtype(dtype, np.complexfloating):
+    if hasattr(value, "dtype") and np.iscomplexobj(value) and not np.issubdtype(dtype, np.complexfloating):
         raise InputError(f"{name}: expected real numbers, got complex ones; np.abs gives their magnitudes")
     try:
         array = np.array(value, dtype=dtype, order="C")

@@ -54,7 +54,7 @@ def focus(level=1.0, frames=3, array=ARRAY):
 
 
 def test_a_loud_drive_is_refused_with_level_and_place():
-    with pytest.raises(ExposureError, match=r"14\d\.\d dB at the (left|right) ear \(.* mm\) in frame \d.*limit 110 dB"):
+    with pytest.raises(ExposureError, match=r"14\d\.\d dB at the (left|right) ear, limit 110 dB"):
         check_exposure(focus(), Loud(ARRAY), CHOICES)
 
 
@@ -303,10 +303,10 @@ def test_only_the_checked_parts_of_a_stream_are_read():
     cleared = made.clearance()
     assert cleared.drive.phase.read(0, 4).shape == (4, ARRAY.count)
     assert made.phase.there == 4
-    with pytest.raises(ExposureError, match=r"in frame 4 .*limit 110 dB") as wrong:
+    with pytest.raises(ExposureError, match="limit 110 dB") as wrong:
         made.add(piece(drive, 4, 6))
     made.fail(wrong.value)
-    with pytest.raises(ExposureError, match="frame 4"):
+    with pytest.raises(ExposureError, match="limit 110 dB"):
         cleared.drive.phase.read(4, 6)
     assert cleared.later().drive.frames == 4
 

@@ -16,7 +16,7 @@ from tests.waiting import wait_until
 
 import midair
 from midair.devices import ExposureChoices, stop_on_input, stop_playing
-from midair.errors import DeviceError, ExposureError, StoppedError, UnknownDeviceError
+from midair.errors import DeviceError, ExposureError, InputError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
@@ -26,7 +26,7 @@ def test_keywords_change_the_settings_and_none_restores_a_default():
     settings = midair.rig.LiveSettings(height=0.15, gain=2.0)
     assert midair.live(settings=settings, gain=None, seed=3).order == midair.rig.LiveSettings(height=0.15, seed=3)
     assert midair.live("virtual:brush", settings=settings).order.sensor == "virtual:brush"
-    with pytest.raises(TypeError, match="hight"):
+    with pytest.raises(InputError, match="hight"):
         midair.live(hight=0.15)
 
 
