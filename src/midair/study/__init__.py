@@ -73,9 +73,10 @@ from .stimulus_rig import study_code as study_code
 from .study_report import report_json as report_json
 from .study_report import report_page as report_page
 from .study_report import report_text as report_text
+from .tables import Program as Program
+from .tables import columns_of as columns_of
 from .tables import read_bids as read_bids
 from .tables import read_csv as read_csv
-from .tables import write_bids as write_bids
 from .tables import write_csv as write_csv
 from .withdrawal import ExportFormat as ExportFormat
 from .withdrawal import check_not_withdrawn as check_not_withdrawn

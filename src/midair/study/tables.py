@@ -2,9 +2,10 @@
 
 import csv
 import json
+import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pandas import DataFrame, concat
@@ -18,6 +19,8 @@ from midair.study.statistics.columns import typed
 from midair.version import __version__
 
 _COLUMNS = read_toml(Path(__file__).with_name("columns.toml"), "explanations of columns")
+Program = Literal["psychopy", "jspsych"]
+"""Other programs whose columns are known."""
 MEANING: Mapping[str, str] = _COLUMNS["answers"]
 """Descriptions of the columns of an answers table."""
 
@@ -26,6 +29,20 @@ def legend_of(finding: Finding) -> tuple[tuple[str, str], ...]:
     """Names and explanations of the columns of a finding's table."""
     names, known = [] if finding.table is None else map(str, finding.table.columns), _COLUMNS["report"]
     return tuple((name, known[name]) for name in names if name in known)
+
+
+def columns_of(table: DataFrame, program: Program, given: Mapping[str, str]) -> dict[str, str]:
+    """Columns of a table of another program by their role, as `data_of_columns` takes them, and the loop of practice.
+
+    Those that are `given` by name and exist stay. Raises InputError if several columns may have a role.
+    """
+    found = {role: name for role, name in given.items() if name and (name in table or role != "participant")}
+    for role, pattern in _COLUMNS["programs"][program].items():
+        names = [name for name in map(str, table.columns) if re.fullmatch(pattern, name)]
+        if len(names) > 1 and role not in found:
+            raise InputError(f"--from {program}: expected one column as {role}, got {', '.join(names)}; name it")
+        found |= dict.fromkeys({role} - found.keys(), names[0]) if names else {}
+    return found
 
 
 def write_csv(table: DataFrame, path: Path) -> None:

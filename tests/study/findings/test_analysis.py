@@ -9,7 +9,7 @@ from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.study_data import data_of_answers, data_of_columns, simulation_of
-from midair.study.tables import legend_of, read_csv
+from midair.study.tables import columns_of, legend_of, read_csv
 
 PEOPLE = ["1"] * 4
 
@@ -335,6 +335,23 @@ def test_rows_of_other_programs_that_are_no_trials_are_left_out_and_counted(tmp_
     )
     words = found(analyse(data, draws=10), "Participants").words
     assert words.startswith("4 participant(s), 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
+
+
+def test_usual_columns_of_other_programs_are_found(tmp_path):
+    (tmp_path / "a.csv").write_text(PSYCHOPY.replace("keys,slider", "key_resp.keys,slider.response"))
+    named = columns_of(read_csv(tmp_path / "a.csv"), "psychopy", {"participant": "participant", "answered": ""})
+    assert named == {
+        "participant": "participant",
+        "presented": "object",
+        "answered": "key_resp.keys",
+        "rating": "slider.response",
+        "practice": "practice.thisN",
+    }
+    table = pd.DataFrame({name: ["a", "b"] for name in ("rt", "response", "subject", "object", "material")})
+    found = columns_of(table, "jspsych", {"participant": "participant", "presented": "material"})
+    assert found == {"presented": "material", "participant": "subject", "answered": "response"}
+    with pytest.raises(InputError, match=r"expected one column as answered, got a\.keys, b\.keys; name it"):
+        columns_of(pd.DataFrame({"a.keys": [1], "b.keys": [1]}), "psychopy", {})
 
 
 @pytest.mark.parametrize(

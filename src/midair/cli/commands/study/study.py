@@ -12,10 +12,12 @@ from midair.errors import InputError
 from midair.study import (
     ExportFormat,
     Incomplete,
+    Program,
     StudyFolder,
     UnpresentedAnswers,
     analyse,
     answers_table,
+    columns_of,
     data_of_columns,
     export,
     read_bids,
@@ -47,6 +49,7 @@ def analyse_command(
     foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
     where: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    program: Annotated[Program | None, Parameter(name="--from")] = None,
 ) -> None:
     """Analyse a study, a CSV table or a BIDS dataset, and write an HTML report that explains each number.
 
@@ -83,30 +86,33 @@ def analyse_command(
         Largest difference of macro F between conditions that does not matter.
     where
         COLUMN=VALUE: analyse only the rows of a table with this value; COLUMN= for rows without a value.
+    program
+        The table is of this program, whose usual columns are used where no other is named.
 
     Examples
     --------
     $ midair study analyse touch
+    $ midair study analyse psychopy.csv --from psychopy
     """
     selected = [(name, value) for name, equals, value in (one.partition("=") for one in where) if equals]
     if len(selected) < len(where):
         raise InputError(f"--where: expected COLUMN=VALUE, got {' '.join(where)}")
     if (source / "plan.json").exists():
-        if where:
+        if where or program:
             raise InputError(
-                "--where: expected a table, got a study, whose plan selects answers (analysis, exclusions)"
+                f"{'--where' if where else '--from'}: expected a table, got a study, whose plan selects answers"
             )
         target = output or source / "report.html"
         report = write_report(StudyFolder(source), target, seed=seed, draws=draws)
     else:
         table = read_bids(source) if source.is_dir() else read_csv(source)
+        named = {"participant": participant, "presented": presented, "answered": answered, "rating": rating}
+        named = named if program is None else columns_of(table, program, named)
+        selected += [(loop, "")] if (loop := named.pop("practice", "")) else []
         data = data_of_columns(
             table,
-            participant=participant,
-            presented=presented,
-            answered=answered,
+            **(named if within else named | {"rating": ""}) if program else named,
             condition=condition,
-            rating=rating,
             within=within,
             incomplete=incomplete,
             foils=foils,
