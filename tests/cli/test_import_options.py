@@ -1,3 +1,4 @@
+import io
 from pathlib import Path
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 import soundfile
 
 from midair.cli import run
+from midair.cli.console import PlainConsole
 from midair.cli.import_options import FileOptions, import_recording
 from midair.errors import InputError
 from midair.files import load, load_calibration, load_pressure, save
@@ -144,3 +146,22 @@ def test_advice_is_in_the_words_of_the_command_line(tmp_path):
     assert "--layout ROWSxCOLUMNS:PITCH" in says[2]
     assert "--channels 0 " in says[2]
     assert not any("=" in text.split(";")[-1] or "SensorGrid" in text for text in says)
+
+
+def test_a_terminal_is_asked_for_what_the_file_lacks(monkeypatch, capsys):
+    Path("five.csv").write_text("a,b,c,d,e\n" + "1,2,3,4,5\n2,3,4,5,6\n" * 30)
+    answers = io.StringIO("\nloud\n30Pa\n3\n")
+    monkeypatch.setattr(answers, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stdin", answers)
+    monkeypatch.setattr(PlainConsole, "is_terminal", True)
+    assert run(["import", "five.csv", "five.h5"]) == 0
+    shown = capsys.readouterr().err
+    assert "The file does not state its frame rate.\nFrame rate [1000Hz]: " in shown
+    assert "expected a quantity such as 30Pa, got 'loud'" in shown
+    recording = load("five.h5")
+    assert (recording.rate, recording.unit, recording.samples[1, 0, 0]) == (1000, "Pa", 150)
+    monkeypatch.setattr(answers, "isatty", lambda: False)
+    assert run(["import", "five.csv", "six.h5"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    for part in ("frame rate; give --rate 1000Hz;", "the unit of its samples; give --unit V", "give --layout"):
+        assert part in line

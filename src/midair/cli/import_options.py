@@ -1,6 +1,7 @@
 """Options for files of other programs, and stated calibrations: --sensitivity, --peak, --reference."""
 
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path as File
@@ -12,9 +13,10 @@ from cyclopts import Parameter, Token
 
 from midair import files
 from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
+from midair.cli.console import err
 from midair.cli.options import format_quantity, options_from, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
-from midair.model import Calibration, Provenance, Recording, SensorGrid
+from midair.model import Calibration, Provenance, Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample
 
 Patch = tuple[str, float]
@@ -131,6 +133,46 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
         return replace(taken, recording=recording, report=report)
     except InputError as wrong:
         raise type(wrong)(wrong.message(TYPED)) from wrong
+
+
+def ask_missing(file: File, options: FileOptions, *, mending: Mending | None, ask: bool) -> files.OpenedTake:
+    """Import, and with `ask` on a terminal, ask for each fact that the file lacks; Enter takes the proposed answer."""
+    while True:
+        try:
+            return import_recording(file, options, mending=mending)
+        except InputError as wrong:
+            cause = wrong.__cause__
+            first = cause.args[0] if isinstance(cause, InputError) and not cause.parameters else cause
+            facts = first.parameters if isinstance(first, InputError) else {}
+            known = next((each for each in _QUESTIONS if each in facts), None)
+            if not ask or known is None or not (sys.stdin.isatty() and err().is_terminal):
+                raise
+            question, proposed, parse = _QUESTIONS[known]
+            said = str(first).partition("; give ")[0].removeprefix(f"{file}: ")
+            answer = err().input(f"{said[0].upper()}{said[1:]}.\n{question} [{proposed}]: ").strip() or proposed
+            try:
+                options = replace(options, **parse(answer))
+            except ValueError as fault:
+                err().print(f"{fault}")
+
+
+def _unit_or_scale(text: str) -> dict[str, Any]:
+    return {"unit": text} if text in get_args(Unit) else {"scale": parse_quantity(text, "Pa")}
+
+
+def _cells(text: str) -> dict[str, Any]:
+    return {"layout": parse_layout(text)} if ":" in text else {"channels": parse_names(text)}
+
+
+_QUESTIONS: Mapping[str, tuple[str, str, Callable[[str], dict[str, Any]]]] = MappingProxyType(
+    {
+        "rate": ("Frame rate", "1000Hz", lambda text: {"rate": parse_quantity(text, "Hz")}),
+        "unit": ("Unit: V, count, Pa, or the pressure of the value 1 such as 30Pa", "V", _unit_or_scale),
+        "scale": ("Pressure of the value 1", "1Pa", lambda text: {"scale": parse_quantity(text, "Pa")}),
+        "sensor": ("Channels to read, or ROWSxCOLUMNS:PITCH such as 4x4:11mm for all", "0", _cells),
+    }
+)
+"""Question, proposed answer and parser of each fact that `open_take` may lack."""
 
 
 def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Recording, tuple[str, ...]]:

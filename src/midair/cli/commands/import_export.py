@@ -12,9 +12,9 @@ from midair.cli.console import out, print_rows
 from midair.cli.import_options import (
     ChannelNumbers,
     FileOptions,
+    ask_missing,
     calibration_from_options,
     channel_numbers,
-    import_recording,
     scale_by,
 )
 from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
@@ -47,7 +47,7 @@ def import_command(
     Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
-    The command prints all assumptions that it made.
+    The command prints all assumptions that it made. On a terminal it asks for the facts that the file does not state.
 
     Parameters
     ----------
@@ -99,7 +99,9 @@ def import_command(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = files.OpenedTake(recording=sample(name)) if ready else import_recording(file, options, mending=mending)
+    imported = (
+        files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending=mending, ask=not json)
+    )
     credits: list[Line] = []
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
