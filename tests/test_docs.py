@@ -9,9 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.printed import not_printed
 
+import midair
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS
 from midair.settings import CHOICES, MODES, Settings
@@ -217,3 +219,15 @@ def test_the_page_of_live_runs(folder, capsys):
     done = subprocess.run([sys.executable, "touch.py"], capture_output=True, text=True, check=True, cwd=folder)
     assert done.stdout.startswith("1000 ")
     exec(reading, {})
+
+
+@pytest.mark.long
+def test_each_call_of_the_tasks_in_python_runs(folder):
+    text = (ROOT / "docs" / "how-to.md").read_text(encoding="utf-8").partition("## In Python")[2]
+    calls = re.findall(r"^\| .* \| `([^`]+)` \|$", text, re.MULTILINE)
+    assert len(calls) == len(re.findall(r"^\| (?!you)[^-]", text, re.MULTILINE))
+    midair.record("virtual:towel", 0.6, path="take.h5")
+    names = {"midair": midair, "values": np.zeros((10, 4, 4))}
+    for call in calls:
+        exec(call, names)
+    assert all(Path(name).exists() for name in ("traces.png", "phases.csv", "part.h5", "best.drive.h5"))
