@@ -22,7 +22,7 @@ from midair.files import DEFAULT_PROFILE, load_array_calibration, profile_named,
 from midair.model import Acoustics, ArrayCalibration, Medium
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.pipeline import required_lead
-from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
+from midair.rig import ArraySession, BudgetPlan, VirtualRig, calibrate_array, error_budget
 from midair.rig.names.sensor_names import SPREADS
 from midair.settings import best_mode
 from midair.solvers import one_blas_thread
@@ -70,7 +70,9 @@ def measured(rig: VirtualRig, seconds: float) -> ArrayCalibration:
     array.silencer = "off"
     exposure = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a virtual array")
     with array, rig.sensor(skin) as sensor:
-        return calibrate_array(array, sensor, ArrayPlan(duration=seconds), acoustics=ROOM, exposure=exposure)
+        return calibrate_array(
+            array, sensor, ArrayPlan(duration=seconds), session=ArraySession(acoustics=ROOM, exposure=exposure)
+        )
 
 
 def coverage(found: ArrayCalibration, rig: VirtualRig) -> None:

@@ -8,7 +8,7 @@ from midair.calibration import BeamSetting
 from midair.errors import InputError, ShapeError
 from midair.model import ControlGrid, Placement, SensorGrid, TransducerArray
 from midair.model.geometry import centred
-from midair.rig import VirtualRig, calibrate_array
+from midair.rig import ArraySession, VirtualRig
 
 
 def test_four_units_have_996_transducers_centred_on_their_mean():
@@ -121,7 +121,7 @@ def test_a_bad_grid_is_refused(kind, wrong, error):
         (lambda: SensorGrid(pitch=11), r"pitch: expected 1e-06 to 0.2 m, got 11 m; .* 11 mm is 0.011$"),
         (lambda: VirtualRig(height=200), r"height: .* 200 mm is 0.2$"),
         (lambda: BeamSetting(height=200), r"height: .* 200 mm is 0.2$"),
-        (lambda: calibrate_array(None, None, height=200), r"height: .* 200 mm is 0.2$"),
+        (lambda: ArraySession(height=200), r"height: .* 200 mm is 0.2$"),
         (lambda: midair.open_rig("virtual", height=200), r"height: .* 200 mm is 0.2$"),
         (lambda: midair.live("virtual:towel", "virtual", height=200), r"height: .* 200 mm is 0.2$"),
     ],

@@ -35,7 +35,7 @@ def opened(seed):
 def test_measures_the_virtual_array_as_its_seed_made_it():
     array, sensor = opened(4)
     with array, sensor:
-        found = calibrate_array(array, sensor, ArrayPlan(duration=0.4, group=15), acoustics=Acoustics())
+        found = calibrate_array(array, sensor, ArrayPlan(duration=0.4, group=15))
     true = array.chain.transducers
     response = true.response * np.exp(-1j * np.angle(true.response.sum()))
     level = np.abs(found.response).mean() / np.abs(response).mean()

@@ -185,34 +185,25 @@ class ArraySession:
     warn: Callable[[str], None] = no_warning
     """Called with a line for each fault of the recording that widens the uncertainties."""
 
+    def __post_init__(self) -> None:
+        length(self.height, "height", HEIGHTS)
+
 
 def calibrate_array(
     array: ArrayDevice,
     sensor: SensorDevice,
     plan: ArrayPlan | None = None,
     *,
-    height: float = HEIGHT,
-    acoustics: Acoustics | None = None,
-    exposure: ExposureChoices | None = None,
+    session: ArraySession | None = None,
     date: str = "",
-    stage: Stage = no_progress,
-    warn: Callable[[str], None] = no_warning,
 ) -> ArrayCalibration:
     """Measure the transducers of an open array, whose silencer is off, with an open, calibrated sensor.
-
-    Height, acoustics, exposure, stage and warn are those of `ArraySession`.
 
     MismatchError if only one of the two devices is simulated, RateError if the sensor's rate is not an integer multiple
     of the codes' rate, InputError if the sensor has no calibration, does not detect the beam, clips, is too noisy, or
     moved by more than 0.5 mm.
     """
-    session = ArraySession(
-        height=length(height, "height", HEIGHTS),
-        acoustics=acoustics or Acoustics(),
-        exposure=exposure,
-        stage=stage,
-        warn=warn,
-    )
+    session = session or ArraySession()
     model, samples, told = _recorded(array, sensor, plan or ArrayPlan(), session)
     found = fit_array(
         model,
@@ -221,9 +212,9 @@ def calibrate_array(
         level_uncertainty=(typical_uncertainty(model.calibration, model.band) or 0.0) / 2,
         date=date,
         provenance=told,
-        progress=stage("fit each group"),
+        progress=session.stage("fit each group"),
     )
-    _check_fit(found, warn)
+    _check_fit(found, session.warn)
     return found
 
 

@@ -6,6 +6,7 @@ import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -23,34 +24,22 @@ from midair.rig.names.sensor_names import SENSORS, source_sensor
 from midair.solvers import solve
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Check:
     """Result of one check."""
 
     subject: str
-    state: Literal["ok", "missing", "broken"]
-    """"missing" stands for something optional."""
     found: str
     advice: str = ""
     """One line of advice; empty if there is nothing to do."""
     use: str = ""
     """Work that is possible if it is ok, for the last line of the report."""
+    state: Literal["ok", "missing", "broken"] = "ok"
+    """"missing" stands for something optional."""
 
 
-def ok(subject: str, found: str, advice: str = "", use: str = "") -> Check:
-    """Return a result without problem."""
-    return Check(subject=subject, state="ok", found=found, advice=advice, use=use)
-
-
-def missing(subject: str, found: str, advice: str = "", use: str = "") -> Check:
-    """Return the lack of something optional."""
-    return Check(subject=subject, state="missing", found=found, advice=advice, use=use)
-
-
-def broken(subject: str, found: str, advice: str = "", use: str = "") -> Check:
-    """Return a problem."""
-    return Check(subject=subject, state="broken", found=found, advice=advice, use=use)
-
+ok, missing, broken = Check, partial(Check, state="missing"), partial(Check, state="broken")
+"""A result without problem, the lack of something optional, and a problem."""
 
 _ADVICE = {
     "firmware": "update the units to series 0.12 by the makers' console; firmware v10 to v12.1 plays with pyautd3",

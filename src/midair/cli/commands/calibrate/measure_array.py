@@ -118,17 +118,8 @@ def array_command(
     cpu = f"{work:.0f} to {3 * work:.0f} s of CPU, the more the transducers differ"
     print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then {cpu}")
     with progress_bars() as stage, array, source:
-        found = calibrate_array(
-            array,
-            source,
-            ArrayPlan(duration=duration, top=top),
-            height=height,
-            acoustics=session.acoustics,
-            exposure=session.exposure,
-            date=day,
-            stage=stage,
-            warn=session.warn,
-        )
+        plan, session = ArrayPlan(duration=duration, top=top), replace(session, stage=stage)
+        found = calibrate_array(array, source, plan, session=session, date=day)
     save_array_calibration(found, target)
     simulated = found.provenance.simulated
     table = [*describe(found), Row("written", str(target))]
