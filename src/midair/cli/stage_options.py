@@ -111,6 +111,6 @@ class Drawing(AbstractContextManager[devices.GrblStage]):
             err().print(self.stands)
             raise KeyboardInterrupt
 
-    def companion(self, stopped: Stopped) -> "rig.StageStroke":
+    def one_stroke(self, stopped: Stopped) -> "rig.StageStroke":
         """The stroke that runs during a take."""
         return rig.StageStroke(self.stage, self.setup, stroke=self.stroke, speed=self.speed, stopped=stopped)

@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from .takes.take_state import RecordSettings as RecordSettings
     from .takes.take_state import StageStroke as StageStroke
     from .takes.take_state import Take as Take
+    from .takes.take_state import TakeObserver as TakeObserver
     from .takes.take_state import TakeOrder as TakeOrder
     from .takes.take_state import View as View
     from .takes.take_state import event_message as event_message

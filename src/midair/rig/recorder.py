@@ -10,19 +10,16 @@ from midair.files import OpenedTake, open_take
 from midair.model import Event, Progress, SensorWiring
 from midair.rig.names.sensor_names import VirtualRig, sensor_named
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_state import Drift, RecordSettings, TakeOrder, View
+from midair.rig.takes.take_state import Drift, RecordSettings, TakeObserver, View
 from midair.validation import check_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _ProgramWatcher:
+class _ProgramObserver(TakeObserver):
     """Reports the progress of a recording to a program; lost frames are an error there."""
 
     sensor: SensorDevice
     progress: Progress | None
-
-    def order(self) -> TakeOrder | None:
-        """Give no commands."""
 
     def show(self, view: View) -> None:
         """Report the progress."""
@@ -96,7 +93,7 @@ def record(
         with PacedSensor(device) if chosen.real_time and device.on_demand else device as opened:
             return record(opened, path=path, notes=notes, progress=progress, settings=chosen)
     target = None if path is None else Path(path)
-    take = record_take(sensor, chosen, _ProgramWatcher(sensor, progress), path=target, notes=notes)
+    take = record_take(sensor, chosen, _ProgramObserver(sensor, progress), path=target, notes=notes)
     if take.error is not None:
         raise take.error
     if take.memory is not None:

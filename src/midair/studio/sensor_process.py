@@ -15,6 +15,7 @@ from midair.model import Event
 from midair.rig import (
     Drift,
     RecordSettings,
+    TakeObserver,
     TakeOrder,
     TapTest,
     View,
@@ -117,7 +118,7 @@ class _SensorLoop:
 
     def _wait(self) -> dict[str, Any] | None:
         """Send frames until a request comes; uses a take that waits for a key and is never begun."""
-        watcher = _TakeObserver(self._pipe, self._sensor, idle=True)
+        watcher = _PageObserver(self._pipe, self._sensor, idle=True)
         while not watcher.over:
             try:
                 record_take(_MirroredSensor(self._sensor, self._pipe), RecordSettings(), watcher, key=True, block=STEP)
@@ -129,7 +130,7 @@ class _SensorLoop:
         return watcher.request
 
     def _take(self, request: Mapping[str, Any]) -> None:
-        sensor, watcher = _MirroredSensor(self._sensor, self._pipe), _TakeObserver(self._pipe, self._sensor)
+        sensor, watcher = _MirroredSensor(self._sensor, self._pipe), _PageObserver(self._pipe, self._sensor)
         try:
             take = record_take(
                 sensor, request["settings"], watcher, path=request["path"], notes=request["notes"], block=STEP
@@ -175,7 +176,7 @@ class _SensorLoop:
             sys.exit()
 
 
-class _TakeObserver:
+class _PageObserver(TakeObserver):
     """Observer of a take: requests in, levels and messages out."""
 
     def __init__(self, pipe: StudioPipe, sensor: SensorDevice, *, idle: bool = False) -> None:
@@ -211,7 +212,7 @@ class _TakeObserver:
             **{name: getattr(view.levels, name).tolist() for name in ("clipped", "dead", "stuck")},
         )
 
-    def tell(self, event: Event, drift: Drift | None = None) -> None:
+    def tell(self, event: Event, drift: Drift | None = None, /) -> None:
         """Send an event."""
         said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
         self._pipe.send("event", event=event.kind, channel=event.channel, said=said)

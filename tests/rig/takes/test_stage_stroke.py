@@ -81,7 +81,7 @@ def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
 def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
     watcher = Watcher()
     take, steps = drawn(tmp_path / "a.h5", Ghost(), watcher)
-    assert take.end == "companion"
+    assert take.end == "stroke"
     ((first, frames),) = steps["events"]["strokes"]
     assert [event.kind for event in watcher.events if event.kind == "stroke"] == ["stroke"]
     assert steps["stage"]["speed_m_s"][0] == pytest.approx(0.05, rel=0.02)

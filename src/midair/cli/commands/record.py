@@ -30,8 +30,8 @@ RANGE = 80.0
 """Range of a bar in dB."""
 
 
-class MeterScreen:
-    """The watcher of a take: draws meters, prints events, and turns keys and signals into orders."""
+class MeterScreen(rig.TakeObserver):
+    """The user interface of a take: draws meters, prints events, and turns keys and signals into orders."""
 
     def __init__(
         self,
@@ -284,13 +284,11 @@ def _takes(
             {"take": number, "takes": many} if many > 1 or drawing is not None else {}
         )
         # The recorder reads keys between frames; signals act at once.
-        companion = None if drawing is None else drawing.companion(lambda: bool(signals.came))
+        stroke = None if drawing is None else drawing.one_stroke(lambda: bool(signals.came))
         with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or drawing else path.name):
-            take = rig.record_take(
-                device, settings, screen, companion, path=path, notes=about.notes, about=noted, key=key
-            )
+            take = rig.record_take(device, settings, screen, stroke, path=path, notes=about.notes, about=noted, key=key)
         yield take
-        if take.end in ("quit", "kill", "failure") if drawing is None else take.end != "companion":
+        if take.end in ("quit", "kill", "failure") if drawing is None else take.end != "stroke":
             if drawing is not None and take.end != "failure":
                 err().print(drawing.stands)
             return

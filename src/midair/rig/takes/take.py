@@ -27,14 +27,14 @@ from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.meters import Meters, PreRoll, Trigger
 from midair.rig.takes.take_state import (
     ClockWatch,
-    Companion,
     Drift,
     EndReason,
     RecordSettings,
+    StageStroke,
     Take,
+    TakeObserver,
     TakeOrder,
     View,
-    Watcher,
 )
 from midair.validation import Declared, documented, setting
 
@@ -45,8 +45,8 @@ DRIFT_TOLD = 200.0
 def record_take(
     sensor: SensorDevice,
     settings: RecordSettings,
-    watcher: Watcher,
-    companion: Companion | None = None,
+    observer: TakeObserver,
+    stroke: StageStroke | None = None,
     *,
     path: Path | None = None,
     notes: Mapping[str, str] | None = None,
@@ -56,11 +56,11 @@ def record_take(
 ) -> Take:
     """Record one take with an open sensor, which is started and stopped here.
 
-    It begins with a touch if the settings have a level, at the command "toggle" of the watcher if `key`, and else at
-    once; settings of the sensor or of several takes are ignored. A companion begins with the first frame; the take ends
-    with it, and if the take ends earlier, the companion is stopped. A file is written during the recording, so that the
-    frames survive a crash; without `path` they are kept in memory. `about` are further settings of the step "record" in
-    the provenance, such as the number of the take; `block` is the duration of one read in s.
+    It begins with a touch if the settings have a level, at the command "toggle" of the observer if `key`, and else at
+    once; settings of the sensor or of several takes are ignored. A stroke begins with the first frame and ends the
+    take; if the take ends earlier, it is stopped. A file is written during the recording, so that the frames survive a
+    crash; without `path` they are kept in memory. `about` are further settings of the step "record" in the provenance,
+    such as the number of the take; `block` is the duration of one read in s.
 
     InputError if the duration is shorter than one frame, FileError if the file cannot be created, DeviceError if the
     sensor gives no frames, or is lost before the first frame.
@@ -74,34 +74,35 @@ def record_take(
     sensor.start()
     try:
         with ExitStack() as stack:
-            start = "touch" if settings.level is not None else "key" if key else "at once"
-            provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes or {})
-            run = _TakeRun(sensor, settings, watcher, companion, stack, path, start, provenance, about or {})
+            run = _TakeRun(sensor, settings, observer, stroke, path, stack)
+            run.start = "touch" if settings.level is not None else "key" if key else "at once"
+            run.provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes or {})
+            run.about = about or {}
             return run.run(max(1, round(block * sensor.rate)))
     finally:
-        if companion is not None:
-            companion.end()
+        if stroke is not None:
+            stroke.end()
         sensor.stop()
 
 
 class _TakeRun:
     """State of a running take."""
 
+    start: Literal["at once", "key", "touch"]
+    provenance: Provenance
+    about: Mapping[str, Setting]
+
     def __init__(
         self,
         sensor: SensorDevice,
         settings: RecordSettings,
-        watcher: Watcher,
-        companion: Companion | None,
-        stack: ExitStack,
+        observer: TakeObserver,
+        stroke: StageStroke | None,
         path: Path | None,
-        start: Literal["at once", "key", "touch"],
-        provenance: Provenance,
-        about: Mapping[str, Setting],
+        stack: ExitStack,
     ) -> None:
-        self._sensor, self._settings, self._watcher, self._stack = sensor, settings, watcher, stack
-        self._companion, self._path, self._start = companion, path, start
-        self._provenance, self._about = provenance, about
+        self._sensor, self._settings, self._observer = sensor, settings, observer
+        self._stroke, self._path, self._stack = stroke, path, stack
         self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
@@ -133,11 +134,11 @@ class _TakeRun:
                 end, error = "failure", wrong
         if end == "source" and self._frames == 0 and self._gap_filler.frames == 0:
             raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
-        if self._companion is not None and error is None:
+        if self._stroke is not None and error is None:
             # Its positions until now belong to the take.
-            self._companion.end()
+            self._stroke.end()
             try:
-                self._accompany(self._companion)
+                self._follow_stroke(self._stroke)
             except (DeviceError, FileError) as wrong:
                 error = wrong
         for kind, watch in self._watches:
@@ -163,16 +164,16 @@ class _TakeRun:
 
     def _step(self, frames: int) -> EndReason | None:
         """Read and process a block; return the reason if the take has ended."""
-        if (order := self._watcher.order()) in ("quit", "kill"):
+        if (order := self._observer.order()) in ("quit", "kill"):
             return order
-        if self._writer is None and self._start == "key" and self._sensor.on_demand and order is None:
+        if self._writer is None and self.start == "key" and self._sensor.on_demand and order is None:
             # Reading would consume an on-demand source before a key is pressed.
             time.sleep(frames / self._sensor.rate)
             self._show()
             return None
         block = self._sensor.read(frames)
         if not len(block.samples):
-            if self._companion is not None:
+            if self._stroke is not None:
                 raise DeviceError(
                     f"{self._sensor.name}: expected frames to the end of the stroke, the sensor ended early"
                 )
@@ -181,13 +182,13 @@ class _TakeRun:
         self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
         end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
         self._show()
-        return end or (None if self._companion is None else self._accompany(self._companion))
+        return end or (None if self._stroke is None else self._follow_stroke(self._stroke))
 
-    def _accompany(self, companion: Companion) -> EndReason | None:
-        """Store the companion's report; return the reason if it ended the take."""
+    def _follow_stroke(self, stroke: StageStroke) -> EndReason | None:
+        """Store the report of the stroke; return the reason if it ended the take."""
         if self._writer is None:
             return None
-        news = companion.news()
+        news = stroke.news()
         begin = self._zero + self._origin / self._sensor.rate
         self._writer.stamp([replace(stamp, time=stamp.time - begin) for stamp in news.stamps])
         for first, last in news.strokes:
@@ -198,7 +199,7 @@ class _TakeRun:
             raise DeviceError(news.problem)
         self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
         # Frames arrive with a delay: those of its last moment still belong to the take.
-        return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
+        return "stroke" if news.over and self._frames >= self._latest * self._sensor.rate else None
 
     def _receive(self, block: FrameBlock) -> Array:
         """Fill the gaps of a block, and report its events."""
@@ -221,10 +222,10 @@ class _TakeRun:
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
         """Begin if the start condition is met, else buffer the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
-        if self._start == "touch" and order is None:
+        if self.start == "touch" and order is None:
             begin = int(past.argmax()) if past.any() else None
         else:
-            begin = 0 if self._start == "at once" or order == "toggle" else None
+            begin = 0 if self.start == "at once" or order == "toggle" else None
         if begin is None:
             self._before.add(samples)
             return None
@@ -240,9 +241,9 @@ class _TakeRun:
     def _open(self, origin: int, kept: int) -> None:
         """Begin the recording, whose frame 0 is frame `origin` of the sensor."""
         sensor, chosen = self._sensor, self._settings
-        settings: dict[str, Setting] = dict(self._about)
-        if self._start != "at once":
-            settings |= {"start": self._start, "pre_roll_s": kept / sensor.rate}
+        settings: dict[str, Setting] = dict(self.about)
+        if self.start != "at once":
+            settings |= {"start": self.start, "pre_roll_s": kept / sensor.rate}
         if chosen.level is not None:
             settings |= {"level": chosen.level}
         if chosen.duration is not None:
@@ -251,7 +252,7 @@ class _TakeRun:
             "rate": sensor.rate,
             "sensor": sensor.grid,
             "unit": sensor.unit,
-            "provenance": self._provenance.then("record", settings) if settings else self._provenance,
+            "provenance": self.provenance.then("record", settings) if settings else self.provenance,
             "calibration": sensor.calibration,
         }
         if self._path is None:
@@ -260,8 +261,8 @@ class _TakeRun:
             writer = RecordingWriter(self._path, expected=self._wanted or 0, stored=sensor.stored, **made)
             self._writer = self._stack.enter_context(writer)
         self._origin = origin
-        if self._companion is not None:
-            self._companion.begin()
+        if self._stroke is not None:
+            self._stroke.begin()
         # Earlier events that concern the recorded frames.
         still = self._meters.levels.dead | self._meters.levels.stuck
         for event in self._early:
@@ -270,7 +271,7 @@ class _TakeRun:
             elif (after := event.frame + event.frames - origin) > 0:
                 self._store([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
-        if self._start == "touch":
+        if self.start == "touch":
             self._report([Event(kind="trigger", frame=origin + kept)])
 
     def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
@@ -296,7 +297,7 @@ class _TakeRun:
 
     def _report(self, events: Sequence[Event], drift: Drift | None = None) -> None:
         for event in events:
-            self._watcher.tell(event, drift)
+            self._observer.tell(event, drift)
         if self._writer is None:
             self._early.extend(events)
         else:
@@ -312,7 +313,7 @@ class _TakeRun:
             self._writer.note(rows)
 
     def _show(self) -> None:
-        self._watcher.show(
+        self._observer.show(
             View(
                 state="waiting" if self._writer is None else "recording",
                 frames=self._frames,

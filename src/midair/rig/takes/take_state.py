@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -134,8 +134,8 @@ class RecordSettings(Declared):
 
 TakeOrder = Literal["toggle", "quit", "kill"]
 """User command: start or stop this take; stop, and make no more takes; stop because of a signal."""
-EndReason = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
-"""Reason for the end of a take: duration reached, end of the source, key, silence, quit, signal, end of the companion,
+EndReason = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "stroke", "failure"]
+"""Reason for the end of a take: duration reached, end of the source, key, silence, quit, signal, end of the stroke,
 or failure."""
 
 
@@ -187,25 +187,22 @@ class Take:
         return "" if self.error is None else str(self.error)
 
 
-class Watcher(Protocol):
-    """User interface of a take."""
+class TakeObserver:
+    """User interface of a take; gives no commands and shows nothing by itself."""
 
     def order(self) -> TakeOrder | None:
-        """Command since the last call."""
-        ...
+        """Return the command since the last call."""
 
     def show(self, view: View) -> None:
         """Display the state; called for every block."""
-        ...
 
     def tell(self, event: Event, drift: Drift | None = None, /) -> None:
         """Report an event; its frame is counted from the sensor's start. A DeviceError that it raises ends the take."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompanionReport:
-    """Report of a companion since the last call; times in s by this computer's monotonic clock."""
+class StrokeReport:
+    """Report of a stroke since the last call; times in s by this computer's monotonic clock."""
 
     stamps: tuple[StageStamp, ...] = ()
     """Positions of the stage."""
@@ -215,22 +212,6 @@ class CompanionReport:
     """Whether it has finished, which ends the take."""
     problem: str = ""
     """Error message, if any."""
-
-
-class Companion(Protocol):
-    """A task that runs during a take from its first frame, such as the motion of a stage."""
-
-    def begin(self) -> None:
-        """Start; the first frame is in the file."""
-        ...
-
-    def news(self) -> CompanionReport:
-        """Report since the last call, without waiting."""
-        ...
-
-    def end(self) -> None:
-        """Stop, since the take is over; allowed at any time and repeatedly."""
-        ...
 
 
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
@@ -286,7 +267,7 @@ def _drift(ppm: float, drift: Drift | None) -> str:
 
 
 class StageStroke:
-    """Companion of a take that strokes an object over the sensor once; length in m, speed in m/s.
+    """Strokes an object over the sensor once during a take, from its first frame; length in m, speed in m/s.
 
     The stage is open, at rest above the start of the stroke; it stops when `stopped` returns True.
     """
@@ -303,19 +284,19 @@ class StageStroke:
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Start the stroke."""
+        """Start the stroke; the first frame is in the file."""
         self._thread = threading.Thread(target=self._run, name="stroke", daemon=True)
         self._thread.start()
 
-    def news(self) -> CompanionReport:
-        """Report since the last call."""
+    def news(self) -> StrokeReport:
+        """Report since the last call, without waiting."""
         with self._lock:
             stamps, self._stamps = tuple(self._stamps), []
             strokes, self._strokes = tuple(self._strokes), []
-            return CompanionReport(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
+            return StrokeReport(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
 
     def end(self) -> None:
-        """Stop the stage if it moves, and wait until it stands still."""
+        """Stop the stage if it moves, and wait until it stands still; allowed at any time and repeatedly."""
         self._enough.set()
         if self._thread is not None:
             self._thread.join()
