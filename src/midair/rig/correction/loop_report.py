@@ -3,10 +3,7 @@
 import importlib.metadata
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
-from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +35,7 @@ from midair.pressure_level import level_of
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.laboratory import laboratory_picture
 from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture
-from midair.settings import Settings, format_setting
+from midair.settings import format_setting
 from midair.targets import frames_without_lead
 from midair.view import Sound, ViewData, page_parts, show_comparison, show_drive, with_content_policy
 
@@ -60,29 +57,13 @@ def write_report(
     of the page, the loop's own among them; `progress` is called with (pictures drawn, total pictures).
     """
     outcomes = tuple(beside) or (Outcome.of(loop),)
-    # Drawn once, since drawing takes longer than solving.
     own = next(each for each in outcomes if each.loop is loop)
+    # Drawn once, since drawing takes longer than solving.
     shown = drawn(loop, own.card, progress)
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
     palms += [] if laboratory is None else [laboratory_picture(laboratory)]
-    page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
-    write_file(path, page)
-    return [*palms, *shown]
-
-
-def render(
-    loop: Loop,
-    shown: Sequence[Picture],
-    *,
-    commands: tuple[str, ...] = (),
-    outcomes: Sequence[Outcome] = (),
-    palms: Sequence[Picture] = (),
-) -> str:
-    """Render the report as HTML without external resources."""
-    outcomes = tuple(outcomes) or (Outcome.of(loop),)
-    own = next(each for each in outcomes if each.loop is loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
-    watch = view_of_loop(loop)
+    watch, life = view_of_loop(loop), loop.passes[-1].felt.provenance
     page = render_page(
         "rig/correction/report.html.j2",
         watch=watch,
@@ -101,25 +82,13 @@ def render(
         palm={} if own.palm is None else own.palm.figures(),
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         rectified=loop.settings.target.mapping == "half-wave",
-        settings=settings_rows(loop.settings),
-        steps=[(step.stage, _settings_text(step.settings)) for step in loop.passes[-1].felt.provenance.steps],
+        settings=[(name, format_setting(name, value)) for name, value in life.last("settings").items()],
+        steps=[(step.stage, _settings_text(step.settings)) for step in life.steps if step.stage != "settings"],
         versions=versions(),
         commands=commands,
     )
-    return with_content_policy(page)
-
-
-def settings_rows(settings: Any, prefix: str = "") -> list[Row]:
-    """Every setting with its value; nested settings have dotted names."""
-    rows: list[Row] = []
-    for entry in fields(settings):
-        value = getattr(settings, entry.name)
-        name = f"{prefix}{entry.name}"
-        if is_dataclass(value) and not isinstance(value, type):
-            rows += settings_rows(value, f"{name}.")
-        else:
-            rows.append((name, format_setting(name, value)))
-    return rows
+    write_file(path, with_content_policy(page))
+    return [*palms, *shown]
 
 
 def versions() -> list[Row]:
@@ -157,8 +126,7 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     # In the lead the target is almost zero, so the relative error there has no meaning.
     inside = frames_without_lead(target.provenance, target.frames, target.rate)
     plays[: inside.start] = plays[inside.stop :] = False
-    settings: Settings = loop.settings
-    field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)
+    field = propagate(solution.drive, target.grid, acoustics=loop.settings.acoustics)
     error = relative_error(field, target.amplitude)[plays]
     return {
         "gain requested": (this.gain, ""),
@@ -190,17 +158,16 @@ FIELD_TITLE = "Target and reproduced field"
 
 def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
     """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
-    count = 7 + (card is not None) + bool(loop.end)
-    shown: list[Picture] = []
-    for picture in chain(loop_figures(loop), further_pictures(loop, card)):
+    count, shown = 7 + (card is not None) + bool(loop.end), list[Picture]()
+    for picture in _pictures(loop, card):
         shown.append(picture)
         if progress is not None:
             progress(len(shown), count)
     return shown
 
 
-def loop_figures(loop: Loop) -> Iterator[Picture]:
-    """Draw the figures of a loop, in the order of the pipeline."""
+def _pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
+    """Draw the figures in the order of the pipeline; then the perceptual metrics, and errors of iterative passes."""
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
     solution, target = last.reproduction.solution, last.reproduction.target
     frame = int(np.argmax(np.linalg.norm(target.amplitude, axis=1)))
@@ -279,10 +246,6 @@ def loop_figures(loop: Loop) -> Iterator[Picture]:
             )
         ),
     )
-
-
-def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
-    """Draw the perceptual metrics, if the loop is long enough, and the errors of an iterative correction."""
     if card is not None:
         yield Picture(
             title="Perceptual metrics of each cell",
@@ -296,7 +259,7 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Pic
             lines=True,
             caption="The first passes correct the amplitude, the others the waveform. "
             f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
-            data=png_bytes(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
+            data=png_bytes(passes_figure([("this loop", errors)], simulated=simulated)),
         )
 
 
