@@ -57,14 +57,13 @@ if TYPE_CHECKING:
     from .doctor.wizard import store_checkup as store_checkup
     from .live_touch.live_settings import LiveMapping as LiveMapping
     from .live_touch.live_settings import LiveSettings as LiveSettings
-    from .live_touch.playing_live import live as live
-    from .live_touch.playing_live import live_clearance as live_clearance
+    from .live_touch.live_take import LiveTake as LiveTake
     from .live_touch.process import LoopStarted as LoopStarted
     from .live_touch.process import streamed as streamed
     from .live_touch.session import LiveSession as LiveSession
     from .live_touch.session import LiveStatistics as LiveStatistics
-    from .live_touch.session import LiveTake as LiveTake
-    from .live_touch.timing import SensorRate as SensorRate
+    from .live_touch.session import live as live
+    from .live_touch.session import live_clearance as live_clearance
     from .live_touch.timing import request_realtime as request_realtime
     from .live_touch.touch_ring import FRAME_EMITTED as FRAME_EMITTED
     from .live_touch.touch_ring import FRAME_LATE as FRAME_LATE

@@ -9,8 +9,8 @@ from midair.errors import FileError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 from midair.model import Calibration, Placement, SensorGrid
 from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted
-from midair.rig.live_touch.session import LiveTake
 from midair.rig.live_touch.timing import SchedulerGrant
 from midair.rig.live_touch.touch import Rehearsal
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing

@@ -15,7 +15,7 @@ from midair.cli.output import may_write, print_table
 from midair.devices import stop_on_input
 from midair.errors import InputError
 from midair.model import Acoustics
-from midair.rig import LiveSession, LiveSettings, LiveStatistics, SensorRate
+from midair.rig import LiveSession, LiveSettings, LiveStatistics
 from midair.rig import live as begin
 from midair.table import Details, Line, Row
 
@@ -109,7 +109,7 @@ def _ended_table(ended: LiveSession, keep: Path | None) -> list[Line]:
     ]
 
 
-def _rate_warning(rate: SensorRate, warned: bool) -> bool:
+def _rate_warning(rate: LiveStatistics, warned: bool) -> bool:
     """Print once that a sensor's rate is wrong; return whether this was done."""
     if rate.rate_problem and not warned:
         err().print(f"midair: {rate.rate_problem}", soft_wrap=True)

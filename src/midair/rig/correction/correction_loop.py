@@ -56,24 +56,15 @@ def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Set
 def focus_on_cell(array: TransducerArray, sensor: SensorGrid, channel: int, settings: Settings) -> float:
     """Pressure in Pa that a cell of the default sensor reads of a full focus on its centre."""
     grid = settings.target.grid
-    points = cell_points(sensor, grid)
+    # For averages over cells: four points per pitch, up to one pitch beyond the outermost cells.
+    size, place = {"rows": 4 * (sensor.rows + 2), "columns": 4 * (sensor.columns + 2)}, grid.centre
+    points = ControlGrid(**size, pitch=sensor.pitch / 4, height=grid.height, centre=place)
     x, y = sensor.channel_position(channel)
     middle = np.array([x + grid.centre[0], y + grid.centre[1], grid.height])
     q = np.exp(1j * focus_phase(array, middle, acoustics=settings.acoustics))
     field = transfer_matrix(points, array, acoustics=settings.acoustics) @ q
     weights = cell_weights(SensorModel.usual(sensor), points, centre=grid.centre, between="waves")
     return float(weights[channel] @ radiation_pressure(field, settings.acoustics.medium))
-
-
-def cell_points(sensor: SensorGrid, grid: ControlGrid) -> ControlGrid:
-    """Points for averages over cells: four per pitch, up to one pitch beyond the outermost cells."""
-    return ControlGrid(
-        rows=4 * (sensor.rows + 2),
-        columns=4 * (sensor.columns + 2),
-        pitch=sensor.pitch / 4,
-        height=grid.height,
-        centre=grid.centre,
-    )
 
 
 def _expected_reading(part: PressureFrames, settings: Settings) -> Array:

@@ -199,8 +199,8 @@ def _play(
     told: Connection,
     counted: dict[str, int],
 ) -> None:
-    sensor = sensor_for(order)
-    notes = 0
+    named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
+    sensor, notes = streamed(named, longest=ROUND), 0
 
     def note(text: str) -> None:
         nonlocal notes
@@ -211,7 +211,11 @@ def _play(
     # Before the SDK starts its threads, which inherit the priority.
     granted = request_realtime(order.priority)
     with sensor:
-        check_rate(sensor)
+        if not RATES[0] <= sensor.rate <= RATES[1]:
+            raise InputError(
+                f"{sensor.name}: expected {RATES[0]:g} to {RATES[1]:g} frames per second, got {sensor.rate:g} Hz; "
+                "state a rate with ?rate=1000"
+            )
         calibration = calibration_for(order, sensor)
         schedule = order.schedule(sensor.rate)
         rate = schedule.formed * sensor.rate
@@ -279,21 +283,6 @@ def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[]
             raise StoppedError(f"{name}: stopped, since the program that started it is gone; start again")
 
     return check
-
-
-def check_rate(sensor: StreamedSensor) -> None:
-    """Refuse a frame rate that live touch does not support."""
-    if not RATES[0] <= sensor.rate <= RATES[1]:
-        raise InputError(
-            f"{sensor.name}: expected {RATES[0]:g} to {RATES[1]:g} frames per second, got {sensor.rate:g} Hz; "
-            "state a rate with ?rate=1000"
-        )
-
-
-def sensor_for(order: LiveSettings) -> StreamedSensor:
-    """Make the sensor, not yet open."""
-    named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
-    return streamed(named, longest=ROUND)
 
 
 def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration:

@@ -1,8 +1,8 @@
-"""Control of a live run: start the loop's process, renew its lease, write the take, report statistics."""
+"""`midair.live`: start the process of the loop, renew its lease, write the take, report statistics."""
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -12,139 +12,28 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import LeaseToken, PlayLease
-from midair.errors import DeviceError, DeviceStateError, MidairError
-from midair.files import RecordingWriter
-from midair.model import Event, EventKind, Placement, Provenance
+from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease
+from midair.errors import DeviceError, DeviceStateError
+from midair.model import RATE, Placement
 from midair.processes import start_process
 from midair.rig.live_touch.live_settings import RISE, LiveSettings
-from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
-from midair.rig.live_touch.timing import SensorRate, measured_rate
-from midair.rig.live_touch.touch_ring import FRAME_LATE, FRAME_REPEATED, STEP, TouchRing
-
-
-class LiveTake:
-    """Writes the ring to a file in a thread of the parent program, so that no disk can delay the loop.
-
-    `opened` is the state of the opened devices, `since` that of the loop's `TouchRing`, or as it for stored frames,
-    called every `every` s; the ring holds several seconds. Raises FileError if the file cannot be created.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        order: LiveSettings,
-        opened: LoopStarted,
-        since: Callable[[int], tuple[NDArray[Any], int, int]],
-        notes: Mapping[str, str],
-        *,
-        every: float = 0.05,
-    ) -> None:
-        self.problem: MidairError | None = None
-        self.missed = 0
-        self._since, self._count, self._every = since, opened.sensor.count, every
-        self._grid, self._seen, self._formed = opened.sensor, 0, opened.schedule.formed
-        self._over = threading.Event()
-        self._writer = RecordingWriter(
-            path,
-            rate=opened.rate,
-            sensor=opened.sensor,
-            unit=opened.unit,
-            provenance=Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
-                "live", _provenance(order, opened)
-            ),
-            calibration=opened.calibration,
-            array=(order.placement or Placement.grid()).array(),
-            played_each=self._formed,
-        )
-        self._writer.__enter__()
-
-    def run(self) -> None:
-        """Write until `end`, and then the remaining frames."""
-        try:
-            while not self._over.wait(self._every):
-                self._write()
-            self._write()
-        except MidairError as wrong:
-            self.problem = wrong
-
-    def end(self) -> None:
-        """Signal that no more frames follow."""
-        self._over.set()
-
-    def close(self) -> None:
-        """Close the file, once `run` has returned; raise the error of the writing, if any."""
-        self._writer.__exit__(None, self.problem, None)
-        if self.problem is not None:
-            raise self.problem
-
-    def _write(self) -> None:
-        found, seen, missed = self._since(self._seen)
-        # Only whole frames of the sensor; the rest is read next time, or was overwritten in part.
-        first = int(-found["number"][0]) % self._formed if len(found) else 0
-        rest = (len(found) - first) % self._formed
-        found, self._seen = found[first : len(found) - rest], seen - rest
-        if missed := (missed + first) // self._formed:
-            self._writer.note([Event(kind="lost", frame=self._writer.frames, frames=missed)])
-            self.missed += missed
-        if not len(found):
-            return
-        kinds: tuple[tuple[EventKind, int], ...] = (("lost", FRAME_REPEATED), ("late", FRAME_LATE))
-        for kind, flag in kinds:
-            for begin, end in _runs((found["flags"] & flag) > 0):
-                first, last = begin // self._formed, -(-end // self._formed)
-                self._writer.note([Event(kind=kind, frame=self._writer.frames + first, frames=last - first)])
-        samples = found["samples"][:: self._formed, : self._count].reshape(-1, *self._grid.shape)
-        played = {
-            "phase_steps": found["phases"],
-            "intensity": found["intensity"],
-            "instant": found["instant"],
-            "state": found["flags"].astype(np.int8),
-        }
-        self._writer.append(samples, played)
-
-
-def _provenance(order: LiveSettings, opened: LoopStarted) -> dict[str, Any]:
-    """Settings of the step "live" of a take."""
-    medium, schedule = order.acoustics.medium, opened.schedule
-    return {
-        **{name: getattr(order, name) for name in ("device", "follow", "gain")},
-        "height_m": order.height,
-        "latency_s": order.latency,
-        "offset_pa": order.offset,
-        "band_hz": order.band,
-        "hold_s": schedule.hold,
-        "filter_delay_s": schedule.delay,
-        "mapping": schedule.mapping,
-        "delay_s": opened.delay,
-        "level": opened.level,
-        "exposure": opened.exposure,
-        "silencer": opened.silencer,
-        "error_by_band": opened.error,
-        "computer": opened.granted.words(),
-        "array_calibration": opened.array_calibration,
-        "sound_m_s": medium.speed,
-        "temperature_c": medium.temperature,
-        "humidity": medium.humidity,
-        "air_stated": order.exposure.room is not None,
-    }
-
-
-def _runs(true: np.ndarray) -> list[tuple[int, int]]:
-    """(first, one after the last) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]])))
-    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
+from midair.rig.live_touch.live_take import LiveTake
+from midair.rig.live_touch.process import LoopEnded, LoopStarted, live_rig, play_live
+from midair.rig.live_touch.touch_ring import STEP, TouchRing
+from midair.rig.session import Session
 
 CHANNELS = 64
 """Maximum number of channels of a live sensor."""
+
+RATE_SPAN = 5.0
+"""Time in s over which the sensor's rate is measured at least; jitter of 20 ms is then 0.4 %."""
 
 COUNTS = ("frames", "played", "lost", "late", "hot", "hurried", "unanswered", "gaps", "failsafe")
 """Counts of `LiveStatistics`, in the ring under the same names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveStatistics(SensorRate):
+class LiveStatistics:
     """Statistics of a live run."""
 
     frames: int
@@ -178,6 +67,25 @@ class LiveStatistics(SensorRate):
     """(second of the run, late, lost) of up to five seconds with the most missing frames, in order."""
     over_time: dict[str, tuple[int, ...]]
     """Late and lost frames, and gaps, in each tenth of the run so far."""
+    stated_rate: float
+    """Frame rate in Hz that the sensor states."""
+    rate: float | None
+    """Frame rate in Hz by this computer's clock; None in the first 5 s."""
+
+    @property
+    def rate_error(self) -> float:
+        """Relative deviation of the measured from the stated frame rate; 0 before it is measured."""
+        return 0.0 if self.rate is None else self.rate / self.stated_rate - 1
+
+    @property
+    def rate_problem(self) -> str:
+        """Message for a rate that differs by more than 1 %; else empty."""
+        if self.rate is None or abs(self.rate_error) <= 0.01:
+            return ""
+        return (
+            f"sensor: expected {self.stated_rate:g} frames per second, measured {self.rate:.4g} by this computer's "
+            f"clock, so that frames are late; state the true rate, such as ?rate={self.rate:.0f}, or correct the sensor"
+        )
 
     def plain(self) -> dict[str, Any]:
         """As plain values, with times in ms."""
@@ -190,7 +98,8 @@ class LiveStatistics(SensorRate):
             "work_ms": {name: _ms(each) for name, each in zip(names, self.work, strict=True)},
             "worst_seconds": [dict(zip(("second", "late", "lost"), each, strict=True)) for each in self.worst],
             "over_time": {name: list(counts) for name, counts in self.over_time.items()},
-            **self.plain_rate(),
+            "stated_rate_hz": self.stated_rate,
+            "rate_hz": None if self.rate is None else round(self.rate, 3),
         }
 
 
@@ -258,7 +167,7 @@ class LiveSession:
             work=_quantiles(ring.histogram("work")),
             worst=ring.worst(),
             stated_rate=opened.rate,
-            rate=measured_rate(ring.count("timed"), 1e-6 * ring.count("span_us")),
+            rate=ring.count("timed") / span if (span := 1e-6 * ring.count("span_us")) >= RATE_SPAN else None,
             over_time=ring.over_time(ring.count("frames") / (opened.schedule.formed * opened.rate)),
         )
 
@@ -373,3 +282,79 @@ def _quantiles(histogram: NDArray[np.int64]) -> tuple[float, ...]:
 
 def _ms(seconds: float) -> float | None:
     return None if np.isnan(seconds) else round(1e3 * seconds, 3)
+
+
+def live(
+    sensor: str | None = None,
+    device: str | None = None,
+    *,
+    settings: LiveSettings | None = None,
+    cooling: Cooling | None = None,
+    keep: str | Path | None = None,
+    notes: dict[str, str] | None = None,
+    permit: PlayLease | None = None,
+    leave: LeaseToken | None = None,
+    report: Callable[[str], object] | None = None,
+    **changes: Any,
+) -> LiveSession:
+    """Play a sensor's signal on an array, 13 ms later by default; a context manager that is silent after leaving.
+
+    It runs in a separate process. A script has to start it below ``if __name__ == "__main__":``, since that process
+    imports the script as well. Raises InputError if a value is out of range, or a sensor is too slow for live touch.
+
+    Parameters
+    ----------
+    sensor, device : str, optional
+        Names of the sensor and of the array, as in `LiveSettings`.
+    settings : LiveSettings, optional
+        All settings; the defaults if None.
+    cooling : Cooling, optional
+        How to wait in silence for units that are too hot; without it they end the session with TooHotError.
+    keep : str or Path, optional
+        File for a take of the sensor's samples and the emitted phases.
+    notes : dict of str to str, optional
+        Notes of the take.
+    permit : PlayLease, optional
+        Lease that another program renews and can stop; a lease of its own if None.
+    leave : LeaseToken, optional
+        Token of that lease's arming; armed here if None.
+    report : callable, optional
+        Called by ``wait`` with one line when following the palm begins or ends; with ``cooling`` also for its pauses.
+    **changes
+        Fields of `LiveSettings` that differ from `settings`, such as ``height=0.15``. Calibration, wiring and placement
+        may be the path of a file.
+
+    Returns
+    -------
+    LiveSession
+        Enter it with ``with``: ``wait(seconds)``, ``statistics``, ``stop()``.
+
+    Examples
+    --------
+    >>> with midair.live("virtual:towel", duration=2.0) as session:
+    ...     session.wait()
+    ...     print(session.statistics.late)
+    """
+    named: dict[str, Any] = {
+        name: value for name, value in (("sensor", sensor), ("device", device)) if value is not None
+    }
+    if cooling is not None:
+        named["cooling_limit"] = cooling.limit
+    order = (settings or LiveSettings()).but(**named, **changes)
+    return LiveSession(
+        order,
+        keep=None if keep is None else Path(keep),
+        notes=notes,
+        permit=permit,
+        leave=leave,
+        report=report or (None if cooling is None else cooling.report),
+    )
+
+
+def live_clearance(order: LiveSettings) -> ExposureClearance:
+    """Check the exposure of live settings without opening a device; `live` checks again with the device.
+
+    `rate` is the frame rate in Hz. Raises ExposureError if the worst case at this level exceeds the profile without an
+    override.
+    """
+    return Session(rig=live_rig(order, RATE)).clear_level(order.level, order.schedule(RATE).formed * RATE)

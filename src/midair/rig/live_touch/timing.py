@@ -43,44 +43,6 @@ class Timetable:
         return grid
 
 
-RATE_SPAN = 5.0
-"""Time in s over which the sensor's rate is measured at least; jitter of 20 ms is then 0.4 %."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorRate:
-    """Frame rate that a sensor states, and the one that was measured."""
-
-    stated_rate: float
-    """Frame rate in Hz that the sensor states."""
-    rate: float | None
-    """Frame rate in Hz by this computer's clock; None in the first 5 s."""
-
-    @property
-    def rate_error(self) -> float:
-        """Relative deviation of the measured from the stated frame rate; 0 before it is measured."""
-        return 0.0 if self.rate is None else self.rate / self.stated_rate - 1
-
-    @property
-    def rate_problem(self) -> str:
-        """Message for a rate that differs by more than 1 %; else empty."""
-        if self.rate is None or abs(self.rate_error) <= 0.01:
-            return ""
-        return (
-            f"sensor: expected {self.stated_rate:g} frames per second, measured {self.rate:.4g} by this computer's "
-            f"clock, so that frames are late; state the true rate, such as ?rate={self.rate:.0f}, or correct the sensor"
-        )
-
-    def plain_rate(self) -> dict[str, float | None]:
-        """As plain values."""
-        return {"stated_rate_hz": self.stated_rate, "rate_hz": None if self.rate is None else round(self.rate, 3)}
-
-
-def measured_rate(frames: int, span: float) -> float | None:
-    """Rate in Hz of so many frames in `span` s; None if the span is too short."""
-    return frames / span if span >= RATE_SPAN else None
-
-
 class RateMeter:
     """Counts frames against the computer's clock; steps of more than `pause` s, after lost frames, are left out."""
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, Literal, TypedDict, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -51,13 +51,7 @@ from midair.registry import Registry, load_object
 from midair.settings import TransducerSpread
 from midair.validation import check_settings, length, setting
 
-
-class _Spread(TypedDict, total=False):
-    spread: float
-    resonance_spread: float
-
-
-SPREADS: Mapping[TransducerSpread, _Spread] = MappingProxyType(
+SPREADS: Mapping[TransducerSpread, Mapping[str, float]] = MappingProxyType(
     {
         # Assumed: 5 % of strength, 50 Hz, 5 % of quality; phases then differ by 0.06 rad.
         "default": {},
