@@ -152,8 +152,6 @@ class LoopEnded:
 
     error: MidairError | None
     """Error that ended it; None for a normal end."""
-    told: dict[str, int]
-    """Counts of the frames sent to the units."""
 
 
 def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -176,11 +174,10 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    counted: dict[str, int] = {}
     error: MidairError | None = None
     try:
         with ordered_at(process_start_time()), one_blas_thread():
-            _play(order, ring, permit, leave, told, counted)
+            _play(order, ring, permit, leave, told)
     except MidairError as wrong:
         error = wrong
     except KeyboardInterrupt:
@@ -188,7 +185,7 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     except Exception as wrong:  # noqa: BLE001  # reported to the parent process
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
     with suppress(OSError):  # the parent process may be gone
-        told.send(LoopEnded(error=error, told=counted))
+        told.send(LoopEnded(error=error))
 
 
 def _play(
@@ -197,7 +194,6 @@ def _play(
     permit: PlayLease,
     leave: LeaseToken,
     told: Connection,
-    counted: dict[str, int],
 ) -> None:
     named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
     sensor, notes = streamed(named, longest=ROUND), 0
@@ -265,13 +261,10 @@ def _play(
                 check=_lease_check(permit, leave, array.name),
                 steering=steering,
             )
-            try:
-                source_name, room = f"live {sensor.name}", order.exposure.room
-                with array.frames_to_come(admission, source=source_name, room=room) as put:
-                    sensor.start()
-                    loop.run(put, order.duration)
-            finally:
-                counted |= array.units.counts()
+            source_name, room = f"live {sensor.name}", order.exposure.room
+            with array.frames_to_come(admission, source=source_name, room=room) as put:
+                sensor.start()
+                loop.run(put, order.duration)
 
 
 def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:

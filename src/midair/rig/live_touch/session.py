@@ -22,8 +22,8 @@ from midair.rig.live_touch.process import LoopEnded, LoopStarted, live_rig, play
 from midair.rig.live_touch.touch_ring import STEP, TouchRing
 from midair.rig.session import Session
 
-CHANNELS = 64
-"""Maximum number of channels of a live sensor."""
+SLOTS, CHANNELS = 8192, 64
+"""Frames that the ring holds for slow readers; maximum number of channels of a live sensor."""
 
 RATE_SPAN = 5.0
 """Time in s over which the sensor's rate is measured at least; jitter of 20 ms is then 0.4 %."""
@@ -107,7 +107,7 @@ class LiveSession:
     """A run of live touch; a context manager that is silent and has ended after leaving.
 
     `permit` is a lease that another program renews, `leave` the token of its arming; by default a lease of its own,
-    renewed while this process runs. `slots` is the number of frames in the ring, for slow readers; `wait` calls
+    renewed while this process runs. `wait` calls
     `report` with one line when a pause for cooling or following the palm begins or ends. `keep` and `notes` as in
     `live`.
     """
@@ -120,13 +120,12 @@ class LiveSession:
         notes: dict[str, str] | None = None,
         permit: PlayLease | None = None,
         leave: LeaseToken | None = None,
-        slots: int = 8192,
         report: Callable[[str], object] | None = None,
     ) -> None:
         self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
-        self.ring = TouchRing(slots, CHANNELS, units)
+        self.ring = TouchRing(SLOTS, CHANNELS, units)
         self._own = permit is None
         self.permit, self._leave = permit or PlayLease(), leave
         self._process: Any = None
@@ -234,7 +233,7 @@ class LiveSession:
                 f"live: the playing process ended with status {self._process.exitcode} without a report; the "
                 "array's own failsafe has silenced it; start again"
             )
-            self._ended = self._ended or LoopEnded(error=lost, told={})
+            self._ended = self._ended or LoopEnded(error=lost)
             return
         if isinstance(said, LoopStarted):
             self._opened = said

@@ -16,12 +16,12 @@ class Timetable:
     """Instants on a regular grid, a hold after the sampling times, that follow the sensor's clock slowly.
 
     Frames have a constant period despite jitter of the time stamps: the grid moves by one tick at a time towards the
-    mean of the stamps over `over` frames. A deviation above `far`, after a pause of sensor or computer, starts a new
+    mean of the stamps over 256 frames. A deviation above `far`, after a pause of sensor or computer, starts a new
     grid, and so does `restart`. All times in ns.
     """
 
-    def __init__(self, period: int, hold: int, *, far: int = 50_000_000, over: int = 256) -> None:
-        self._period, self._hold, self._far, self._over = period, hold, far, over
+    def __init__(self, period: int, hold: int, *, far: int = 50_000_000) -> None:
+        self._period, self._hold, self._far = period, hold, far
         self._number, self._instant, self._off = -1, 0, 0.0
 
     def restart(self) -> None:
@@ -35,7 +35,7 @@ class Timetable:
         if self._number < 0 or abs(off) > self._far:
             grid, self._off = -(-(taken + self._hold) // TICK) * TICK, 0.0
         else:
-            self._off += (off - self._off) / self._over
+            self._off += (off - self._off) / 256
             if abs(self._off) > TICK:
                 step = TICK if self._off > 0 else -TICK
                 grid, self._off = grid + step, self._off - step

@@ -51,7 +51,7 @@ from midair.registry import Registry, load_object
 from midair.settings import TransducerSpread
 from midair.validation import check_settings, length, setting
 
-SPREADS: Mapping[TransducerSpread, Mapping[str, float]] = MappingProxyType(
+SPREADS: Mapping[TransducerSpread, Mapping[str, Any]] = MappingProxyType(
     {
         # Assumed: 5 % of strength, 50 Hz, 5 % of quality; phases then differ by 0.06 rad.
         "default": {},
