@@ -10,5 +10,6 @@ from .iterative import beam_drive as beam_drive
 from .iterative import beam_gain as beam_gain
 from .iterative import commanded_pressure as commanded_pressure
 from .iterative import correct_air as correct_air
+from .iterative import focused_drive as focused_drive
 from .iterative import measured_response as measured_response
 from .iterative import sine_amplitude as sine_amplitude

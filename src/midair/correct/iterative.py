@@ -84,14 +84,20 @@ def beam_drive(
     # Begins at 0, so that there is no jump between levels.
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
-    phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
+    return focused_drive(array, point, level, rate=rate, acoustics=acoustics, source="beam test")
+
+
+def focused_drive(
+    array: TransducerArray, point: Array, level: Array, *, rate: float, acoustics: Acoustics | None = None, source: str
+) -> Drive:
+    """A drive that holds a focus at a point, shape (3,), in m; `level` as in `Drive`, `rate` in frames per second."""
     return Drive(
-        phase=phase,
+        phase=np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count)),
         level=level,
         rate=rate,
         array=array,
         acoustics=acoustics or Acoustics(),
-        provenance=Provenance(source="beam test"),
+        provenance=Provenance(source=source),
     )
 
 

@@ -28,6 +28,7 @@ from midair.calibration import (
     tone_amplitudes,
     typical_uncertainty,
 )
+from midair.correct import focused_drive
 from midair.devices import (
     ArrayDevice,
     ExposureChoices,
@@ -53,7 +54,6 @@ from midair.physics import (
     TransducerDynamics,
     envelope,
     focus_amplitude,
-    focus_phase,
     radiation_pressure,
     sound_amplitude,
     transfer_matrix,
@@ -101,7 +101,8 @@ def calibrate_by_beam(
     expected, commanded, slow = _command(plan, strongest, played)
     cells = sensor.grid.count
     for cell in range(cells):
-        drive = _drive(plan, level, array, focus_position(sensor.grid, cell, setting), acoustics)
+        focus, source = focus_position(sensor.grid, cell, setting), "beam on one cell"
+        drive = focused_drive(array.array, focus, level, rate=plan.rate, acoustics=acoustics, source=source)
         recording = Session.on(array, sensor, exposure).rerecord(drive, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
         lag = find_lag(flat[:, cell], np.repeat(expected, steps))
@@ -138,12 +139,6 @@ def _command(plan: BeamPlan, strongest: float, played: Array) -> tuple[Array, Co
     return around.reshape(-1, FINE).mean(axis=1), tones, np.abs(1 - np.abs(tones[-1]) / np.abs(at_once[-1]))
 
 
-def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, acoustics: Acoustics) -> Drive:
-    phase = np.broadcast_to(focus_phase(array.array, focus, acoustics=acoustics), (len(level), array.array.count))
-    life = Provenance(source="beam on one cell")
-    return Drive(phase=phase, level=level, rate=plan.rate, array=array.array, acoustics=acoustics, provenance=life)
-
-
 def record_silence(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
     """Record the sensor while nothing plays, for a duration in s."""
     sensor.start()
@@ -166,10 +161,6 @@ _SILENCE = 1.0
 """Duration of the recording before the codes, in s."""
 
 
-def no_warning(_: str) -> None:
-    """Ignore a warning."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArraySession:
     """Conditions under which codes are played."""
@@ -182,7 +173,7 @@ class ArraySession:
     """Exposure limits of the codes; the default profile if None."""
     stage: Stage = no_progress
     """Called with the name of each stage at its start; returns its progress callback."""
-    warn: Callable[[str], None] = no_warning
+    warn: Callable[[str], object] = bool
     """Called with a line for each fault of the recording that widens the uncertainties."""
 
     def __post_init__(self) -> None:
@@ -272,7 +263,7 @@ def _recorded(
     return model, samples, measured.then("measure array", told)
 
 
-def check_silence(samples: Array, model: ArrayField, warn: Callable[[str], None] = no_warning) -> None:
+def check_silence(samples: Array, model: ArrayField, warn: Callable[[str], object] = bool) -> None:
     """Compare a recording without sound, shape (frame, channel), with the noise of the sensor's calibration.
 
     Noise in the band above twice that of the calibration, or three times as much below 15 Hz as in the band (a draught,
@@ -301,7 +292,7 @@ def check_silence(samples: Array, model: ArrayField, warn: Callable[[str], None]
         )
 
 
-def _check_fit(found: ArrayCalibration, warn: Callable[[str], None]) -> None:
+def _check_fit(found: ArrayCalibration, warn: Callable[[str], object]) -> None:
     """Warn or raise InputError if the sensor moved during the codes; warn if the model leaves more than the noise."""
     told = found.provenance.last("fit array")
     moved, sure, left = (float(str(told[name])) for name in ("moved_m", "moved_uncertainty_m", "noise_ratio"))
@@ -386,12 +377,5 @@ def _focus(array: ArrayDevice, place: Array, top: float, acoustics: Acoustics) -
     times = np.arange(round(ROUND * RATE)) / RATE
     reached = focus_amplitude(place[None], array.array, acoustics=acoustics)
     strongest = min(1.0, float(sound_amplitude(np.array(top), acoustics.medium)) / reached)
-    phase = focus_phase(array.array, place, acoustics=acoustics)
-    return Drive(
-        phase=np.broadcast_to(phase, (len(times), array.array.count)),
-        level=strongest * np.abs(np.sin(np.pi * TONE * times)),
-        rate=RATE,
-        array=array.array,
-        acoustics=acoustics,
-        provenance=Provenance(source="focus on a place"),
-    )
+    level = strongest * np.abs(np.sin(np.pi * TONE * times))
+    return focused_drive(array.array, place, level, rate=RATE, acoustics=acoustics, source="focus on a place")

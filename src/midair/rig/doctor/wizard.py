@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.calibration import find_lag
+from midair.correct import focused_drive
 from midair.devices import (
     ArrayDevice,
     ExposureChoices,
@@ -191,8 +192,8 @@ def run_wizard(
     acoustics = Acoustics() if choices.room is None else Acoustics(medium=choices.room)
     checks = [*report_findings(array.name, array.describe()), air, _placement(array, ask)]
     # The strongest focus, and the level at which it meets the profile.
-    phase = focus_phase(array.array, np.array([0.0, 0.0, height]), acoustics=acoustics)[None]
-    drive = Drive(phase=phase, level=np.ones(1), rate=1000.0, array=array.array, acoustics=acoustics)
+    focus = np.array([0.0, 0.0, height])
+    drive = focused_drive(array.array, focus, np.ones(1), rate=1000.0, acoustics=acoustics, source="focus")
     found = measure_exposure(drive, array.array, choices.profile, steps=array.steps_a_turn, room=choices.room)
     level = min(1.0, 10 ** (-found.excess / 20))
     # Rounded down, so that the printed level keeps the limit.
@@ -221,14 +222,8 @@ def click_drive(array: TransducerArray, unit: int, *, height: float, acoustics: 
     focus = array.position[inside].mean(axis=0) + height * array.normal[inside][0]
     frame = np.arange(1000)
     sounds = (frame % 200 < 80) & (frame % 8 < 4)
-    return Drive(
-        phase=np.broadcast_to(focus_phase(array, focus, acoustics=acoustics), (len(frame), array.count)),
-        level=(sounds[:, None] & inside).astype(float),
-        rate=1000.0,
-        array=array,
-        acoustics=acoustics,
-        provenance=Provenance(source=f"clicks of unit {unit}"),
-    )
+    level, source = (sounds[:, None] & inside).astype(float), f"clicks of unit {unit}"
+    return focused_drive(array, focus, level, rate=1000.0, acoustics=acoustics, source=source)
 
 
 def store_checkup(device: str, checks: list[Check]) -> Path:
