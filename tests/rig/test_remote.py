@@ -289,7 +289,7 @@ def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_lev
     array = virtual_immediate(units=VirtualUnits(kept=1))
     with array, array.drives_to_come() as (quiet, begin):
         player = FramePlayer(Session(rig=OpenRig(array=array, sensor=None)), quiet, begin)
-        cleared = adaptics.Stream(player, 50.0, None, print)._admission
+        cleared = adaptics.Stream(player, 50.0, None, print)._clearance
     assert cleared.exposure.duty == pytest.approx(cleared.level, rel=0.05)
     assert cleared.level > 0.1
 

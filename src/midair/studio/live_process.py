@@ -217,7 +217,7 @@ class _LiveSupervisor:
                 self._pipe.send("follow", text=text)
 
         leave = order["leave"]
-        session = live(settings=settings, permit=self._permit, leave=leave, cooling=cooling, report=told)
+        session = live(settings=settings, lease=(self._permit, leave), cooling=cooling, report=told)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()

@@ -429,7 +429,7 @@ class _Player(PlayObserver):
         try:
             with self._opened(rig), array.drives_to_come() as (quiet, begin), ThreadPoolExecutor(1) as pool:
                 self.loops = player = FramePlayer(Session(rig=rig), quiet, begin)
-                player.permit = self.permit
+                player.lease = self.permit
                 file = player.load(pattern, None, False, {})["file"]
                 playing = pool.submit(player.run)
                 player.triggers.put((player.loaded_file(file), 0, leave, False))

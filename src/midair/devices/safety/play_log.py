@@ -39,7 +39,7 @@ Ending = Literal["played", "stopped", "failed"]
 def log_order(
     source: str | Path,
     device: str,
-    admission: ExposureClearance,
+    clearance: ExposureClearance,
     *,
     simulated: bool = False,
     room: Medium | None = None,
@@ -52,10 +52,10 @@ def log_order(
     not named, would be exposed for more hours today (UTC) than the profile permits, without an override.
     """
     close_orders()
-    longer = "" if simulated else _check_hours(admission, participant)
-    found, order = admission.exposure, token()
+    longer = "" if simulated else _check_hours(clearance, participant)
+    found, order = clearance.exposure, token()
     # A drive that is still being solved and checked is described when the order ends.
-    known: dict[str, object] = {"exposure": admission.outcome, "override_by": admission.by}
+    known: dict[str, object] = {"exposure": clearance.outcome, "override_by": clearance.by}
     _append(
         {
             "event": "play",
@@ -75,21 +75,21 @@ def log_order(
             "profile": found.profile.name,
             "profile_sha256": hash_of_profile(found.profile),
         }
-        | (known if admission.later else exposed(admission))
+        | (known if clearance.later else exposed(clearance))
         | ({"override_by": longer} if longer else {})
     )
     return order
 
 
-def _check_hours(admission: ExposureClearance, participant: str) -> str:
+def _check_hours(clearance: ExposureClearance, participant: str) -> str:
     """Name of the person responsible for more hours than the profile permits; empty if there are no more."""
-    profile, drive = admission.exposure.profile, admission.drive
-    coming = 0.0 if drive is None else drive.frames * admission.repeats / drive.rate
+    profile, drive = clearance.exposure.profile, clearance.drive
+    coming = 0.0 if drive is None else drive.frames * clearance.repeats / drive.rate
     if coming <= (left := sound_left(profile, participant)):
         return ""
-    if not admission.named:
+    if not clearance.named:
         raise hours_error(profile, participant, 3600 * profile.hours - left, coming)
-    return admission.named
+    return clearance.named
 
 
 def sound_left(profile: ExposureProfile, participant: str) -> float:
@@ -115,16 +115,16 @@ def hours_error(profile: ExposureProfile, participant: str, spent: float, coming
     )
 
 
-def exposed(admission: ExposureClearance) -> dict[str, object]:
+def exposed(clearance: ExposureClearance) -> dict[str, object]:
     """The drive of a clearance and its exposure, for the log."""
-    found, drive = admission.exposure, admission.drive
+    found, drive = clearance.exposure, clearance.drive
     medium = found.airs[-1].medium
     return {
         "sha256": None if drive is None else hash_of_drive(drive),
         "frames": None if drive is None else drive.frames,
-        "level": admission.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
-        "exposure": admission.outcome,
-        "override_by": admission.by,
+        "level": clearance.level if drive is None else max(float(part.max()) for part in blocks(drive.level)),
+        "exposure": clearance.outcome,
+        "override_by": clearance.by,
         "excess_db": _number(found.excess),
         "palm_pa": found.pressure,
         # Radiation pressure of a plane wave is alpha times its intensity over the speed of sound.

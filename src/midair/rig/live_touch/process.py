@@ -167,7 +167,7 @@ def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
 ForkingPickler.register(MappingProxyType, _as_dict)
 
 
-def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
+def play_live(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
     `told` receives one `LoopStarted`, then a line for each begin and end of a pause or of following, and a `LoopEnded`.
@@ -177,7 +177,7 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
     error: MidairError | None = None
     try:
         with ordered_at(process_start_time()), one_blas_thread():
-            _play(order, ring, permit, leave, told)
+            _play(order, ring, lease, token, told)
     except MidairError as wrong:
         error = wrong
     except KeyboardInterrupt:
@@ -191,8 +191,8 @@ def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: Le
 def _play(
     order: LiveSettings,
     ring: TouchRing,
-    permit: PlayLease,
-    leave: LeaseToken,
+    lease: PlayLease,
+    token: LeaseToken,
     told: Connection,
 ) -> None:
     named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
@@ -217,8 +217,8 @@ def _play(
         rate = schedule.formed * sensor.rate
         with live_rig(order, sensor.rate, note) as rig, ExitStack() as opened:
             array, kept, solved = rig.frames, rig.measured, rig.transducers
-            admission = Session(rig=rig).clear_level(order.level, rate)
-            touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, admission.level)
+            clearance = Session(rig=rig).clear_level(order.level, rate)
+            touch = Touch(order, calibration, sensor.grid, sensor.rate, solved, clearance.level)
             rehearsal = touch.rehearse(rate, schedule.hold)
             # The kernel stops real-time threads that filled a core for a second, as this start does, for 50 ms.
             for _ in range(2):
@@ -234,9 +234,9 @@ def _play(
                     calibration=calibration,
                     simulated=sensor.simulated or array.simulated,
                     transducers=array.array.count,
-                    exposure=admission.verdict(),
-                    level=admission.level,
-                    strongest=admission.strongest,
+                    exposure=clearance.verdict(),
+                    level=clearance.level,
+                    strongest=clearance.strongest,
                     granted=granted,
                     rehearsal=rehearsal,
                     delay=touch.delay,
@@ -256,22 +256,22 @@ def _play(
                 touch,
                 array,
                 ring,
-                strongest=admission.strongest,
-                level=lambda: permit.level,
-                check=_lease_check(permit, leave, array.name),
+                strongest=clearance.strongest,
+                level=lambda: lease.level,
+                check=_lease_check(lease, token, array.name),
                 steering=steering,
             )
             source_name, room = f"live {sensor.name}", order.exposure.room
-            with array.frames_to_come(admission, source=source_name, room=room) as put:
+            with array.frames_to_come(clearance, source=source_name, room=room) as put:
                 sensor.start()
                 loop.run(put, order.duration)
 
 
-def _lease_check(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:
+def _lease_check(lease: PlayLease, token: LeaseToken, name: str) -> Callable[[], None]:
     parent = os.getppid()
 
     def check() -> None:
-        permit.check(leave, name)
+        lease.check(token, name)
         if os.getppid() != parent:
             raise StoppedError(f"{name}: stopped, since the program that started it is gone; start again")
 

@@ -106,10 +106,9 @@ class LiveStatistics:
 class LiveSession:
     """A run of live touch; a context manager that is silent and has ended after leaving.
 
-    `permit` is a lease that another program renews, `leave` the token of its arming; by default a lease of its own,
-    renewed while this process runs. `wait` calls
-    `report` with one line when a pause for cooling or following the palm begins or ends. `keep` and `notes` as in
-    `live`.
+    `lease` is one that another program renews, with the token of its arming; by default it is renewed while this
+    process runs. `wait` calls `report` with one line when a pause for cooling or following the palm begins or ends.
+    `keep` and `notes` as in `live`.
     """
 
     def __init__(
@@ -118,16 +117,15 @@ class LiveSession:
         *,
         keep: Path | None = None,
         notes: dict[str, str] | None = None,
-        permit: PlayLease | None = None,
-        leave: LeaseToken | None = None,
+        lease: tuple[PlayLease, LeaseToken] | None = None,
         report: Callable[[str], object] | None = None,
     ) -> None:
         self._report = report
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
         self.ring = TouchRing(SLOTS, CHANNELS, units)
-        self._own = permit is None
-        self.permit, self._leave = permit or PlayLease(), leave
+        self._own = lease is None
+        self.lease, self._token = lease or (PlayLease(), None)
         self._process: Any = None
         self._told: Any = None
         self._ended: LoopEnded | None = None
@@ -184,14 +182,14 @@ class LiveSession:
 
     def stop(self) -> None:
         """Silence at once and end the session."""
-        self.permit.stop()
+        self.lease.stop()
 
     def __enter__(self) -> Self:
-        leave = self._leave or self.permit.arm()
+        token = self._token or self.lease.arm()
         self._told, tells = Pipe(duplex=False)
-        self._start("permit", lambda: self._renew(leave))
+        self._start("lease", lambda: self._renew(token))
         try:
-            arguments = (self.order, self.ring, self.permit, leave, tells)
+            arguments = (self.order, self.ring, self.lease, token, tells)
             self._process = start_process(play_live, *arguments, name="midair live")
             # The end of the process is then the end of the pipe.
             tells.close()
@@ -211,11 +209,11 @@ class LiveSession:
         if error is None:
             self._raise()
 
-    def _renew(self, leave: LeaseToken) -> None:
+    def _renew(self, token: LeaseToken) -> None:
         while self._own and not self._over.wait(0.1):
-            if self.permit.refusal(leave) is not None:
+            if self.lease.refusal(token) is not None:
                 return
-            self.permit.renew()
+            self.lease.renew()
 
     def _start(self, name: str, work: Callable[[], None]) -> None:
         thread = threading.Thread(target=work, name=f"live {name}", daemon=True)
@@ -256,7 +254,7 @@ class LiveSession:
             self._receive(0.1)
         self._over.set()
         with suppress(DeviceStateError):
-            self.permit.stop()
+            self.lease.stop()
         if self._process is not None:
             self._process.join(2)
             if self._process.is_alive():
@@ -291,8 +289,7 @@ def live(
     cooling: Cooling | None = None,
     keep: str | Path | None = None,
     notes: dict[str, str] | None = None,
-    permit: PlayLease | None = None,
-    leave: LeaseToken | None = None,
+    lease: tuple[PlayLease, LeaseToken] | None = None,
     report: Callable[[str], object] | None = None,
     **changes: Any,
 ) -> LiveSession:
@@ -313,10 +310,8 @@ def live(
         File for a take of the sensor's samples and the emitted phases.
     notes : dict of str to str, optional
         Notes of the take.
-    permit : PlayLease, optional
-        Lease that another program renews and can stop; a lease of its own if None.
-    leave : LeaseToken, optional
-        Token of that lease's arming; armed here if None.
+    lease : (PlayLease, LeaseToken), optional
+        Lease that another program renews and can stop, and the token of its arming; a lease of its own if None.
     report : callable, optional
         Called by ``wait`` with one line when following the palm begins or ends; with ``cooling`` also for its pauses.
     **changes
@@ -344,8 +339,7 @@ def live(
         order,
         keep=None if keep is None else Path(keep),
         notes=notes,
-        permit=permit,
-        leave=leave,
+        lease=lease,
         report=report or (None if cooling is None else cooling.report),
     )
 

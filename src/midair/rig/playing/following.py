@@ -133,7 +133,7 @@ class Follower:
         share = (np.arange(len(phase)) - ends[before]) / (ends[before + 1] - ends[before])
         return angles[before] + share[:, None] * (angles[before + 1] - angles[before])
 
-    def steer_alone_if_slow(self, admission: SteeredClearance) -> None:
+    def steer_alone_if_slow(self, clearance: SteeredClearance) -> None:
         """Leave out the fit if this computer needs more than two thirds of the time of a block for it and the check."""
         if self._fit is None:
             return
@@ -145,7 +145,7 @@ class Follower:
             begin = time.perf_counter()
             self._pose, self._fit.pose = still, None
             self._beside(self._fit, part.phase)
-            admission.steered(part, still)
+            clearance.steered(part, still)
             spent.append(time.perf_counter() - begin)
         self._pose, self._fit.pose, self._fitted = None, None, np.ones_like(self._fitted)
         if min(spent) > self.rules.block * 2 / 3:
@@ -340,7 +340,7 @@ def play_followed(
     array: ImmediateArray,
     tracker: Tracker,
     settings: PlaySettings,
-    admission: SteeredClearance,
+    clearance: SteeredClearance,
     grid: ControlGrid,
     *,
     source: str | Path = "python",
@@ -356,8 +356,8 @@ def play_followed(
     follower = Follower(tracker, drive, grid, rules=rules, report=report)
     block, total = max(1, round(follower.rules.block * drive.rate)), drive.frames * settings.repeats
     ahead, before, reactions = round(array.hold * 1e9), units.counts(), list[float]()
-    follower.steer_alone_if_slow(admission)
-    with signals_end_the_program(), array.frames_to_come(admission, source=source, room=settings.exposure.room) as put:
+    follower.steer_alone_if_slow(clearance)
+    with signals_end_the_program(), array.frames_to_come(clearance, source=source, room=settings.exposure.room) as put:
         # The first block needs longer than the others.
         first = -(-(units.now() + round(settings.delay * 1e9) + 50_000_000) // period) * period
         offset = units.now() - time.monotonic_ns()
@@ -397,7 +397,7 @@ def play_followed(
             wait_until(units, first + begin * period - ahead - slack)
             times = np.asarray((first + numbers * period - offset) * 1e-9, np.float64)
             part, poses = follower.steered(slice(at, at + len(numbers)), times)
-            part = admission.steered(part, poses)
+            part = clearance.steered(part, poses)
             if units.now() > first + begin * period - ahead:
                 follower.steer_alone()
             phases = phase_bytes(part, array.placement.units)

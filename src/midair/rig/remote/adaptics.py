@@ -94,9 +94,9 @@ class Stream:
         self._most = float(samples.level.max())
         # Nothing is known of the frames to come: heat is that of a still focus on the palm at the highest level.
         still = replace(self._drawn(MIDDLE.mean(axis=0)[None], np.full(1, pressure)), level=np.full(1, self._most))
-        self._admission = player.session.clear_places(still, samples)
+        self._clearance = player.session.clear_places(still, samples)
         made: dict[str, Any] = {"about": {"file": NAME}, "frames": self.frames, "block": BLOCK}
-        player.add(self._admission, NAME, **made, rate=RATE, length=1000 * BLOCK)
+        player.add(self._clearance, NAME, **made, rate=RATE, length=1000 * BLOCK)
 
     def begin(self, at: float, state: float) -> None:
         """Begin at a time in ms of the pattern; jumps after the time `state` are taken."""
@@ -128,7 +128,7 @@ class Stream:
             drive = self._drawn(*self._pressed(old + (np.arange(BLOCK) + 1.0)[:, None] / BLOCK * (new - old)))
             self._time, self._state, self._stopped = self._time + 1e3 * BLOCK / RATE, points[-1].state, ended
             self.evals.extend(_told(point) for point in points)
-            return self._admission.steered(drive, None)
+            return self._clearance.steered(drive, None)
         except (MidairError, ArithmeticError, ValueError) as wrong:
             self._stopped = True
             self._report(f"{NAME}: {wrong}")
@@ -229,7 +229,7 @@ class DesignerServer(Server):
         """Do what a message asks."""
         player, stream = self._player, self._stream
         if name == "stop":
-            player.permit.stop()
+            player.lease.stop()
             return {}
         async with self._loading:
             match name:

@@ -100,7 +100,7 @@ class FramePlayer:
         self._begin, array = begin, self.array
         silence = np.zeros((array.placement.units, array.array.count // array.placement.units), np.uint8)
         self._quiet = partial(self._put, quiet, silence, 0)
-        self.permit, self._token = PlayLease(), LeaseToken(number=0, stops=0)
+        self.lease, self._token = PlayLease(), LeaseToken(number=0, stops=0)
         self.loaded: dict[str, Loaded] = {}
         self.level, self._late, self._failsafe = 1.0, 0, 0
         self.palm, self.silent = PalmReports(), threading.Event()
@@ -123,33 +123,33 @@ class FramePlayer:
             expected = "100 to 8000 frames a second with one level for all transducers"
             raise InputError(f"{path.name}: expected {expected}, got {drive.rate:g} Hz, {drive.level.shape} levels")
         follower, how = None, self.settings.but(follow="osc:" if follow else None, steer_only=True)
-        admission = self.session.clear(drive, how, endless=True).clearance
-        if isinstance(admission, SteeredClearance):
+        clearance = self.session.clear(drive, how, endless=True).clearance
+        if isinstance(clearance, SteeredClearance):
             follower = Follower(
                 self.tracker, drive, grid_of(drive), rules=FollowRules(fit=False), report=lambda _: None
             )
         else:
-            drive = admission.check_for(array)
+            drive = clearance.check_for(array)
         phases, intensities = np.asarray(phase_bytes(drive, units)), np.asarray(intensity_bytes(drive, 1))
 
         def frames(part: slice, times: Array) -> tuple[Any, Any]:
-            if follower is None or not isinstance(admission, SteeredClearance):
+            if follower is None or not isinstance(clearance, SteeredClearance):
                 return phases[part], intensities[part]
-            steered = admission.steered(*follower.steered(part, times))
+            steered = clearance.steered(*follower.steered(part, times))
             return phase_bytes(steered, units), intensity_bytes(steered, 1)
 
         about: dict[str, Any] = {"file": path.name, "seconds": drive.frames / drive.rate, "rate_hz": drive.rate}
-        about |= {"follow": follow, "parameters": values, "exposure": admission.verdict()}
+        about |= {"follow": follow, "parameters": values, "exposure": clearance.verdict()}
         made: dict[str, Any] = {"about": about, "again": partial(self.load, path, duration, follow), "frames": frames}
         made |= {"rate": drive.rate, "length": drive.frames, "follower": follower}
-        self.add(admission, path, **made, block=max(1, round(FollowRules().block * drive.rate)))
+        self.add(clearance, path, **made, block=max(1, round(FollowRules().block * drive.rate)))
         return about
 
-    def add(self, admission: ExposureClearance, source: str | Path, **made: Any) -> None:
+    def add(self, clearance: ExposureClearance, source: str | Path, **made: Any) -> None:
         """Begin the order of what was cleared, with the fields of `Loaded`, so that it can be played."""
         report = {"plays": 0, "duration": 0.0}
-        put, log = self._begin(admission, source, report)
-        made |= {"places_db": admission.exposure.level, "put": put, "log": log, "report": report}
+        put, log = self._begin(clearance, source, report)
+        made |= {"places_db": clearance.exposure.level, "put": put, "log": log, "report": report}
         self.loaded[made["about"]["file"]] = Loaded(**made)
 
     def _drawn(self, path: Path, duration: float | None, values: dict[str, float]) -> Drive:
@@ -170,8 +170,8 @@ class FramePlayer:
     def trigger(self, file: str, repeats: int) -> Loaded:
         """Play a loaded file now."""
         loaded = self.loaded_file(file)
-        if self.permit.refusal(self._token) is not None:
-            self._token = self.permit.arm(lasts=LEASE)
+        if self.lease.refusal(self._token) is not None:
+            self._token = self.lease.arm(lasts=LEASE)
         self.silent.clear()
         self.triggers.put((loaded, repeats, self._token, False))
         return loaded
@@ -228,7 +228,7 @@ class FramePlayer:
         number, begin, end, phases, intensities = 0, 0, 0, np.zeros(0), np.zeros(0)
         before, gain = loaded.report["duration"], 0.0 if rises else self.level
         while not repeats or number < repeats * frames:
-            if self.permit.refusal(token) is not None:
+            if self.lease.refusal(token) is not None:
                 return self.array.silence()
             if not self.triggers.empty():
                 return None

@@ -99,7 +99,7 @@ class Server(asyncio.DatagramProtocol):
                 raise
             raise DeviceError(f"serve: expected free ports at {host}, got {wrong.strerror}; choose others") from wrong
         finally:
-            self._player.permit.stop()
+            self._player.lease.stop()
             if self._osc is not None:
                 self._osc.close()
 
@@ -196,12 +196,12 @@ class Server(asyncio.DatagramProtocol):
     def _lose_control(self, client: Client) -> None:
         if client is self._control:
             self._control = None
-            self._player.permit.stop()
+            self._player.lease.stop()
 
     def _lives(self, client: Client) -> None:
         client.seen = time.monotonic()
-        if client is self._control and self._player.permit.armed:
-            self._player.permit.renew(lasts=LEASE)
+        if client is self._control and self._player.lease.armed:
+            self._player.lease.renew(lasts=LEASE)
 
     def _refuse(self, why: str) -> None:
         self._refused += 1
@@ -238,7 +238,7 @@ class Server(asyncio.DatagramProtocol):
 
     def _stop(self) -> None:
         """Silence the array, whatever is due later."""
-        self._player.permit.stop()
+        self._player.lease.stop()
         self._stopped = time.monotonic()
 
     async def _do(self, client: Client, read: Read) -> None:
@@ -251,13 +251,13 @@ class Server(asyncio.DatagramProtocol):
             if held is not client and name not in self.free:
                 if held is not None and time.monotonic() - held.seen < LEASE:
                     raise DeviceStateError(f"{name}: expected control, client {held.number} has it; a stop is allowed")
-                self._player.permit.stop()
+                self._player.lease.stop()
                 self._control = client
             found = await self.act(client, name, message)
         except (MidairError, ValueError, OSError) as wrong:
             # Nothing plays without a log.
             if (isinstance(wrong, FileError) and name == "play") or (self.strict and client is self._control):
-                self._player.permit.stop()
+                self._player.lease.stop()
             self._refuse(f"client {client.number}: {wrong}")
             found = {"error": str(wrong)}
         if found is not None:
@@ -343,6 +343,6 @@ def play_and_serve(
             with suppress(KeyboardInterrupt, asyncio.CancelledError):
                 asyncio.run(server(player).run(host, ports, ready, playing))
         finally:
-            player.permit.stop()
+            player.lease.stop()
             player.triggers.put(None)
             playing.result()
