@@ -32,8 +32,7 @@ import numpy as np
 from pathlib import Path
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
-from midair.rig.takes.take_state import RecordSettings
-from midair.rig.takes.take import record_take
+from midair.rig import RecordSettings, TakeObserver, record_take
 
 
 class Clock(SensorDevice):
@@ -56,14 +55,8 @@ class Clock(SensorDevice):
         return FrameBlock(samples=samples, first=first, device_time=first / 1000, host_time=self.begin + first / 1000)
 
 
-class SilentWatcher:
-    def order(self): ...
-    def show(self, view): ...
-    def tell(self, event, drift=None): ...
-
-
 with open(sys.argv[2], "r+b") as file, Clock(mmap.mmap(file.fileno(), 16)) as sensor:
-    record_take(sensor, RecordSettings(), SilentWatcher(), path=Path(sys.argv[1]))
+    record_take(sensor, RecordSettings(), TakeObserver(), path=Path(sys.argv[1]))
 """
 
 

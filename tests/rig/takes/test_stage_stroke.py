@@ -10,7 +10,7 @@ from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_state import RecordSettings, StageStroke, move_to_start
+from midair.rig.takes.take_state import RecordSettings, StageStroke, TakeObserver, move_to_start
 
 SETUP = StageSetup(
     heading="+x",
@@ -50,15 +50,12 @@ class Ghost:
         return begin, time.monotonic()
 
 
-class Watcher:
+class Watcher(TakeObserver):
     def __init__(self, kill_after=np.inf):
         self.events, self.end = [], time.monotonic() + kill_after
 
     def order(self):
         return "kill" if time.monotonic() > self.end else None
-
-    def show(self, view):
-        pass
 
     def tell(self, event, drift=None):
         self.events.append(event)

@@ -5,7 +5,7 @@ import pytest
 from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_state import RecordSettings
+from midair.rig.takes.take_state import RecordSettings, TakeObserver
 
 MIB = 2**20
 
@@ -32,13 +32,11 @@ class Endless(SensorDevice):
         )
 
 
-class Scales:
+class Scales(TakeObserver):
     """Weighs the program each second of the recording."""
 
     def __init__(self):
         self.weights, self.told = {}, 0
-
-    def order(self): ...
 
     def show(self, view):
         self.weights.setdefault(view.frames // 48_000, psutil.Process().memory_info().rss)
