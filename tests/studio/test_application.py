@@ -372,22 +372,22 @@ def test_a_refused_project_is_named_and_removed(client, studio, talk, monkeypatc
 def test_lease_is_renewed_only_by_the_visible_page_that_armed_it(studio, client, talk):
     playing = studio.playing
     playing._controls = talk.page
-    leave = playing.permit.arm(lasts=5)
-    deadline = playing.permit.left
+    leave = playing.lease.arm(lasts=5)
+    deadline = playing.lease.left
     talk.socket.send_text(json.dumps({"alive": True}))
     talk.order("reproduce", "nothing")
-    assert playing.permit.left < deadline, "renewed to half a second from now"
+    assert playing.lease.left < deadline, "renewed to half a second from now"
     talk.socket.send_text(json.dumps({"alive": False}))
     talk.order("reproduce", "nothing")
-    assert playing.permit.refusal(leave) == "stopped"
+    assert playing.lease.refusal(leave) == "stopped"
 
 
 def test_closed_page_revokes_its_lease(studio, client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
         page = PageClient(socket).page
         studio.playing._controls = page
-        leave = studio.playing.permit.arm(lasts=5)
-    assert studio.playing.permit.refusal(leave) == "stopped"
+        leave = studio.playing.lease.arm(lasts=5)
+    assert studio.playing.lease.refusal(leave) == "stopped"
     assert np.isfinite(page)
 
 
@@ -466,7 +466,7 @@ def test_a_signal_ends_a_studio_without_a_word(studio_at, capfd):
 def test_a_stop_between_the_sounds_of_a_presentation_ends_it(studio):
     playing = studio.playing
     playing.begin_presentation()
-    playing.permit.stop()
+    playing.lease.stop()
     with pytest.raises(StoppedError, match="stopped on request"):
         asyncio.run(playing.quiet(1.0))
 

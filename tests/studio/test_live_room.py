@@ -55,7 +55,7 @@ def test_nothing_is_armed_if_the_array_cannot_be_lent(talk, studio):
     studio.panels["live"]._checked = {3: _request()}
     assert "player" in begin(talk)
     assert "just checked" in begin(talk), "a check is used up by what it allowed"
-    assert not studio.playing.permit.armed
+    assert not studio.playing.lease.armed
     assert studio.store.state["live"]["state"] == "idle"
 
 
@@ -71,14 +71,14 @@ def test_a_stop_before_the_array_is_lent_is_not_forgotten(talk, studio, monkeypa
     async def let_go(do, **_):
         asked.append(do)
         if do == "let go":
-            studio.playing.permit.stop()
+            studio.playing.lease.stop()
         return {"units": "", "count": 996, "simulated": True}
 
     monkeypatch.setattr(studio.playing._player, "ask", let_go)
     studio.panels["live"]._checked = {3: _request()}
     assert "stopped on request" in begin(talk)
     assert asked[0] == "let go"
-    assert not studio.playing.permit.armed
+    assert not studio.playing.lease.armed
     assert studio.store.state["live"]["state"] == "idle"
 
 
@@ -91,7 +91,7 @@ def test_live_begins_only_in_the_air_of_its_check(talk, studio):
 def test_hidden_page_cannot_begin(talk, studio):
     studio.panels["live"]._checked = {3: _request()}
     assert "to be visible" in begin(talk, alive=False)
-    assert not studio.playing.permit.armed
+    assert not studio.playing.lease.armed
 
 
 def _request():

@@ -56,16 +56,16 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
     pytest.importorskip("autd3")
     path = save_drive(tmp_path / "a.drive.h5", frames=50)
     _, studio = Pipe()
-    permit = PlayLease()
-    player = _Player(StudioPipe(studio), permit, "autd3:emulator", 0)
+    lease = PlayLease()
+    player = _Player(StudioPipe(studio), lease, "autd3:emulator", 0)
     with player.held:
         for about in ({"participant": "touch/3"}, {}):
             found = player.act({"do": "admit", "path": str(path), **CHECKED})
-            leave = permit.arm(lasts=10.0)
+            token = lease.arm(lasts=10.0)
             player.act(
-                {"do": "play", "admission": found["number"], "masked": False, "output": "", "leave": leave} | about
+                {"do": "play", "admission": found["number"], "masked": False, "output": "", "token": token} | about
             )
-            permit.disarm()
+            lease.disarm()
     assert [row["participant"] for row in log() if row["event"] == "play"] == ["touch/3", ""]
     assert [row["outcome"] for row in log() if row["event"] == "end"] == ["played", "played"]
 
@@ -75,22 +75,22 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
 def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
     if device != "virtual":
         pytest.importorskip("autd3")
-    take, permit = tmp_path / "a.h5", PlayLease()
+    take, lease = tmp_path / "a.h5", PlayLease()
     record("virtual:towel", 0.3, path=take)
     how = {"mode": "paper", "choices": (("method", "live"),)}
     path, apart = tmp_path / "a.drive.h5", tmp_path / "apart.drive.h5"
     admit = {"do": "admit", "path": str(path), "solve": SolveRequest(take=str(take), drive=str(path), **how)}
-    player = _Player(StudioPipe(Pipe()[1]), permit, device, 0)
-    play = {"do": "play", "masked": False, "output": "", "leave": permit.arm(lasts=10.0)}
+    player = _Player(StudioPipe(Pipe()[1]), lease, device, 0)
+    play = {"do": "play", "masked": False, "output": "", "token": lease.arm(lasts=10.0)}
     with player.held, player.solver:
         found = player.act(admit | CHECKED | {"override": "a test"})
         assert "each part is checked before it sounds" in found["verdict"]
-        permit.stop()
+        lease.stop()
         with pytest.raises(StoppedError):
             player.act(play | {"admission": found["number"]})
         assert not path.exists()
         found = player.act(admit | CHECKED | {"override": "a test"})
-        report = player.act(play | {"admission": found["number"], "leave": permit.arm(lasts=10.0)})
+        report = player.act(play | {"admission": found["number"], "token": lease.arm(lasts=10.0)})
     solve_take(SolveRequest(take=str(take), drive=str(apart), **how), lambda *_: None)
     assert np.array_equal(load_solution(path).drive.phase, load_solution(apart).drive.phase)
     assert report["frames"] == load_solution(path).drive.frames
@@ -127,8 +127,8 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
     path, solved = tmp_path / "a.drive.h5", Settings()
     save_drive(path, frames=400, provenance=solved.noted(Provenance()))
     here, there = Pipe()
-    permit, messages = PlayLease(), []
-    player = _Player(StudioPipe(there), permit, device, 0)
+    lease, messages = PlayLease(), []
+    player = _Player(StudioPipe(there), lease, device, 0)
 
     def read():
         with suppress(EOFError, OSError):
@@ -142,13 +142,13 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
             lambda: any(said["palm"] and said["palm"].get("sure") for said in messages if said["kind"] == "palm")
         )
         play = {"do": "play", "admission": found["number"], "masked": False, "output": ""}
-        report = player.act(play | {"leave": permit.arm(lasts=10.0)})
+        report = player.act(play | {"token": lease.arm(lasts=10.0)})
         assert report["frames"] == 400
         assert "follow: the palm is followed" in player.palm.said
         found = player.act({"do": "admit", "path": str(path), **CHECKED, "repeats": 50, "follow": sender.name})
-        threading.Timer(0.5, permit.stop).start()
+        threading.Timer(0.5, lease.stop).start()
         with pytest.raises(StoppedError):
-            player.act(play | {"admission": found["number"], "leave": permit.arm(lasts=10.0)})
+            player.act(play | {"admission": found["number"], "token": lease.arm(lasts=10.0)})
         assert player.act({"do": "unfollow"})
         assert (player.array is None) == (device == "virtual")
     wait_until(lambda: messages[-1] == {"kind": "palm", "palm": None})
@@ -159,14 +159,14 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
 def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, device):
     if device != "virtual":
         pytest.importorskip("autd3")
-    path, (here, there), permit, answers = tmp_path / "pattern.toml", Pipe(), PlayLease(), []
-    player = _Player(StudioPipe(there), permit, device, 0)
+    path, (here, there), lease, answers = tmp_path / "pattern.toml", Pipe(), PlayLease(), []
+    player = _Player(StudioPipe(there), lease, device, 0)
 
     def write(pressure):
         path.write_text(f"duration_s = 0.05\nrate_hz = 1000\n[[spot]]\npressure_pa = {pressure}", encoding="utf-8")
 
     def plays():
-        return permit.renew(lasts=10.0) and player.loops and player.loops.state()["drive"]
+        return lease.renew(lasts=10.0) and player.loops and player.loops.state()["drive"]
 
     def ask(pressure):
         write(pressure)
@@ -183,7 +183,7 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
             ask(20)
         ask(0.5)
         wait_until(lambda: 0 < plays() < 0.8 * before)
-        permit.stop()
+        lease.stop()
 
     write(1)
     assert run(["draw", str(path), str(tmp_path / "pattern.drive.h5"), "-q"]) == 0
@@ -193,7 +193,7 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
         play = {"do": "play", "admission": found["number"], "masked": False, "output": "", "loop": True}
         changed = pool.submit(change)
         with pytest.raises(StoppedError):
-            player.act(play | {"leave": permit.arm(lasts=10.0)})
+            player.act(play | {"token": lease.arm(lasts=10.0)})
         changed.result()
         with pytest.raises(DeviceStateError, match="expected a pattern that plays in a loop"):
             player.act({"do": "change", "path": str(path)})
@@ -213,8 +213,8 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
     tap = UdpProxy(4)
     request.addfinalizer(tap.close)
     here, there = Pipe()
-    permit, agreed, ended = PlayLease(), Event(), []
-    player = _Player(StudioPipe(there), permit, f"autd3:{tap.address}", 0, agreed)
+    lease, agreed, ended = PlayLease(), Event(), []
+    player = _Player(StudioPipe(there), lease, f"autd3:{tap.address}", 0, agreed)
 
     def play():
         try:
@@ -225,7 +225,7 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
     def until(true):
         limit = time.monotonic() + 60
         while not true() and time.monotonic() < limit:
-            permit.renew(lasts=2.0)
+            lease.renew(lasts=2.0)
             time.sleep(0.02)
         assert true()
 
@@ -238,7 +238,7 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
 
     with player.held:
         found = player.act({"do": "admit", "path": str(path), **CHECKED})
-        order = {"admission": found["number"], "leave": permit.arm(lasts=2.0)}
+        order = {"admission": found["number"], "token": lease.arm(lasts=2.0)}
         playing = threading.Thread(target=play)
         playing.start()
         until(lambda: player.array.emitting)
@@ -252,7 +252,7 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
         if waits:
             agreed.set()
         else:
-            permit.stop()
+            lease.stop()
         until(lambda: ended)
         playing.join(10)
     if waits:

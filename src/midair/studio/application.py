@@ -161,7 +161,7 @@ class Studio:
                 ending.callback(end)
             for panel in self.panels.values():
                 ending.callback(panel.close)
-            ending.callback(self.playing.permit.stop)
+            ending.callback(self.playing.lease.stop)
             for panel in self.panels.values():
                 panel.start()
             yield

@@ -46,15 +46,15 @@ REMEMBERED = 60.0
 """Seconds that can be saved as a take afterwards."""
 
 
-def run_live(pipe: StudioPipe, permit: PlayLease) -> None:
+def run_live(pipe: StudioPipe, lease: PlayLease) -> None:
     """Main function of the process, which ends with its studio; `pipe` carries requests, frames and status."""
     with suppress(AttributeError, OSError):
         # The loop does not wait for this process; pages may wait for both.
         os.nice(5)
     # The loop reads the stop within a millisecond and goes silent; then this process ends, whatever it does.
-    end_with_studio(permit.stop, patience=1.0)
+    end_with_studio(lease.stop, patience=1.0)
     with one_blas_thread():
-        supervisor = _LiveSupervisor(pipe, permit)
+        supervisor = _LiveSupervisor(pipe, lease)
         pipe.serve(supervisor.act)
 
 
@@ -162,8 +162,8 @@ class LiveView:
 class _LiveSupervisor:
     """Serves the requests of the studio, and one run of live touch at a time."""
 
-    def __init__(self, pipe: StudioPipe, permit: PlayLease) -> None:
-        self._pipe, self._permit = pipe, permit
+    def __init__(self, pipe: StudioPipe, lease: PlayLease) -> None:
+        self._pipe, self._lease = pipe, lease
         self._checked: dict[int, LiveSettings] = {}
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
@@ -185,7 +185,7 @@ class _LiveSupervisor:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
         order = LiveSettings().but(**request)
         try:
-            admission = live_clearance(order)
+            clearance = live_clearance(order)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies.
             array = (order.placement or Placement.grid()).array()
@@ -198,10 +198,10 @@ class _LiveSupervisor:
         return {
             "number": self._number,
             "refused": "",
-            "outcome": admission.outcome,
-            "verdict": admission.verdict(),
-            "level": admission.level,
-            **exposed(admission.exposure),
+            "outcome": clearance.outcome,
+            "verdict": clearance.verdict(),
+            "level": clearance.level,
+            **exposed(clearance.exposure),
         }
 
     def _begin(self, order: dict[str, Any]) -> None:
@@ -216,8 +216,8 @@ class _LiveSupervisor:
             if text.startswith("follow"):
                 self._pipe.send("follow", text=text)
 
-        leave = order["leave"]
-        session = live(settings=settings, lease=(self._permit, leave), cooling=cooling, report=told)
+        token = order["token"]
+        session = live(settings=settings, lease=(self._lease, token), cooling=cooling, report=told)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()

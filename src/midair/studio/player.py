@@ -156,7 +156,7 @@ class NoiseOutput:
 
 def run_player(
     pipe: StudioPipe,
-    permit: Any,
+    lease: Any,
     waits: Any,
     listening: socket.socket,
     origins: tuple[str, ...],
@@ -165,9 +165,9 @@ def run_player(
     seed: int,
 ) -> None:
     """Main function of the player process; `waits` is set for a pause to end, `token` is that of the stop port."""
-    player = _Player(pipe, permit, device, seed, waits)
+    player = _Player(pipe, lease, device, seed, waits)
     StopPort(listening, token, origins, player.stop).start()
-    end_with_studio(permit.stop, player.silence, patience=2.0)
+    end_with_studio(lease.stop, player.silence, patience=2.0)
     pipe.send("ready")
     with player.held, player.solver:
         pipe.serve(player.act)
@@ -180,7 +180,7 @@ Checked = tuple[Session, Cleared | SolvedAhead, Path]
 @dataclass(slots=True, eq=False)
 class _Player(PlayObserver):
     pipe: StudioPipe
-    permit: Any
+    lease: Any
     device: str
     seed: int
     waits: Any = None
@@ -223,7 +223,7 @@ class _Player(PlayObserver):
                     with self.noise.over(order["masked"]):
                         end = time.monotonic() + order["seconds"]
                         while time.monotonic() < end:
-                            self.permit.check(order["leave"], "silence")
+                            self.lease.check(order["token"], "silence")
                             time.sleep(0.02)
                     return True
                 case _:
@@ -250,7 +250,7 @@ class _Player(PlayObserver):
 
     def stop(self) -> None:
         """STOP, from any thread; returns when the array is silent."""
-        self.permit.stop()
+        self.lease.stop()
         self.silence()
         self.pipe.send("stopped")
 
@@ -390,23 +390,23 @@ class _Player(PlayObserver):
                 with self.solver:
                     return self._sound(order, session, what, path)
             if order.get("loop"):
-                return self._loop(order["leave"], path, what)
+                return self._loop(order["token"], path, what)
             return self._sound(order, session, what, path)
 
     def _sound(
         self, order: Mapping[str, Any], session: Session, what: Cleared | SolvedAhead, path: Path
     ) -> dict[str, Any]:
-        leave, output, rig = order["leave"], order["output"], session.rig
+        token, output, rig = order["token"], order["output"], session.rig
         if self.palm is not None:
             self.palm.begin()
         # A pause within the stimulus of a study would change it, so there hot units end the play.
         own: Any = {"cooling": None, "participant": order.get("participant", "")}
         if order.get("waits"):
             own["cooling"] = Cooling(report=lambda text: self.pipe.send("heat", text=text), agreed=self.waits.is_set)
-        how: Any = {"source": path, "lease": (self.permit, leave)}
+        how: Any = {"source": path, "lease": (self.lease, token)}
         rate = what.rate if isinstance(what, SolvedAhead) else what.drive.rate
         with self._opened(rig):
-            how["progress"] = self._progress(leave, paced=0.0 if rig.sensor is None else rate)
+            how["progress"] = self._progress(token, paced=0.0 if rig.sensor is None else rate)
             if isinstance(what, SolvedAhead):
                 played = session.play_ahead(what, settings=rig.settings.but(**own), **how)
             else:
@@ -417,7 +417,7 @@ class _Player(PlayObserver):
             save(played.take.recording, Path(output), calibration=played.take.calibration)
         return {"output": Path(output).name if output else "", "frames": played.drive.frames}
 
-    def _loop(self, leave: Any, path: Path, what: Cleared) -> dict[str, Any]:
+    def _loop(self, token: Any, path: Path, what: Cleared) -> dict[str, Any]:
         """Play a pattern again and again, until a StoppedError.
 
         Meanwhile, "change" draws a file in its place and checks its exposure; the next pass is the new one.
@@ -429,13 +429,13 @@ class _Player(PlayObserver):
         try:
             with self._opened(rig), array.drives_to_come() as (quiet, begin), ThreadPoolExecutor(1) as pool:
                 self.loops = player = FramePlayer(Session(rig=rig), quiet, begin)
-                player.lease = self.permit
+                player.lease = self.lease
                 file = player.load(pattern, None, False, {})["file"]
                 playing = pool.submit(player.run)
-                player.triggers.put((player.loaded_file(file), 0, leave, False))
+                player.triggers.put((player.loaded_file(file), 0, token, False))
                 try:
                     while not playing.done():
-                        self.permit.check(leave, self.device)
+                        self.lease.check(token, self.device)
                         self.pipe.send("sounds", done=0, total=0, emitting=array.emitting)
                         if self.pipe.poll(0.05) and (asked := self.pipe.receive()) is not None:
                             self.pipe.handle(asked, self._during_a_loop)
@@ -450,7 +450,7 @@ class _Player(PlayObserver):
             raise DeviceStateError("play: expected an idle array, a pattern plays in a loop; press STOP")
         return self.act(order)
 
-    def _progress(self, leave: Any, paced: float = 0.0) -> Any:
+    def _progress(self, token: Any, paced: float = 0.0) -> Any:
         """Return a callback that reports progress; a virtual array is slowed down to real time."""
         began = sent = 0.0
 
@@ -459,7 +459,7 @@ class _Player(PlayObserver):
             began = began or time.monotonic()
             # The lease is checked as often as for the banks of a real array.
             while paced and time.monotonic() < began + done / paced:
-                self.permit.check(leave, "virtual")
+                self.lease.check(token, "virtual")
                 time.sleep(0.002)
             if time.monotonic() - sent > 0.05 or done >= total:
                 sent = time.monotonic()

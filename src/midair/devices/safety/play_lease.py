@@ -129,17 +129,17 @@ class PlayLease:
         if self._here == "holder":
             self.disarm()
 
-    def refusal(self, leave: LeaseToken) -> Refusal | None:
+    def refusal(self, token: LeaseToken) -> Refusal | None:
         """Reason why playing is not allowed under a token; None where it is allowed."""
-        if self.stops != leave.stops:
+        if self.stops != token.stops:
             return "stopped"
-        if self._get("armed") != leave.number:
+        if self._get("armed") != token.number:
             return "disarmed"
         return "expired" if self._clock() >= self._get("deadline") else None
 
-    def check(self, leave: LeaseToken, name: str = "array") -> None:
+    def check(self, token: LeaseToken, name: str = "array") -> None:
         """Raise StoppedError where playing is not allowed under a token."""
-        refusal = self.refusal(leave)
+        refusal = self.refusal(token)
         if refusal is not None:
             raise StoppedError(f"{name}: {_REASONS[refusal]}")
 
@@ -167,7 +167,7 @@ class SilencedArray(Protocol):
 
 
 @contextmanager
-def under_lease(array: SilencedArray, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
+def under_lease(array: SilencedArray, lease: PlayLease, token: LeaseToken, *, every: float = 0.005) -> Generator[None]:
     """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of
@@ -177,14 +177,14 @@ def under_lease(array: SilencedArray, permit: PlayLease, leave: LeaseToken, *, e
 
     def watch() -> None:
         while not left.wait(every):
-            if permit.refusal(leave) is not None:
+            if lease.refusal(token) is not None:
                 # An array that cannot be silenced raises the error in the playing thread.
                 with suppress(MidairError):
                     array.silence()
                 return
 
-    array.allowing(lambda: permit.check(leave, array.name))
-    watching = threading.Thread(target=watch, name="permit", daemon=True)
+    array.allowing(lambda: lease.check(token, array.name))
+    watching = threading.Thread(target=watch, name="lease", daemon=True)
     watching.start()
     try:
         yield

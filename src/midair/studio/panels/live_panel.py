@@ -129,7 +129,7 @@ class LivePanel(Panel):
             "seed": self._context.seed,
         }
         if not self._live.process:
-            self._live.start(self._playing.permit)
+            self._live.start(self._playing.lease)
         found = await self._live.ask("check", request=request)
         self._checked = {found["number"]: request} if found["number"] else {}
         self._store.put(exposure={"take": "", **found})
@@ -143,17 +143,17 @@ class LivePanel(Panel):
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._playing.check_same_air(None if request["acoustics"] is None else request["acoustics"].medium)
         # From here on `end` and STOP of any page end it, although nothing plays yet.
-        stops = self._playing.permit.stops
+        stops = self._playing.lease.stops
         self._show(state="opens", said="", share=1.0, take=None)
         try:
             await self._context.panels["record"].release()
-            leave = await self._playing.lend(page, f"live {request['sensor']}", stops=stops)
+            token = await self._playing.lend(page, f"live {request['sensor']}", stops=stops)
         except MidairError as wrong:
             self._show(state="idle", said=str(wrong))
             raise
         self._store.put(live_goes=None)
         try:
-            about = await self._live.ask("begin", admission=order.admission, leave=leave)
+            about = await self._live.ask("begin", admission=order.admission, token=token)
         except MidairError as wrong:
             await self._over(str(wrong))
             raise
@@ -167,7 +167,7 @@ class LivePanel(Panel):
         """Set the share of the checked level; it can never be louder."""
         if self._state["state"] != "plays":
             raise DeviceStateError("live: expected running live touch, none is running; start it first")
-        self._playing.permit.turn(order.share)
+        self._playing.lease.turn(order.share)
         self._show(share=order.share)
         return True
 
@@ -186,7 +186,7 @@ class LivePanel(Panel):
     def end(self, _: Page, __: Arguments) -> bool:
         """Fade out and end."""
         if self._state["state"] == "opens":
-            self._playing.permit.stop()
+            self._playing.lease.stop()
         elif self._state["state"] == "plays":
             self._live.send("end")
         return True
@@ -195,7 +195,7 @@ class LivePanel(Panel):
         """End the process."""
         self.feed.close()
         if self._live.process:
-            self._playing.permit.stop()
+            self._playing.lease.stop()
             self._live.close(3)
 
     def _idle(self) -> None:

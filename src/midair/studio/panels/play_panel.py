@@ -110,10 +110,10 @@ class PlayPanel:
     ) -> None:
         self._store, self._takes, self._air, self._later = store, takes, air, later
         self.token = secrets.token_urlsafe(24)
-        self.permit = PlayLease()
+        self.lease = PlayLease()
         self._listening = socket.create_server(("127.0.0.1", 0))
         self._waits = shared_event()
-        self._arguments = self.permit, self._waits, self._listening, origins, self.token, device, seed
+        self._arguments = self.lease, self._waits, self._listening, origins, self.token, device, seed
         self._player = WorkerProcess(
             run_player,
             self._on_message,
@@ -130,7 +130,7 @@ class PlayPanel:
         self._checked: dict[int, tuple[CheckExposure, Medium | None]] = {}
         self.newest = ""
         """Name of the drive that was solved last."""
-        self._stops = self.permit.stops
+        self._stops = self.lease.stops
         self.played: list[Any] = []
         self.request: Callable[[SolveForm, str], SolveRequest] | None = None
         self._state: dict[str, Any] = {
@@ -168,7 +168,7 @@ class PlayPanel:
     @property
     def sounding(self) -> bool:
         """True if something plays or may start to at any moment."""
-        return self.permit.armed or self._state["emitting"]
+        return self.lease.armed or self._state["emitting"]
 
     @property
     def device(self) -> str:
@@ -182,14 +182,14 @@ class PlayPanel:
     def close(self) -> None:
         """Silence the array and end the player."""
         self._closed = True
-        self.permit.stop()
+        self.lease.stop()
         self._player.close(3)
         self._listening.close()
 
     def _restart(self) -> None:
         # The failsafe of the array has silenced it. The lease is revoked, and a new process starts.
         self._later(self._on_message, {"kind": "gone"})
-        self.permit.stop()
+        self.lease.stop()
         if not self._closed:
             self.start()
 
@@ -249,7 +249,7 @@ class PlayPanel:
         self._seen(page)
         if order.admission not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
-        self.newest, stops, number, stamp = "", self.permit.stops, order.admission, None
+        self.newest, stops, number, stamp = "", self.lease.stops, order.admission, None
         # A person answered for the drive that was checked, not for a louder one.
         up_to = self._store.state["exposure"]["excess_db"] + 0.01 if order.loop else inf
         while True:
@@ -276,7 +276,7 @@ class PlayPanel:
                     raise ExposureError(found["refused"])
                 number = found["number"]
                 check, room = self._checked[number]
-            if self.permit.stops != stops:
+            if self.lease.stops != stops:
                 raise StoppedError("play: stopped on request")
             self._seen(page)
             how = {"output": "", "masked": False, "waits": True, "keep": True}
@@ -335,7 +335,7 @@ class PlayPanel:
 
     def begin_presentation(self) -> None:
         """Call at the start of a presentation: a STOP from now on ends it, also between its sounds."""
-        self._stops = self.permit.stops
+        self._stops = self.lease.stops
 
     def check_same_air(self, room: Medium | None) -> None:
         """Raise DeviceStateError if the air of the room is not that of an exposure check."""
@@ -343,7 +343,7 @@ class PlayPanel:
             raise DeviceStateError("play: the air of the room changed since the check; check the exposure again")
 
     def _experimenter(self) -> Page:
-        if self.permit.stops != self._stops:
+        if self.lease.stops != self._stops:
             raise StoppedError("play: stopped on request")
         self._busy()
         page = self._store.pages.get(self._store.control.holder)
@@ -357,15 +357,15 @@ class PlayPanel:
         """Arm for a page, run a request of the player, and disarm in any case."""
         self._controls = page.number
         self._waits.clear()
-        leave = self.permit.arm(lasts=ALIVE)
+        token = self.lease.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="", loop=order.get("loop", False))
         try:
-            report = await self._player.ask(do, leave=leave, **order)
+            report = await self._player.ask(do, token=token, **order)
         except MidairError as wrong:
             self._show(state="ready", emitting=False, said=str(wrong), hot="", waits=False)
             raise
         finally:
-            self.permit.disarm()
+            self.lease.disarm()
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
@@ -380,17 +380,17 @@ class PlayPanel:
         try:
             await self._player.ask("let go")
             self._seen(page)
-            if self.permit.stops != stops:
+            if self.lease.stops != stops:
                 raise StoppedError("live: stopped on request")
         except MidairError:
             await self._open()
             raise
         self._controls = page.number
-        return self.permit.arm(lasts=ALIVE)
+        return self.lease.arm(lasts=ALIVE)
 
     async def take_back(self, said: str) -> None:
         """Open the array again after the process that borrowed it has ended."""
-        self.permit.disarm()
+        self.lease.disarm()
         self._show(state="opens", emitting=False, hot="", waits=False)
         await self._open()
         if self._state["state"] == "ready":
@@ -417,7 +417,7 @@ class PlayPanel:
 
     def stop(self, _: Page, __: Arguments) -> bool:
         """STOP, from any page: revokes the lease; the player's thread silences the array within milliseconds."""
-        self.permit.stop()
+        self.lease.stop()
         return True
 
     def take_control(self, page: Page, _: Arguments) -> bool:
@@ -430,7 +430,7 @@ class PlayPanel:
         """Hand over control; anything that the former holder armed ends."""
         control = self._store.control
         control.give(page.number, to=control.asking)
-        self.permit.stop()
+        self.lease.stop()
         self._store.show_control()
         return True
 
@@ -449,13 +449,13 @@ class PlayPanel:
         if page.number != self._controls or page.number != self._store.control.holder:
             return
         if page.visible:
-            self.permit.renew(lasts=ALIVE)
-        elif self.permit.armed:
-            self.permit.stop()
+            self.lease.renew(lasts=ALIVE)
+        elif self.lease.armed:
+            self.lease.stop()
 
     def _left(self, page: Page) -> None:
         if page.number == self._controls:
-            self.permit.stop()
+            self.lease.stop()
 
     def _on_message(self, said: dict[str, Any]) -> None:
         match said["kind"]:

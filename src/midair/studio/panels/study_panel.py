@@ -240,7 +240,7 @@ class StudyPanel(Panel):
             play=partial(self._play, participant=study_code(study, order.participant)),
             wait=self._wait,
             quiet_s=quiet,
-            stop=self._playing.permit.stop,
+            stop=self._playing.lease.stop,
             tell=lambda said: self._later(lambda: self._show(due=said) if self._session is not None else None),
             show=lambda media: self._later(lambda: self._show(media=media) if self._session is not None else None),
             folder=study.path,
