@@ -38,8 +38,6 @@ def test_a_straight_line_is_found_with_its_floor():
     line = beam_gain(commanded, 0.4 * commanded + 3)
     assert line.gain == pytest.approx(0.4)
     assert line.intercept == pytest.approx(3)
-    assert line.curvature == pytest.approx(0, abs=1e-9)
-    assert line.residual == pytest.approx(0, abs=1e-9)
 
 
 @pytest.mark.long
@@ -50,11 +48,6 @@ def test_the_error_of_the_gain_is_its_spread():
     scatter = np.std([line.gain for line in lines])
     stated = np.sqrt(np.mean([line.gain_error**2 for line in lines]))
     assert stated == pytest.approx(scatter, rel=0.08)
-
-
-def test_saturation_shows_as_negative_curvature():
-    commanded = np.linspace(10, 60, 6)
-    assert beam_gain(commanded, 100 * np.tanh(commanded / 100)).curvature < -0.1
 
 
 def test_refusals():

@@ -53,10 +53,6 @@ class BeamGain:
     """Standard error of `gain`."""
     intercept: float
     """In Pa; shows a noise floor."""
-    curvature: float
-    """Relative change of gain from the lowest to the highest level in a quadratic fit; negative for saturation."""
-    residual: float
-    """Rms distance of the points from the line, in Pa."""
 
 
 def beam_drive(
@@ -126,7 +122,7 @@ def sine_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) 
 
 
 def beam_gain(commanded: Array, measured: Array) -> BeamGain:
-    """Fit a line to measured over commanded pressure, with its error and curvature.
+    """Fit a line to measured over commanded pressure, with its error.
 
     Both are the amplitude of the pressure's oscillation at each level, shape (level,), in Pa. Raises InputError with
     fewer than five levels, or a gain that is not above zero.
@@ -147,14 +143,10 @@ def beam_gain(commanded: Array, measured: Array) -> BeamGain:
         )
     variance = (rest @ rest) / (len(rest) - 2)
     spread = ((commanded - commanded.mean()) ** 2).sum()
-    bend, *_ = np.polyfit(commanded, measured, 2)
     return BeamGain(
         gain=float(gain),
         gain_error=float(np.sqrt(variance / spread)),
         intercept=float(intercept),
-        # The slope of a x + b x^2 changes by 2 b times the range.
-        curvature=float(2 * bend * np.ptp(commanded) / gain),
-        residual=float(np.sqrt(np.mean(rest**2))),
     )
 
 
