@@ -29,7 +29,7 @@ def test_one_channel_becomes_a_field(wave, answer, capsys):
     assert told["simulated"] is True
     text = " ".join(told["notes"])
     assert "synthetic field from one channel" in text
-    assert "It leaves the sensor after 1.28 of 2 s" in text
+    assert "It has left the palm after 1.28 of 2 s" in text
     recording = load("towel.h5")
     share = covered(Footprint(), SensorGrid(), recording.time)
     np.testing.assert_allclose(recording.samples, 30 * wave[:, None, None] * share, atol=1e-12)

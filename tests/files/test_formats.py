@@ -218,7 +218,9 @@ def test_reports_suspicious_channels(recording, tmp_path):
     samples = recording.samples.copy()
     samples[:, 1, 2] = 4.5
     save(Recording(samples=samples, rate=1000, sensor=recording.sensor), tmp_path / "a.npz")
-    assert open_take(tmp_path / "a.npz").report == ("Channels that never change, dead or saturated: 7 (4.5 V).",)
+    assert open_take(tmp_path / "a.npz").report == (
+        "Channels that never change: 7 (4.5 V); they are dead, saturated or not touched.",
+    )
 
 
 @pytest.mark.parametrize("ending", [ending for ending in IN if not FORMATS[ending].write])

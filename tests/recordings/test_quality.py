@@ -48,7 +48,9 @@ def test_reports_nothing_for_good_channels(samples):
 
 def test_names_silent_and_saturated_channels(samples):
     samples[:, 3], samples[:, 9] = 0, 65535
-    assert report(samples) == ("Channels that never change, dead or saturated: 3 (0 count), 9 (65535 count).",)
+    assert report(samples) == (
+        "Channels that never change: 3 (0 count), 9 (65535 count); they are dead, saturated or not touched.",
+    )
 
 
 def test_names_a_white_floor(samples):
@@ -141,7 +143,7 @@ def test_a_steady_press_is_below_the_band():
     told = unreproduced(lowest(12 + 3 * np.sin(2 * np.pi * 100 * TIME)), None, (20.0, 470.0))
     assert told["below_pa"] == pytest.approx(12, rel=1e-3)
     assert told["below_share"] == pytest.approx(144 / 148.5, rel=1e-3)
-    assert told["text"].startswith("97 % of the power (12 Pa rms) below 20 Hz: a wider --band")
+    assert told["text"].startswith("97 % of the power below 20 Hz, the slow press; keep it: ")
 
 
 def test_slow_and_fast_waves_are_told_apart():

@@ -186,8 +186,8 @@ def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Re
     crossing = footprint.crossing(sensor)
     if options.turn == "stop" and crossing < recording.duration:
         report.append(
-            f"It leaves the sensor after {crossing:.3g} of {recording.duration:.3g} s, and the rest is silent; "
-            "use --turn back or --turn again, or remove the rest with midair trim."
+            f"It has left the palm after {crossing:.3g} of {recording.duration:.3g} s; let it come back: --turn back; "
+            "start again: --turn again; remove the silent rest: midair trim."
         )
     return field, tuple(report)
 

@@ -157,10 +157,9 @@ class Fidelity:
 TOUCHED, OVERALL = "signal to distortion, touched cells", "signal to distortion"
 """Names of the two ratios in every output."""
 RATIOS = {
-    TOUCHED: "a gain for each cell within 20 dB of the strongest, noise included; the pages of the documentation quote "
-    "this one",
-    f"{TOUCHED}, without noise": "the same without the known noise of the sensor: the distortion of the array alone",
-    OVERALL: "one gain for all cells: noise and pressure on cells that were not touched count as distortion",
+    TOUCHED: "level differences between cells are removed; noise counts",
+    f"{TOUCHED}, without noise": "the array alone: the known noise of the sensor is removed too",
+    OVERALL: "one gain for all cells: level differences, noise and pressure on untouched cells count",
     f"{OVERALL}, without noise": "the same without the known noise of the sensor",
 }
 """Each ratio in one line, by its name."""

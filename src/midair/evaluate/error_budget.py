@@ -203,7 +203,7 @@ class LaboratoryLoss:
         """One line: the largest uncertainty and what to do about it."""
         name = self.largest
         lost = self.nominal - float(np.median(self.ratios[name]))
-        return f"largest: {name} ({self.stated[name]}), which loses {lost:.1f} dB: {ADVICE[name]}"
+        return f"the biggest risk, {name} ({self.stated[name]}), costs {lost:.1f} dB: {ADVICE[name]}"
 
     def rows(self) -> list[tuple[str, str, float, float, float]]:
         """Name, size, median, 5th and 95th percentile of each uncertainty in dB, the largest loss first."""

@@ -49,7 +49,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     report: list[str] = []
     if recording.frames > 1 and dead.any():
         values = ", ".join(f"{i} ({samples[0, i]:g} {recording.unit})" for i in np.flatnonzero(dead))
-        report.append(f"Channels that never change, dead or saturated: {values}.")
+        report.append(f"Channels that never change: {values}; they are dead, saturated or not touched.")
     if recording.frames >= 100 and not dead.all():
         # Scaled, because squares of very large or small numbers overflow or underflow.
         scaled = samples / 2.0 ** min(int(np.frexp(np.abs(samples).max())[1]), 1023)
@@ -175,9 +175,9 @@ def unreproduced(recording: Recording, calibration: Calibration | None, band: Ba
     whole = played.sum() + sum(float(part.sum()) for part in parts.values())
     cells = tuple(int(cell) for cell in np.flatnonzero(dead))
     advice = {
-        "below": f"below {band[0]:g} Hz: a wider --band keeps what changes, --circle 3mm makes steady pressure felt",
-        "above": f"above {band[1]:g} Hz: a wider --band keeps it",
-        "dead": f"on cells {cells} that recorded nothing, as much as on their neighbours: repair the sensor",
+        "below": f"below {band[0]:g} Hz, the slow press; keep it: --circle 3mm",
+        "above": f"above {band[1]:g} Hz; keep it: a wider --band",
+        "dead": f"on cells {cells} that recorded nothing, as much as on their neighbours; repair the sensor",
     }
     told: dict[str, Setting] = {"dead_cells": cells}
     lines: list[str] = []
@@ -185,5 +185,5 @@ def unreproduced(recording: Recording, calibration: Calibration | None, band: Ba
         share, pressure = float(part.sum() / whole) if whole > 0 else 0.0, float(np.sqrt(part.sum(axis=0).max()))
         told |= {f"{name}_share": share, f"{name}_pa": pressure}
         if share > LEAST:
-            lines.append(f"{100 * share:.0f} % of the power ({pressure:.2g} Pa rms) {advice[name]}")
+            lines.append(f"{100 * share:.0f} % of the power {advice[name]}")
     return told | {"text": "; ".join(lines)}

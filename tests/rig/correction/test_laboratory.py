@@ -54,7 +54,7 @@ def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
         assert np.median(other.ratios[name]) < np.median(one.ratios[name]) < one.nominal + 0.1, name
     assert np.median(other.ratios[ALL]) < np.median([np.median(other.ratios[name]) for name in PARTS])
     assert other.rows()[0][0] == other.largest
-    assert other.advice.startswith(f"largest: {other.largest} (")
+    assert other.advice.startswith(f"the biggest risk, {other.largest} (")
     assert laboratory_picture(other).size[0] > 400
 
 

@@ -206,7 +206,7 @@ _REASONS: dict[Refusal, str] = {
     "stopped": "stopped on request; start again when it is safe",
     "expired": "stopped, since the page or program did not renew its permission in time (it was closed, hidden, hung "
     "or delayed by other programs); start again",
-    "disarmed": "expected an armed lease, got one that was disarmed; arm it again",
+    "disarmed": "stopped: its permission to play has ended; play again",
 }
 
 
