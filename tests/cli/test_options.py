@@ -103,28 +103,10 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
     assert "air: 26 °C, 30 % humidity\n" in capsys.readouterr().err
     assert run(["solve", str(stroke), str(drive), "--mode", "quick", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
-    assert "air: 22 °C, 50 % humidity, assumed; state the air of the room" in capsys.readouterr().err
+    assert "air: 22 °C, 50 % humidity, assumed; state yours" in capsys.readouterr().err
     assert run(["solve", str(stroke), str(drive), "--mode", "paper", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium()
-    assert "air: 340 m/s (14 °C), assumed; state the air" in capsys.readouterr().err
-
-
-def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
-    rows = ("target.grid.rows=9",)
-    chosen = SolveOptions(mode="quick", height=0.25, set=rows, mapping="constant-offset", rate=2000.0)
-    beside = chosen.of_paper()
-    made, paper = beside.settings(), MODES["paper"]()
-    assert (made.target.grid.height, made.target.grid.rows) == (0.25, 9)
-    assert made.acoustics == chosen.settings().acoustics
-    assert (made.target.mapping, made.target.rate, made.solver.fit) == ("half-wave", 1000.0, paper.solver.fit)
-    assert made.solver.name == "glide"
-    assert chosen.mode_name == "the quick mode"
-    assert SolveOptions().mode_name == "the best mode"
-
-
-def test_the_paper_s_mode_has_no_comparison():
-    assert SolveOptions(mode="paper").of_paper() is None
-    assert SolveOptions(mode="paper").mode_name == "the paper's mode"
+    assert "air: 340 m/s (14 °C), assumed; state yours" in capsys.readouterr().err
 
 
 SMALL = f"--mode paper {FEW} --duration 10ms"
@@ -142,12 +124,11 @@ def test_an_outlined_hand_is_kept_quiet(stroke, tmp_path):
     assert stages(tmp_path / "hand.drive.h5")["solve"]["quiet_palm_outline"] == term.outline
 
 
-def test_typed_options_name_the_palm(tmp_path):
+def test_the_finest_mode_takes_the_outline_of_a_palm(tmp_path):
     (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
     options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
     assert options.settings().solver.quiet_palm.outline
-    assert options.typed() == ["--mode", "finest", "--palm", str(tmp_path / "hand.toml")]
-    assert options.of_paper().palm is None
+    assert [each.mode_name for each in (options, SolveOptions(mode="paper"))] == ["the finest mode", "the paper's mode"]
 
 
 @pytest.mark.parametrize(

@@ -267,20 +267,6 @@ class _SettingsOptions:
         values = {one.name: getattr(self, one.name) for one in fields(self) if one.name in names}
         return {name: value for name, value in values.items() if value is not None}
 
-    def typed(self) -> list[str]:
-        """Command-line arguments that select the same settings."""
-        words: list[str] = []
-        for name, option in (("mode", "--mode"), ("settings_file", "--settings"), ("palm", "--palm")):
-            value = getattr(self, name, None)
-            words += [] if value is None else [option, str(value)]
-        words += [word for line in getattr(self, "set", ()) for word in ("--set", line)]
-        units = {choice.name: choice.unit for choice in CHOICES}
-        for name, value in self._given().items():
-            option = name.replace("_", "-")
-            many = value if isinstance(value, tuple) else (value,)
-            words += [f"--{option}", *(_argument(each, units[option]) for each in many)]
-        return words
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -379,23 +365,6 @@ class SolveOptions(PlaySolveOptions):
         """Whether the user gave the air, by an option or by a settings file."""
         return self.temperature is not None or self.settings_file is not None
 
-    def of_paper(self) -> "SolveOptions | None":
-        """Options of the paper's mode with the same recording and room; None if the paper's mode was chosen.
-
-        The solver is glide: the paper's own takes seven times as long for the same signal-to-distortion ratio on the
-        sensor.
-        """
-        if self.mode == "paper":
-            return None
-        settings, paper = self.settings(), MODES["paper"]()
-        shared = ("band", "height", "temperature", "humidity", "directivity")
-        choices = [each for each in CHOICES if each.name in shared and each.of(settings) != each.of(paper)]
-        given: dict[str, Any] = {each.name: each.of(settings) for each in choices if each.of(settings) is not None}
-        grid, usual = settings.target.grid, paper.target.grid
-        parts = [name for name in ("rows", "columns", "pitch") if getattr(grid, name) != getattr(usual, name)]
-        lines = [f"target.grid.{name}={getattr(grid, name)!r}" for name in parts]
-        return SolveOptions(mode="paper", method="glide", set=tuple(lines), **given)
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -403,12 +372,6 @@ class TakeOptions(SolveOptions, PartOptions):
     """How a part of a recording becomes a drive."""
 
     array_calibration: ArrayCalibration = None
-
-
-def _argument(value: Any, unit: str) -> str:
-    if not unit:
-        return str(value)
-    return f"{100 * value!r}%" if unit == "%" else f"{value!r}{unit}"
 
 
 def _cores() -> int:
