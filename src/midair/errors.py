@@ -63,7 +63,9 @@ class MismatchError(InputError):
 
 
 class ExposureError(InputError):
-    """A drive that exceeds the exposure profile and has no override by a named person."""
+    """A drive that exceeds the exposure profile, by `excess` dB if known, and has no override by a named person."""
+
+    excess = 0.0
 
 
 class FileError(MidairError):

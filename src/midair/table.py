@@ -1,4 +1,4 @@
-"""Tables of names, values and units, which commands print on a terminal or as JSON."""
+"""Tables of names and values, which commands print on a terminal or as JSON."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
@@ -6,16 +6,15 @@ from dataclasses import KW_ONLY, dataclass
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A value with its name and unit."""
+    """A value with its name."""
 
     name: str
     value: object
-    unit: str = ""
     _: KW_ONLY
     key: str = ""
     """Name in JSON; by default `name`."""
     text: str | None = None
-    """The value as a person reads it; by default the value and its unit."""
+    """The value as a person reads it, with its unit; by default the value alone."""
 
 
 class Details(tuple["Line", ...]):
@@ -33,8 +32,7 @@ def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]
         if isinstance(line, Details):
             rows += printed(line, all=True) if all else []
         elif isinstance(line, Row):
-            value = f"{line.value:.4g}" if isinstance(line.value, float) else str(line.value)
-            rows.append((line.name, f"{value} {line.unit}".rstrip() if line.text is None else line.text))
+            rows.append((line.name, str(line.value) if line.text is None else line.text))
         elif isinstance(line, tuple):
             rows.append(line)
     return [(name, text) for name, text in rows if text]

@@ -1,7 +1,6 @@
 import html
 import json
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -181,22 +180,7 @@ def test_demo_writes_a_report_and_its_files(capsys):
 
 
 @pytest.mark.slow
-def test_the_same_by_hand_gives_the_same_figures(capsys):
-    assert run(["demo", "out", "--duration", "0.05s", "--object-name", "sponge+groove", "--seed", "3", *QUICK]) == 0
-    page = Path("out/report.html").read_text(encoding="utf-8")
-    (said,) = re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)
-    lines = html.unescape(said).strip().splitlines()
-    assert len(lines) == 2
-    for line in lines:
-        assert run(shlex.split(line)[1:]) == 0
-    again = Path("report.html").read_text(encoding="utf-8")
-    figures = [re.findall(r"<table.*?</table>", text, re.DOTALL)[0] for text in (page, again)]
-    assert figures[0] == figures[1]
-    assert html.escape(lines[1]) in again
-
-
-@pytest.mark.slow
-def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(capsys):
+def test_a_demo_shows_the_paper_s_mode_beside_the_best(capsys):
     coarse = [
         "--set",
         "target.grid={rows=6,columns=6,pitch=0.011}",
@@ -209,15 +193,8 @@ def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(ca
     said = capsys.readouterr().out
     page = html.unescape(Path("out/report.html").read_text(encoding="utf-8"))
     assert re.search(r"<td>felt</td><td>by about \d+ of 10 people", page)
-    beside = re.findall(r"<tr><td>signal to distortion on the sensor</td><td>(.*?)</td><td>(.*?)</td>", page)
     assert "leak: power beside the recorded square" in page
-    assert "side by side" in said
-    (lines,) = re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)
-    for line in lines.strip().splitlines():
-        assert run([*shlex.split(line)[1:], "--force"][: None if "loop" in line else -1]) == 0
-    for mine, name in zip(beside[0], ("report.html", "paper.html"), strict=True):
-        again = re.findall(r"signal to distortion</td>.*?<td class=\"n\">([\d.]+)</td><td>dB", Path(name).read_text())
-        assert float(again[0]) == pytest.approx(float(mine), abs=0.06)
+    assert "the quick mode  the paper's mode" in said
 
 
 @pytest.mark.slow

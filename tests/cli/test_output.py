@@ -40,7 +40,7 @@ def test_a_second_program_is_refused_before_its_work(tmp_path, monkeypatch):
 
 def test_a_table_is_printed_or_json(capsys):
     table = [
-        Row("rate", 1000.0, "Hz", key="rate_hz"),
+        Row("rate", 1000.0, key="rate_hz", text="1000 Hz"),
         Row("frames", 3, text="3 of 4"),
         Row("note", None, text=""),
         ("source", "towel"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import singledispatch
 from hashlib import sha256
 from pathlib import Path
@@ -15,7 +16,7 @@ from midair import files
 from midair.cli.console import print_answer, print_json, print_note, print_rows, verbosity
 from midair.cli.options import format_quantity
 from midair.errors import InputError
-from midair.evaluate import error_by_energy
+from midair.evaluate import Felt, error_by_energy, felt
 from midair.model import (
     AmplitudeFrames,
     ArrayCalibration,
@@ -25,11 +26,13 @@ from midair.model import (
     Recording,
     SensorGrid,
     Setting,
+    Solution,
 )
+from midair.patterns import wanted_pressure
 from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
-from midair.streaming import blocks
+from midair.streaming import blocks, read_frames
 from midair.table import Details, Line, Row, plain, printed
 from midair.targets import frames_without_lead
 
@@ -143,7 +146,8 @@ def _(recording: Recording) -> list[Line]:
 
 def duration_text(sensor: SensorGrid, frames: int, rate: float, thing: str = "") -> str:
     """Duration, object, cells and rate of a recording in one line."""
-    return f"{frames / rate:.4g} s{thing and f' of {thing}'}, {sensor.count} cells at {rate:.6g} Hz"
+    cells = "1 cell" if sensor.count == 1 else f"{sensor.count} cells"
+    return f"{frames / rate:.4g} s{thing and f' of {thing}'}, {cells} at {rate:.6g} Hz"
 
 
 def recording_text(recording: Recording) -> str:
@@ -180,6 +184,15 @@ def left_out_row(provenance: Provenance) -> tuple[str, str]:
     return "left out", str(provenance.last("not reproduced").get("text", ""))
 
 
+def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLevel) -> Felt:
+    """By how many people the loudest two seconds of a drive are felt, if the array reaches what the model predicts."""
+    count, power = round(2 * target.rate), np.cumsum(_power(target))
+    first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
+    part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
+    cells = wanted_pressure(part, solution.drive.acoustics.medium)
+    return felt(cells.pressure, cells.rate, cells.sensor.pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
+
+
 def describe_drive(path: Path) -> tuple[str, list[Line]]:
     """Duration and array of the drive in a file, and its table."""
     solution, target = files.load_solution(path, streamed=True), files.load_target(path, streamed=True)
@@ -187,9 +200,11 @@ def describe_drive(path: Path) -> tuple[str, list[Line]]:
     inside = frames_without_lead(life, drive.frames, drive.rate)
     power = np.ones(drive.frames) if target is None else _power(target)
     error = error_by_energy(solution.error[inside], (power * plays)[inside])
-    level = None
+    pressure: list[Line] = [{"level": None}]
     if target is not None and plays.any():
         level = level_of(solution, target, band=band_of(target))
+        feeling = felt_of_drive(solution, target, level)
+        pressure = [Row("felt", feeling.plain(), text=str(feeling)), *pressure_lines(level), {"level": level.plain()}]
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears
     name, count, rate = drive.array.name, drive.array.count, drive.rate
@@ -198,8 +213,8 @@ def describe_drive(path: Path) -> tuple[str, list[Line]]:
     frames = f"{drive.frames} at {rate:g} Hz, {silent} silent, {inside.start} of lead at either end"
     about = f"{(inside.stop - inside.start) / rate:.4g} s at {rate:g} Hz for {name}, {count} transducers"
     return about, [
-        *([] if level is None else pressure_lines(level)),
-        {"level": None if level is None else level.plain(), **error.plain()},
+        *pressure,
+        error.plain(),
         ("field error", str(error) if plays.any() else "nothing plays"),
         left_out_row(life),
         {"not_reproduced": dict(life.last("not reproduced"))},

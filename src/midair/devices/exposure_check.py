@@ -297,14 +297,14 @@ def decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tupl
             f"exposure: {found.verdict()}; expected at most {choices.up_to:.1f} dB above it, for which "
             f"{choices.override} is responsible; stop it, and check the exposure of the louder drive"
         )
-    # Radiation pressure is proportional to sound pressure squared.
-    left = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
+    left = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))  # it goes with the square of sound
     unfelt = ", and nothing will be felt" if felt_pressure_text(left) else ""
-    raise ExposureError(
-        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{unfelt}), "
-        "take another --profile, or take responsibility with --override-exposure NAME and ear protection for everyone "
-        "in the room"
+    refused = ExposureError(
+        f"exposure: {found.verdict()}; --attenuate plays it weaker ({-found.excess:.1f} dB{unfelt}), --ear-protection "
+        "counts what everyone in the room wears, --override-exposure NAME takes responsibility"
     )
+    refused.excess = found.excess
+    raise refused
 
 
 def weakened(drive: Drive, factor: float, profile: str) -> Drive:

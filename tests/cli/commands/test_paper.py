@@ -12,7 +12,7 @@ from midair.paper import PaperResult
 def test_figure_9_makes_picture_table_and_json(capsys):
     assert run(["paper", "made", "--figure", "9"]) == 0
     said = capsys.readouterr()
-    assert "SIMULATED" in said.err
+    assert "SIMULATED" in said.out
     assert "towel" in said.out
     assert sorted(path.name for path in Path("made").iterdir()) == ["figure9.csv", "figure9.json", "figure9.png"]
     assert len(json.loads(Path("made/figure9.json").read_text())["rows"]) == 12
@@ -42,5 +42,5 @@ def test_a_table_of_few_rows_and_many_columns_fits_into_a_terminal(capsys):
     _print(PaperResult(name="materials", title="Apart?", rows=(row, row), pictures={}, about=about), [Path("it.csv")])
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines())) <= 80
-    assert "sponge_as_towel  12  12" in said
+    assert "sponge_as_towel   12  12" in said
     assert "36: brush 0 ... brush 35" in said

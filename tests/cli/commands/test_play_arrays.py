@@ -465,7 +465,7 @@ def test_the_strength_in_a_file_changes_no_exposure(capsys):
 def test_a_drive_too_weak_to_feel_is_reported(capsys):
     focus = make("loud.drive.h5", level=1.0)
     assert run(["play", focus, *EMULATOR]) == 1
-    assert "and nothing will be felt), take another --profile" in said(capsys)[0]
+    assert "and nothing will be felt), --ear-protection counts" in said(capsys)[0]
     assert run(["play", focus, *EMULATOR, "--attenuate"]) == 0
     assert "nothing will be felt: at most" in " ".join(capsys.readouterr().out.split())
 

@@ -36,7 +36,7 @@ def test_keywords_change_the_settings_and_none_restores_a_default():
     [
         ({"sensor": "nothing"}, UnknownDeviceError, "expected virtual:OBJECT"),
         ({"device": "pyautd3:nop"}, UnknownDeviceError, "accept single frames"),
-        ({"device": "autd3:emulator"}, ExposureError, "take responsibility"),
+        ({"device": "autd3:emulator"}, ExposureError, "takes responsibility"),
     ],
 )
 def test_errors_of_the_process_are_raised_here(wrong, error, words):

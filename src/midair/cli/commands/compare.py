@@ -101,10 +101,16 @@ def compare_command(
             raise InputError(f"--seed, --spread: expected a drive as second file, got the recording {reproduced.name}")
         take = open_take(reproduced)
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
-    pair = aligned_pair(pressure_of(original, settings), take, settings)
-    before, after = pair.original, pair.piece
-    comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise)
-    card = metrics_or_none(before, after)
+    with progress_bars() as stage:
+        done = stage("compare")
+        done(0, 3)
+        pair = aligned_pair(pressure_of(original, settings), take, settings)
+        before, after = pair.original, pair.piece
+        done(1, 3)
+        comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise)
+        done(2, 3)
+        card = metrics_or_none(before, after)
+        done(3, 3)
     option = next_step(comparison.gain, Settings.of(take.recording.provenance))
     verdict = Verdict.of(comparison, after, card, option=option)
     if report is not None:

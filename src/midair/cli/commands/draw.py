@@ -77,15 +77,16 @@ def draw_command(
         files.save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
     seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
     count, error = foci.pressure.shape[1], float(solution.error.max())
-    each = f"{count}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there"
+    each = f"{count}, each up to {100 * used:.0f} % of what one focus can do there"
     of_foci = f"{100 * error:.2g} % at most, of the sound amplitude at the foci" if count > 1 else ""
     table: list[Line] = [
         Row("drive", str(target), text=f"{target} for {transducers.name}, {transducers.count} transducers"),
-        Row("frames", foci.frames, text=f"{foci.frames} at {foci.rate:g} Hz, {seconds:.4g} s"),
-        {"rate_hz": foci.rate, "duration_s": seconds},
+        {"frames": foci.frames, "rate_hz": foci.rate, "duration_s": seconds},
         Row("foci", count, text=each),
         {"pressure_pa": loudest, "reach_used": used},
         Row("E", error, key="error", text=of_foci),
         ("wanted", "" if wanted is None else f"{wanted}, pressure on 4 x 4 cells"),
+        ("next", f"midair play {target}"),
     ]
-    print_table(table, json=json)
+    answer = f"{seconds:.4g} s at {foci.rate:g} Hz, foci of up to {loudest:.4g} Pa"
+    print_table(table, answer=answer, json=json)

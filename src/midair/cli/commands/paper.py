@@ -5,7 +5,7 @@ from typing import Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from midair.cli.console import banner, out, print_json, print_rows, progress_bars
+from midair.cli.console import print_answer, print_grid, print_json, print_rows, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import Force, Json, Seed, Time
 from midair.cli.output import may_write
@@ -69,7 +69,6 @@ def paper_command(
     chosen = {3, 4, 9} if everything else set(figure)
     rig, medium = VirtualRig(seed=seed), (air or AirOptions()).medium()
     paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
-    banner(True)
     if everything or fidelity or 4 in chosen:
         print_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
@@ -110,15 +109,12 @@ def _check(folder: Path, name: str, force: bool) -> None:
 
 
 def _print(result: PaperResult, written: list[Path]) -> None:
-    out().print(f"\n{result.title}", style="bold")
     names = list(result.rows[0])
     lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
-    if len(names) > len(lines):
-        # Transposed to fit into a terminal.
-        lines = [list(line) for line in zip(*lines, strict=True)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
-    for line in lines:
-        out().print("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
+    # Many columns do not fit into a terminal: they become rows.
+    heads, *rows = [list(line) for line in zip(*lines, strict=True)] if len(names) > len(lines) else lines
+    print_answer(result.title, simulated=True)
+    print_grid(heads, rows)
     about = [(name.replace("_", " "), _words(value)) for name, value in result.about.items()]
     print_rows([*about, ("files", ", ".join(str(path) for path in written))])
 

@@ -8,13 +8,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from midair import devices, files, rig
-from midair.cli.console import print_note, progress_bars
+from midair.cli.console import print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
-from midair.cli.output import describe_drive, left_out_row, may_write, print_table, reserved
-from midair.errors import InputError
+from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, print_table, reserved
+from midair.errors import ExposureError, InputError
 from midair.model import Acoustics, Drive, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
+from midair.pressure_level import band_of, level_of
 from midair.table import Details, Line
 
 
@@ -112,9 +113,13 @@ def play_command(
     with devices.stop_on_input(stop_input), progress_bars() as stage:
         shown = _Shown(source, device, stage)
         if solved:
-            played = rig.play(
-                source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings
-            )
+            try:
+                played = rig.play(
+                    source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings
+                )
+            except ExposureError as refused:
+                _print_ways(source, refused.excess)
+                raise
         else:
             if correct_air:
                 raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
@@ -207,6 +212,24 @@ class _Shown(rig.PlayObserver):
         """Draw the bar from the first frame on."""
         self._bar = self._bar or self._stage("play")
         self._bar(done, total)
+
+
+def _print_ways(source: Path, excess: float) -> None:
+    """Print what a person may do about a refused drive, `excess` dB too loud, and by how many it is then felt."""
+    solution, target = files.load_solution(source, streamed=True), files.load_target(source, streamed=True)
+    if not excess or target is None:
+        return
+    whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
+    # Radiation pressure goes with the square of sound. The best protectors attenuate about 31 dB.
+    weaker, protected = whole.at(-2 * excess), whole.at(-2 * max(excess - 31, 0))
+    ways = [
+        ("protect all ears in the room", protected, "--ear-protection 31dB" + " --attenuate" * (excess > 31)),
+        ("play it weaker", weaker, "--attenuate"),
+        ("answer for it by name", whole, "--override-exposure NAME"),
+    ]
+    rows = [(way, f"{found.people[0]} of 10", option) for way, found, option in ways]
+    quiet = ("solve for quiet ears", "?", "midair budget RECORDING --trade 110dB")
+    print_grid(("what you can do", "felt by", "option"), [*rows, quiet])
 
 
 def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:

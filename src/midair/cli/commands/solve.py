@@ -8,7 +8,7 @@ from midair.cli.console import progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, TakeOptions
 from midair.cli.output import describe_drive, may_write, print_table, reserved
-from midair.table import Line, Row
+from midair.table import Line, Row, plain
 
 
 def solve_command(
@@ -54,6 +54,8 @@ def solve_command(
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     with reserved(target), progress_bars() as stage:
         rig.solve_to_file(pressure, transducers, settings, target, progress=stage("solve"))
-    about, lines = describe_drive(target)
-    table: list[Line] = [Row("drive", str(target)), *lines, ("next", f"midair play {target}")]
-    print_table(table, answer=f"solved {about}", simulated=pressure.provenance.simulated, json=json)
+    about, (feeling, *lines) = describe_drive(target)
+    row = Row("drive", str(target), text=f"{target}, {about}")
+    answer = f"felt {feeling.text}" if isinstance(feeling, Row) else "nothing plays"
+    table: list[Line] = [plain([feeling]), row, *lines, ("next", f"midair play {target}")]
+    print_table(table, answer=answer, simulated=pressure.provenance.simulated, json=json)
