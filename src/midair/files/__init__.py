@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from .atomic import writable_path as writable_path
     from .atomic import write_file as write_file
     from .formats import FORMATS as FORMATS
-    from .formats import Contents as Contents
     from .formats import contents as contents
     from .formats import format_of as format_of
     from .formats import load as load
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from .native.drive_file import load_target as load_target
     from .native.drive_file import save_solution as save_solution
     from .native.drive_file import save_solutions as save_solutions
-    from .native.provenance_json import to_json as to_json
     from .native.recording_file import RecordingBuffer as RecordingBuffer
     from .native.recording_file import load_played as load_played
     from .native.recording_file import load_pressure as load_pressure

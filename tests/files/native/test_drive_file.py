@@ -79,7 +79,7 @@ def rewrite(path, name, value):
 
 def with_phases_in_radians(path, phase):
     with h5py.File(path, "r+") as file:
-        del file["phase_change"]
+        del file["phase_step"]
         file["phase"] = phase
         file["phase"].attrs["units"] = "rad"
 
@@ -104,7 +104,7 @@ def test_a_stored_drive_is_what_the_units_play(tmp_path):
         np.testing.assert_array_equal(phase_bytes(again, 1), phase_bytes(drive, 1))
         np.testing.assert_array_equal(intensity_bytes(again, 1), intensity_bytes(drive, 1))
         np.testing.assert_array_equal(phase_bytes(again, 1)[70:200], phase_bytes(drive, 1)[70:200])
-    assert (tmp_path / "a.drive.h5").stat().st_size < (phase.nbytes + level.nbytes) / 10
+    assert (tmp_path / "a.drive.h5").stat().st_size < (phase.nbytes + level.nbytes) / 7
 
 
 def test_phases_of_other_boards_are_not_rounded(tmp_path):
@@ -118,8 +118,8 @@ def test_phases_of_other_boards_are_not_rounded(tmp_path):
 
 
 def test_refuses_another_number_of_transducers(path, solution):
-    rewrite(path, "phase_change", np.zeros((4, 248), "u1"))
-    with pytest.raises(BrokenFileError, match="phase_change: expected 249 along transducer, got 248"):
+    rewrite(path, "phase_step", np.zeros((4, 248), "u1"))
+    with pytest.raises(BrokenFileError, match="phase_step: expected 249 along transducer, got 248"):
         load_solution(path)
 
 

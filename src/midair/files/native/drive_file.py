@@ -1,7 +1,7 @@
 """Drives, `name.drive.h5`: transducer phases and levels, errors of the solution, and the target.
 
-For AUTD3 units, phases and levels of single transducers are stored as the bytes that the units play, as changes between
-frames and compressed; for other arrays as float64 without rounding. Targets are stored as float32.
+For AUTD3 units, phases and levels of single transducers are stored as the bytes that the units play, compressed; for
+other arrays as float64 without rounding. Targets are stored as float32.
 """
 
 import os
@@ -27,7 +27,7 @@ from midair.files.native.hdf5 import (
 )
 from midair.files.native.provenance_json import from_json, to_json
 from midair.files.native.raw_recording import open_file
-from midair.files.native.schema import BLOCK, array_from, array_values, check_time, time_values
+from midair.files.native.schema import array_from, array_values, check_time, time_values
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
@@ -75,7 +75,7 @@ def save_solutions(
     first = next(coming)
     if target is not None:
         _check_target(target, first.drive.rate, frames)
-    values, before, done = _frame_values(first, None, 0), first.drive, first.drive.frames
+    values, done = _frame_values(first), first.drive.frames
     # A compressed dataset does not exceed its size in memory.
     room = frames * (sum(each.nbytes for each in values.values()) // done + 8)
     room += 0 if target is None else 4 * frames * target.grid.count
@@ -83,8 +83,8 @@ def save_solutions(
         write_group(file, "drive", {**_drive_values(first.drive, frames), **values}, frames=frames)
         name_numbers(stored_dataset(file, "status"), get_args(Status))
         for part in report_progress(coming, frames, weight=lambda part: part.drive.frames):
-            write_frames(file, _frame_values(part, before, done), done)
-            before, done = part.drive, done + part.drive.frames
+            write_frames(file, _frame_values(part), done)
+            done += part.drive.frames
         if done != frames:
             raise MismatchError(f"{path}: expected a drive of {frames} frames, got {done}")
         if target is not None:
@@ -111,9 +111,9 @@ def read_drive(path: Path, *, streamed: bool) -> dict[str, Any]:
     """Stored values of a drive."""
     with open_file(path) as file:
         values = read_group(file, "drive", path, streamed=streamed)
-        for stored, name, steps in (("phase_change", "phase", _TURN), ("intensity_change", "transducer_level", 255)):
+        for stored, name, steps in (("phase_step", "phase", _TURN), ("level_step", "transducer_level", 255)):
             if stored in values:
-                values[name] = _from_changes(values.pop(stored), steps)
+                values[name] = each_frame(values.pop(stored), lambda byte, steps=steps: byte / steps)
         return values
 
 
@@ -125,7 +125,7 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
         if level is None or ("level" in values and "transducer_level" in values):
             raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
         if "phase" not in values:
-            raise BrokenFileError(f"{path}: expected either phase or phase_change; the file is damaged")
+            raise BrokenFileError(f"{path}: expected either phase or phase_step; the file is damaged")
         if ("response_real" in values) != ("response_imag" in values):
             raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
         measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
@@ -206,8 +206,8 @@ def _drive_values(drive: Drive, frames: int) -> dict[str, Any]:
     }
 
 
-def _frame_values(part: Solution, before: Drive | None, first: int) -> dict[str, np.ndarray]:
-    """Stored values of the frames of a part that begins at frame `first`, after the drive `before`."""
+def _frame_values(part: Solution) -> dict[str, np.ndarray]:
+    """Stored values of the frames of a part."""
     drive, names = part.drive, get_args(Status)
     phase, level = np.asarray(drive.phase), np.asarray(drive.level)
     values: dict[str, np.ndarray] = {
@@ -218,35 +218,14 @@ def _frame_values(part: Solution, before: Drive | None, first: int) -> dict[str,
     }
     if not (np.bincount(drive.array.unit) == AUTD3_TRANSDUCERS).all():
         return {**values, "phase": phase}
-    last = (None, None) if before is None else (np.asarray(before.phase[-1:]), np.asarray(before.level[-1:]))
     if level.ndim == 2:
-        values["intensity_change"] = _changes(values.pop("transducer_level"), last[1], 255, first)
-    return {**values, "phase_change": _changes(phase, last[0], _TURN, first)}
+        values["level_step"] = _steps(values.pop("transducer_level"), 255)
+    return {**values, "phase_step": _steps(phase, _TURN)}
 
 
-def _changes(x: np.ndarray, before: np.ndarray | None, steps: float, first: int) -> NDArray[np.uint8]:
-    """Numbers in steps, modulo 256, as changes since the frame before; themselves in the first of each block.
-
-    `x` begins at frame `first`, after the numbers `before`.
-    """
-    whole = np.concatenate([x[:1] if before is None else before, x])
-    byte = np.mod(np.rint(whole * steps), 256).astype(np.uint8)
-    moved, start = np.diff(byte, axis=0), -first % BLOCK
-    moved[start::BLOCK] = byte[1:][start::BLOCK]
-    return moved
-
-
-def _from_changes(changes: Frames, steps: float) -> Any:
-    """Numbers from their stored changes; lazy if these are."""
-
-    def number(first: int, last: int) -> NDArray[np.float64]:
-        begin = first // BLOCK * BLOCK
-        byte = np.asarray(changes[begin:last]).astype(np.uint8)
-        for block in range(0, len(byte), BLOCK):
-            np.cumsum(byte[block : block + BLOCK], axis=0, dtype=np.uint8, out=byte[block : block + BLOCK])
-        return byte[first - begin :] / steps
-
-    return LazyFrames(number, changes.shape) if isinstance(changes, LazyFrames) else number(0, len(changes))
+def _steps(x: np.ndarray, steps: float) -> NDArray[np.uint8]:
+    """Numbers in steps, modulo 256."""
+    return np.mod(np.rint(x * steps), 256).astype(np.uint8)
 
 
 def _target_values(target: AmplitudeFrames) -> dict[str, Any]:

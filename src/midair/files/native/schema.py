@@ -45,7 +45,7 @@ class Entry:
 
 
 BLOCK = 64
-"""Number of frames whose changes can be read without the frames before."""
+"""Number of frames in a compressed chunk."""
 
 _STORED = tomllib.loads(Path(__file__).with_name("schema.toml").read_text(encoding="utf-8"))
 
