@@ -46,7 +46,7 @@ def specimens(folder: Path) -> None:
         writer.append(samples)
         (folder / "killed.h5").write_bytes((folder / "made.h5").read_bytes())
     flat = samples.reshape(40, 6)
-    for name, form, subtype in (("w64", "W64", "DOUBLE"), ("rf64", "RF64", "PCM_24"), ("wav", "WAV", "ULAW")):
+    for name, form, subtype in (("rf64", "RF64", "PCM_24"), ("wav", "WAV", "ULAW")):
         soundfile.write(folder / f"foreign.{name}", np.clip(flat / 8, -1, 1), 1000, subtype=subtype, format=form)
     (folder / "denim.csv").write_bytes(b"\n".join(sample_path("denim").read_bytes().split(b"\n")[:30]))
     np.savez_compressed(folder / "foreign.npz", x=flat, y=np.arange(3), name=np.array("skin"))
@@ -75,7 +75,7 @@ def foreign(path: Path) -> None:
 
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("own.csv", "own.wav", "own.npz", "killed.h5", "denim.csv"), open_take),
-    **dict.fromkeys((f"foreign.{end}" for end in ("w64", "rf64", "wav", "npz", "haptic", "ahap")), foreign),
+    **dict.fromkeys((f"foreign.{end}" for end in ("rf64", "wav", "npz", "haptic", "ahap")), foreign),
     "a.xdf": foreign,
     "a.tdms": foreign,
     "sensor.toml": load_sensor,

@@ -45,7 +45,7 @@ def load(path: Place, **given: Any) -> Recording | Solution:
     Parameters
     ----------
     path : str or PathLike
-        Suffix .h5, .hdf5, .csv, .txt, .xml, .wav, .w64, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
+        Suffix .h5, .hdf5, .csv, .tsv, .txt, .lvm, .xml, .wav, .rf64, .npz, .npy, .mat, .flac, .aiff, .ogg, .mp3, .xdf,
         .tdms; .ahap and .haptic effects are rendered to waves.
     rate, unit, sensor, scale, channels, field, transpose, time, separator, decimal, skip, unit_row, mending
         Facts that a file of another program does not contain: the fields of `ImportOptions`.

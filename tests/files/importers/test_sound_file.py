@@ -157,7 +157,7 @@ def test_refuses_more_cells_than_channels(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64"), ("RF64", ".wav"), ("WAVEX", ".wav")])
+@pytest.mark.parametrize(("form", "ending"), [("RF64", ".rf64"), ("RF64", ".wav"), ("WAVEX", ".wav")])
 @pytest.mark.parametrize(("subtype", "channels"), [("PCM_24", 1), ("DOUBLE", 16), ("FLOAT", 16), ("PCM_16", 3)])
 def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_path):
     samples = np.random.default_rng(0).integers(-100, 100, (20, channels)) / 128
@@ -168,11 +168,10 @@ def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_pat
     assert seen.recording.rate == 4000
 
 
-@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64")])
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.95])
-def test_refuses_truncated_long_files(form, ending, kept, tmp_path):
-    path = tmp_path / f"a{ending}"
-    soundfile.write(path, np.random.default_rng(0).random((200, 16)), 4000, subtype="DOUBLE", format=form)
+def test_refuses_truncated_long_files(kept, tmp_path):
+    path = tmp_path / "a.rf64"
+    soundfile.write(path, np.random.default_rng(0).random((200, 16)), 4000, subtype="DOUBLE", format="RF64")
     data = path.read_bytes()
     path.write_bytes(data[: int(kept * len(data))])
     with pytest.raises(BrokenFileError):

@@ -43,8 +43,8 @@ def import_command(
 ) -> None:
     """Convert a file of another program to a recording.
 
-    Reads CSV, text, NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and HDF5 files of midair.
-    Reads WAV (also Wave64 and RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .haptic.
+    Reads CSV and other text (.tsv, .txt, .lvm), NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and HDF5 files of midair.
+    Reads WAV (also RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .haptic.
     To get pressure without a calibration, give --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
     The command prints all assumptions that it made. On a terminal it asks for the facts that the file does not state.

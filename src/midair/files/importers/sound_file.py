@@ -1,19 +1,17 @@
-"""Sound files (WAV, RF64, Wave64, FLAC, AIFF, Ogg, MP3): one audio channel per cell, full scale 1.
+"""Sound files (WAV, RF64, FLAC, AIFF, Ogg, MP3): one audio channel per cell, full scale 1.
 
 midair writes WAV and FLAC, and stores its header in a chunk or a comment that other programs skip.
 
 RIFF: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters,
 the length of its content as a little-endian uint32, and the content, padded to an even length. RF64 (ITU-R BS.2088): as
-RIFF, but lengths of 2^32 - 1 refer to 64-bit lengths in the first chunk, ds64. Wave64 (Sony, 2003): letters are GUIDs
-that begin with the four letters, lengths are uint64 and include the 24 bytes before the content, padding is to 8 bytes.
+RIFF, but lengths of 2^32 - 1 refer to 64-bit lengths in the first chunk, ds64.
 """
 
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -28,42 +26,45 @@ CHUNK = b"mdar"
 """Letters of midair's chunk."""
 
 _LONG = 0xFFFFFFFF
-_WAVE64 = b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RiffChunk:
-    """Letters of a chunk, and start and length of its content in bytes."""
+class RiffChunk(NamedTuple):
+    """Letters of a chunk, start and length of its content in bytes, and whether the length was not stated."""
 
     letters: bytes
     start: int
     length: int
-    open: bool = False
-    """Whether its length was not stated: a program that writes to a pipe, or stops early, cannot know it."""
+    unstated: bool
 
 
 def chunks(path: Path) -> tuple[RiffChunk, ...]:
-    """The chunks of a WAV, RF64 or Wave64 file, in order; raises BrokenFileError if it is another file or truncated.
+    """The chunks of a WAV or RF64 file, in order; raises BrokenFileError if it is another file or truncated.
 
-    Samples of no stated length (0, or from 2^31 - 2^10 bytes on and more than the file has) reach to its end.
+    A program that writes to a pipe, or is cut off, cannot state the length of the samples: if it is 0, or 2^31 - 2^10
+    bytes or more and more than the file has, they reach to its end.
     """
-    size = path.stat().st_size
+    size, found, place, long = path.stat().st_size, list[RiffChunk](), 12, 0
     with path.open("rb") as file:
-        start = file.read(40)
-        if start[:16] == _WAVE64 and start[24:28] == b"wave":
-            walk = _walk_wave64
-        elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
-            walk = _walk_riff
-        else:
-            raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {start[:12]!r}")
-        found: list[RiffChunk] = []
-        for chunk in walk(file, size):
-            if chunk.length < 0 or chunk.start + chunk.length > size:
+        start = file.read(12)
+        if start[:4] not in (b"RIFF", b"RF64") or start[8:12] != b"WAVE":
+            raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {start!r}")
+        while place + 8 <= size:
+            letters, length = _numbers_at(file, place, "<4sI")
+            if letters == b"ds64" and length >= 16 and place + 24 <= size:
+                (long,) = _numbers_at(file, place + 16, "<Q")
+            if letters == b"data" and length == _LONG and long:
+                length = long
+            rest = size - place - 8
+            unstated = rest < length >= 2**31 - 2**10 if length else not _chunk_at(file, place + 8, size)
+            if letters == b"data" and unstated:
+                length = rest
+            elif length > rest:
                 raise BrokenFileError(
-                    f"{path}: expected {chunk.length} bytes in chunk {chunk.letters.decode('latin-1')!r}, got "
-                    f"{size - chunk.start}; the file is truncated or its header is wrong"
+                    f"{path}: expected {length} bytes in chunk {letters.decode('latin-1')!r}, got {rest}; the file is "
+                    "truncated or its header is wrong"
                 )
-            found.append(chunk)
+            found.append(RiffChunk(letters, place + 8, length, letters == b"data" and unstated))
+            place += 8 + length + length % 2
     return tuple(found)
 
 
@@ -90,22 +91,6 @@ def _numbers_at(file: BinaryIO, place: int, layout: str) -> tuple[Any, ...]:
     return struct.unpack(layout, file.read(struct.calcsize(layout)))
 
 
-def _walk_riff(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
-    place, long = 12, 0
-    while place + 8 <= size:
-        letters, length = _numbers_at(file, place, "<4sI")
-        if letters == b"ds64" and length >= 16 and place + 24 <= size:
-            (long,) = _numbers_at(file, place + 16, "<Q")
-        if letters == b"data" and length == _LONG and long:
-            length = long
-        rest = size - place - 8
-        unknown = letters == b"data" and (
-            rest < length >= 2**31 - 2**10 if length else not _chunk_at(file, place + 8, size)
-        )
-        yield RiffChunk(letters=letters, start=place + 8, length=rest if unknown else length, open=unknown)
-        place += 8 + (rest if unknown else length + length % 2)
-
-
 def _chunk_at(file: BinaryIO, place: int, size: int) -> bool:
     """True at the end of a file and where a chunk begins."""
     if place + 8 > size:
@@ -114,15 +99,7 @@ def _chunk_at(file: BinaryIO, place: int, size: int) -> bool:
     return letters.isascii() and letters.decode().isprintable() and place + 8 + length <= size
 
 
-def _walk_wave64(file: BinaryIO, size: int) -> Iterator[RiffChunk]:
-    place = 40
-    while place + 24 <= size:
-        letters, length = _numbers_at(file, place, "<4s12xQ")
-        yield RiffChunk(letters=letters, start=place + 24, length=length - 24)
-        place += -(-length // 8) * 8
-
-
-_WAV = ("WAV", "WAVEX", "W64", "RF64")
+_WAV = ("WAV", "WAVEX", "RF64")
 _FORMATS = ("FLAC", "AIFF", "OGG", "MP3")
 _LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
 _BITS = {"PCM_U8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
@@ -175,10 +152,10 @@ def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a WAV, RF64 or Wave64 file: PCM of 8 to 32 bits, float32, float64 or µ-law."""
+    """Read a WAV or RF64 file: PCM of 8 to 32 bits, float32, float64 or µ-law."""
     found = chunks(path)
     header = next((content(path, chunk) for chunk in found if chunk.letters == CHUNK), b"")
-    if unknown := next((chunk for chunk in found if chunk.open), None):
+    if unknown := next((chunk for chunk in found if chunk.unstated), None):
         data = bytearray(path.read_bytes())
         data[unknown.start - 4 : unknown.start] = struct.pack("<I", min(unknown.length, _LONG))
         note = "The length of the samples was not stated: the file was read to its end."
@@ -255,7 +232,6 @@ def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterat
 
 
 WAV = Format(name="WAV", read=read_wav, write=write_wav, memory=2)
-WAVE64 = Format(name="Wave64", read=read_wav, memory=2)
 RF64 = Format(name="RF64", read=read_wav, memory=2)
 
 

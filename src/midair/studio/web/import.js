@@ -83,7 +83,7 @@ export function pictureOf(course, seconds) {
     the take, or "". */
 export function importFile(link, file) {
   const dialog = document.getElementById("import"),
-    wave = /\.(wav|w64|rf64|flac|aiff?|ogg|mp3)$/.test(file),
+    wave = /\.(wav|rf64|flac|aiff?|ogg|mp3)$/.test(file),
     inputs = {};
   const said = make("div", { role: "status", id: "import-said" }),
     wrong = make("p.bad", { role: "alert", id: "import-wrong" });

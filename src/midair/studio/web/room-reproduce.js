@@ -130,7 +130,7 @@ export default class Reproduce {
     const file = make("input", {
       type: "file",
       accept:
-        ".zip,.h5,.hdf5,.csv,.txt,.xml,.wav,.w64,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.xdf,.tdms,.ahap,.haptic",
+        ".zip,.h5,.hdf5,.csv,.tsv,.txt,.lvm,.xml,.wav,.rf64,.flac,.aiff,.aif,.ogg,.mp3,.npz,.npy,.mat,.xdf,.tdms,.ahap,.haptic",
       hidden: true,
       "aria-label": "a recording from this computer",
       onchange: () => {
