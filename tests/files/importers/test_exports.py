@@ -177,6 +177,7 @@ def test_a_known_tone_comes_back_from_forty_forms_or_one_fact_is_asked(tmp_path)
         ("X_Value\ta\tX_Value\tb\n0.1\t1\t0.1\t1\n0.2\t2\t0.3\t2\n", {}, "one time for all channels"),
         ("a:1,b:2\na:1,c:2\n", {}, "labels a, b, got others in line 2"),
         ("time,a\n12:00:01,1\n12:00:02,2\n", {"unit_row": 7}, "unit_row: expected a line before"),
+        ("# Sample rate: 1 parrot\na\n1\n2\n", {}, "does not state its frame rate"),
         ("time,a\n0.1,1\n0.2,2\n", {"separator": "dash"}, "separator: expected tab"),
         ("time,a\n0.1,1\n0.2,2\n", {"skip": -1}, "lines from 0 on"),
         ("time,a\n0.1,1\n0.2,2\n", {"time": "b"}, "expected a channel by name"),
@@ -195,6 +196,8 @@ def test_two_readings_or_wrong_options_are_refused(text, given, said, tmp_path):
         ("t|a\n1|2\n2|3\n", {"separator": "|", "time": "none", "unit": "V"}, "t, a", "V"),
         ("u,v\nV,V\nbar,bar\n1,2\n2,3\n", {"unit_row": 2}, "bar, bar", "V"),
         ("u,v\nV,V\n1,2\n2,3\n", {"unit_row": 0, "unit": "count"}, "V, V", "count"),
+        ("0,1,2\n0.5,1.5,2.5\n0.6,1.6,2.6\n", {"unit": "V"}, "0, 1, 2", "V"),
+        ("a,b,c\n1,5,2\n2,,3\n3,,4\n4,,5\n", {"unit": "V"}, "a, c; without numbers in the second half", "V"),
         ("a,b,c\n1,0.1,x\n2,0.2,y\n3,0.3,z\n", {"unit": "V", "time": "b"}, "a", "V"),
     ],
 )

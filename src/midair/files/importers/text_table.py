@@ -35,6 +35,8 @@ _COMMENTS = ("#", "%", "//", "; ")
 WORDS: Mapping[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 """Marks, names and units of other programs, in small letters."""
 
+_MARKS = frozenset(WORDS["marks"])
+
 _SCPI = (9.9e37, -9.9e37, 9.91e37)  # infinity and NaN of instruments (SCPI 1999, volume 1, 7.2.1)
 _TIME = re.compile(
     r"(?P<date>\d{1,4}[-/.](?:\d{1,2}|[A-Z]{3})[-/.]\d{2,4})?(?:T|\s+)?"
@@ -46,7 +48,8 @@ _MONITOR = re.compile(r"(\d\d:\d\d:\d\d[.,]\d+) -> ")
 _LABEL = re.compile(r"([A-Za-z_][\w .]*)[:=]\s*([^\s:=]+)")
 _UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\bin (\S{1,5})$")
 """A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
-_STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)\s*(?:([kmunµ])?(?:hz|s/s|s|sps)\b)?"
+_STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)"
+_STATED += r"(?:\s*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?!\s*[a-zµ]))"
 _RATE = re.compile(r"\b(?:fs|sampl\w*[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED, re.IGNORECASE)
 _STEP = re.compile(r"\b(?:sampl\w* (?:interval|period)|delta_x|increment|time interval)" + _STATED, re.IGNORECASE)
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
@@ -114,6 +117,8 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
     named = list(names) or [""] * len(columns)
     units = units or [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
     kept, stamps, left = _converted(body, columns, named, decimal, path, gaps=given.mending is not None)
+    if skipped := [str(i + 1) for i in range(columns[-1]) if i not in columns]:
+        left.append(f"without numbers in the second half of the rows, and left out: {', '.join(skipped)}")
     if len(kept) > 1:
         first, values = next(iter(kept.items()))
         timed = stamps is not None or any(map(is_clock, names)) or is_clock(f"t [{units[first]}]")
@@ -195,7 +200,8 @@ def _rows(lines: Sequence[tuple[int, str]], separator: str, path: Path) -> list[
 
 def _decimal(rows: Sequence[_Row], path: Path) -> Decimal:
     """The sign of decimals; InputError if commas may be of decimals and of thousands."""
-    later = (field for row in rows[len(rows) // 2 :] for field in row.fields)
+    some = rows[len(rows) // 2 :]
+    later = (field for row in some[:: 1 + len(some) // 2000] for field in row.fields)
     fields = [field for field in later if re.fullmatch(r"[-+.,\deE]*\d", field)]
     commas = [field for field in fields if "," in field]
     last = {field.rfind(",") > field.rfind(".") for field in commas if "." in field}
@@ -213,7 +219,7 @@ def _decimal(rows: Sequence[_Row], path: Path) -> Decimal:
 def _number(field: str, decimal: Decimal) -> float | None:
     """Number of a field, NaN for an empty one and for a mark of an overflow; None for other text."""
     sign, other = (".", ",") if decimal == "point" else (",", ".")
-    if not field or field.lower() in WORDS["marks"]:
+    if not field or field.lower() in _MARKS:
         return np.nan
     whole, point, rest = field.partition(sign)
     if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(?:\{other}\d{{3}})+", whole):
@@ -240,7 +246,10 @@ def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
     labels = bool(later) and all(map(_LABEL.fullmatch, later[-1]))
     for start, row in enumerate(rows):
         first = next((row.fields[i] for i in columns if i < len(row.fields) and row.fields[i]), "---")
-        numbered = len(columns) > 2 and row.fields == ["", *map(str, range(len(columns) - 1))]  # names of pandas
+        # Names of pandas without names, with its index or without it.
+        numbered = len(columns) > 2 and row.fields == ["", *map(str, range(len(columns) - 1))]
+        whole = all(field.isdecimal() for field in rows[-1].fields)
+        numbered = numbered or (not whole and len(columns) > 1 and row.fields == list(map(str, range(len(columns)))))
         if _is_value(first) and not numbered and (labels or not _LABEL.fullmatch(first)):
             return columns, start
     return columns or [0], len(rows)
@@ -254,7 +263,7 @@ def _names(
     if given.unit_row and not stated:
         raise InputError(f"{path}: unit_row: expected a line before the numbers in line {line}, got {given.unit_row}")
     wide = [row for row in head if len(row.fields) > columns[-1] and row not in stated]
-    if given.unit_row is None and wide and all(_is_unit(wide[-1].fields[i]) for i in columns):
+    if given.unit_row is None and wide and all(_is_unit(wide[-1].fields[i], alone=len(wide) == 1) for i in columns):
         stated = [wide[-1]]
         wide = wide[:-1] or wide
     listed = [row.fields for row in head if row.fields[0].lower() == "y_unit_label"]  # of LabVIEW
@@ -278,14 +287,15 @@ def _row_of_names(row: str | list[str], separator: str, columns: Sequence[int]) 
         return ()
     found = tuple(fields[i] for i in columns)
     numbers = [field for field in found if is_number(field)]
-    fits = not numbers or numbers == [str(i) for i in range(len(columns) - 1)]
+    fits = not numbers or (len(numbers) > 1 and numbers == [str(i) for i in range(len(numbers))])
     return found if fits and not _RATE.search(" ".join(found)) and (row is fields or len(found) > 1) else ()
 
 
-def _is_unit(field: str) -> bool:
-    plain = field.strip("[]() ").lower()
-    known = known_unit(field.strip("[]() "))[0] is not None or is_clock(f"t [{plain}]") or plain in WORDS["quantities"]
-    return known or field[0] + field[-1] in ("()", "[]")
+def _is_unit(field: str, *, alone: bool) -> bool:
+    """True for a unit; without a row of names above it, a letter such as a or c is a name."""
+    plain = field.strip("[]() ")
+    known = known_unit(plain)[0] is not None or is_clock(f"t [{plain}]")
+    return known or (not alone and (plain.lower() in WORDS["quantities"] or field[0] + field[-1] in ("()", "[]")))
 
 
 def _labelled(body: Sequence[_Row], path: Path) -> tuple[tuple[str, ...], list[_Row]]:
@@ -316,7 +326,7 @@ def _facts(
     pairs = [f"{name} {value}" for one, two in pairwise(rows) for name, value in zip(one, two, strict=False)]
     text = "\n".join([*comments, *map(" ".join, rows), *pairs])
     text = text.replace(",", ".") if decimal == "comma" else text
-    large, small = {"": 1.0, "k": 1e3, "m": 1e6}, {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
+    large, small = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}, {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
     rates = {float(value) * large.get(factor.lower(), np.nan) for value, factor in _RATE.findall(text)}
     steps = {float(value) * small.get(factor.lower(), np.nan) for value, factor in _STEP.findall(text)} - {0.0}
     found = {float(f"{rate:.9g}") for rate in (*rates, *(1 / step for step in steps))}
