@@ -49,9 +49,9 @@ _LABEL = re.compile(r"([A-Za-z_][\w .]*)[:=]\s*([^\s:=]+)")
 _UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\bin (\S{1,5})$")
 """A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
 _STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)"
-_STATED += r"(?:\s*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?!\s*[a-zµ]))"
-_RATE = re.compile(r"\b(?:fs|sampl\w*[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED, re.IGNORECASE)
-_STEP = re.compile(r"\b(?:sampl\w* (?:interval|period)|delta_x|increment|time interval)" + _STATED, re.IGNORECASE)
+_FACTOR = r"(?:\s*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?!\s*[a-zµ]))"
+_RATE = re.compile(r"(?i)\b(?:fs|sampl\w*[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED + _FACTOR)
+_STEP = re.compile(r"(?i)\b(?:sampl\w* (?:interval|period)|delta_x|increment|time interval)" + _STATED + _FACTOR)
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
 
 
