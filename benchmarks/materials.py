@@ -20,8 +20,6 @@ from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.dsp import band_energies, resample
 from midair.errors import InputError
-from midair.evaluate import THIRD_OCTAVES
-from midair.evaluate.spectra import OCTAVE_BANDS
 from midair.files import contents, open_take
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
@@ -30,6 +28,7 @@ from midair.rig import Session, VirtualRig, record
 from midair.settings import Mode, Settings, paper_mode, with_paper_mode
 from midair.targets import add_lead
 
+THIRD_OCTAVES = [tuple(1000 * 10 ** ((number + half) / 10) for half in (-0.5, 0.5)) for number in range(-16, -3)]
 LIVE = "live"
 """The mode that inverts the sensor causally, as `midair live` does."""
 
@@ -200,7 +199,7 @@ def third_octaves(pressure: PressureFrames) -> Array:
 
     The levels do not depend on the overall level, so a texture and a weaker copy of it have the same levels.
     """
-    power = band_energies(pressure.pressure, pressure.rate, OCTAVE_BANDS).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
+    power = band_energies(pressure.pressure, pressure.rate, THIRD_OCTAVES).reshape(len(THIRD_OCTAVES), -1).sum(axis=1)
     if not power.sum() > 0:
         raise InputError("texture: expected vibration between 22 and 447 Hz, got silence")
     return 10 * np.log10(np.maximum(power / power.sum(), 1e-6))

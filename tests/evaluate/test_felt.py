@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from midair.evaluate import HARDLY_FELT, JUST_FELT, PEOPLE, Felt, felt
-from midair.evaluate.felt import _RATE, _level
+from midair.evaluate import HARDLY_FELT, Felt, felt
+from midair.evaluate.felt import _RATE, JUST_FELT, PEOPLE, _level
 from midair.physics import TOUCH_CHANNELS
 
 PITCH, SIDE = 2e-3, 15

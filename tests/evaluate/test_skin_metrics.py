@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import math
 
 import numpy as np
 import pytest
@@ -26,31 +25,23 @@ def test_the_same_is_the_same():
     assert card.figure("ST-SIM").overall == pytest.approx(1)
     assert card.figure("SPQI").overall == pytest.approx(1)
     assert card.figure("Pacinian power difference").overall == pytest.approx(0)
-    assert card.figure("stray power").overall == -math.inf
     assert card.compared.sum() == 1
     assert card.compared[1, 1]
     assert np.isnan(card.figure("ST-SIM").channels[0, 0])
 
 
-def test_half_as_strong_is_6_db_and_nearly_4_steps_weaker():
+def test_half_as_strong_is_6_db_weaker_and_alike():
     card = perceptual_metrics(frames(), scaled(frames(), 0.5))
-    assert card.figure("Pacinian power difference").overall == pytest.approx(20 * np.log10(0.5), abs=1e-6)
-    steps = card.figure("the same in just noticeable differences")
-    assert steps.overall == pytest.approx(-3.81, abs=0.01)
-    # To rounding, because the total level is computed from the powers.
-    assert steps.overall == pytest.approx(steps.channels[1, 1], rel=1e-12)
-    assert card.figure("ST-SIM").overall < 1
+    found = card.figure("Pacinian power difference")
+    assert found.overall == pytest.approx(20 * np.log10(0.5), abs=1e-6)
+    assert found.channels[1, 1] == pytest.approx(found.overall, rel=1e-12)
+    assert card.felt.level == pytest.approx(card.figure("level over the threshold, original").overall - 6.02, abs=0.01)
+    assert card.figure("ST-SIM").overall == pytest.approx(1)
 
 
 def test_a_delay_is_not_felt():
     late = dataclasses.replace(frames(), pressure=advance(frames().pressure, -0.012, 1000.0))
     assert perceptual_metrics(frames(), late).figure("ST-SIM").overall == pytest.approx(1, abs=1e-3)
-
-
-def test_elsewhere_is_stray():
-    card = perceptual_metrics(frames(channel=5), frames(channel=6))
-    assert card.figure("stray power").overall == pytest.approx(0, abs=1e-6)
-    assert card.figure("stray power").channels[1, 2] == pytest.approx(0, abs=1e-6)
 
 
 def test_silence_gives_no_nan_overall():
@@ -78,15 +69,3 @@ def test_mismatched_recordings_are_rejected():
     short = PressureFrames(pressure=np.ones((20, 4, 4)) * np.arange(20)[:, None, None], rate=1000.0)
     with pytest.raises(ShapeError, match="64 ms"):
         perceptual_metrics(short, short)
-
-
-@pytest.mark.long
-def test_a_weaker_copy_has_the_same_spectrum():
-    rng = np.random.default_rng(6)
-    original = PressureFrames(pressure=5 * rng.standard_normal((2000, 4, 4)), rate=1000.0)
-    card = perceptual_metrics(original, scaled(original, 0.8))
-    assert card.figure("SPQI, level matched").overall == pytest.approx(1)
-    assert card.figure("ST-SIM, level matched").overall == pytest.approx(1)
-    assert card.figure("SPQI").overall < 0.5
-    names = [name for name, *_ in card.rows()]
-    assert len(names) == len(set(names)) == len(card.figures) - 1, "both levels over the threshold are one row"

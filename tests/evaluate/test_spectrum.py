@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.evaluate import THIRD_OCTAVES, dominant_frequency, spectral_error
-
-
-def test_equal_spectra_do_not_differ():
-    density = np.random.default_rng(0).random((30, 4, 4))
-    assert spectral_error(density, density) == 0
+from midair.evaluate import dominant_frequency, spectral_error
 
 
 def test_a_level_difference_is_itself():
@@ -29,9 +24,3 @@ def test_dominant_frequency_ignores_the_mean():
     time = np.arange(500) / 1000
     wave = 10 + np.sin(2 * np.pi * 40 * time) + 0.5 * np.sin(2 * np.pi * 120 * time)
     assert dominant_frequency(wave[:, None, None], 1000.0) == pytest.approx(40.0)
-
-
-def test_the_bands_are_those_of_the_standard_within_the_band_of_touch():
-    named = [25, 31.5, 40, 50, 63, 80, 100, 125, 160, 200, 250, 315, 400]
-    assert len(THIRD_OCTAVES) == len(named)
-    assert pytest.approx(named, rel=0.01) == THIRD_OCTAVES

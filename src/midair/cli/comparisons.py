@@ -34,7 +34,7 @@ def verdict_lines(verdict: Verdict) -> tuple[str, list[Line]]:
     return " ".join(first), list[Line](others)
 
 
-def comparison_lines(comparison: Comparison, card: PerceptualMetrics | None) -> list[Line]:
+def comparison_lines(comparison: Comparison, card: PerceptualMetrics | None) -> list[tuple[str, str]]:
     """Every figure of a comparison, and its perceptual metrics over all cells, original → reproduction."""
     figures = comparison.figures().items()
     metrics = [] if card is None else card.rows()
@@ -62,7 +62,8 @@ def palm_lines(palm: PalmFidelity) -> list[Line]:
 
 def laboratory_lines(found: LaboratoryLoss) -> list[Line]:
     """What all uncertainties of a laboratory together leave, and what to do about the largest."""
-    return [("real laboratory", found.text()), ("without them", f"{found.nominal:.0f} dB; {found.advice}")]
+    place = [("place", found.place)] if found.place else []
+    return [("laboratory", found.text()), *place, ("without them", f"{found.nominal:.0f} dB; {found.advice}")]
 
 
 def print_laboratory(found: LaboratoryLoss) -> None:

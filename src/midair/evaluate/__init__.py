@@ -5,7 +5,6 @@ from midair.physics import relative_error as relative_error
 
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
-from .comparison import peak_position as peak_position
 from .distortion import OVERALL as OVERALL
 from .distortion import RATIOS as RATIOS
 from .distortion import TOUCHED as TOUCHED
@@ -18,6 +17,7 @@ from .distortion import find_delay as find_delay
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
 from .error_budget import ALL as ALL
+from .error_budget import ALL_MEASURED as ALL_MEASURED
 from .error_budget import Budget as Budget
 from .error_budget import LaboratoryLoss as LaboratoryLoss
 from .error_budget import Leak as Leak
@@ -30,8 +30,6 @@ from .error_budget import error_by_energy as error_by_energy
 from .error_budget import leak as leak
 from .error_budget import surroundings as surroundings
 from .felt import HARDLY_FELT as HARDLY_FELT
-from .felt import JUST_FELT as JUST_FELT
-from .felt import PEOPLE as PEOPLE
 from .felt import Felt as Felt
 from .felt import felt as felt
 from .felt import skin_motion as skin_motion
@@ -40,11 +38,11 @@ from .palm_metrics import PalmFrames as PalmFrames
 from .palm_metrics import PressedPalm as PressedPalm
 from .palm_metrics import palm_fidelity as palm_fidelity
 from .palm_metrics import palm_frames as palm_frames
+from .place import Place as Place
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
-from .spectra import THIRD_OCTAVES as THIRD_OCTAVES
 from .spectra import dominant_frequency as dominant_frequency
 from .spectra import spectral_error as spectral_error
 from .verdict import Verdict as Verdict

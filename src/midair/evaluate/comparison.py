@@ -1,4 +1,4 @@
-"""Compare an original pressure with its reproduction: waveform, spectrum, level and position."""
+"""Compare an original pressure with its reproduction: waveform, spectrum, level and place."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +9,9 @@ from midair.array_types import Array
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
+from midair.evaluate.place import Place, fit_place
 from midair.evaluate.spectra import dominant_frequency, spectral_error
-from midair.model import ControlGrid, PressureFrames, SensorGrid
+from midair.model import PressureFrames
 from midair.validation import check_type
 
 
@@ -22,18 +23,18 @@ class Comparison:
     """Delay of the reproduction in s, removed before all other figures."""
     correlation: float
     """Correlation of the waveforms over all channels, -1 to 1, without subtracting the mean."""
+    place: Place
+    """Where the pattern lies; correlation, gain and ratios are those against the original there."""
     gain: float
     """Slope of the best line through 0 from original to reproduced pressure."""
     waveform_error: float
-    """||reproduced - original|| / ||original||, without fitting a gain."""
+    """||reproduced - original|| / ||original||, without fitting a place or a gain."""
     distortion_ratio: float
     """Signal-to-distortion ratio over all cells with one gain, in dB."""
     ratios: Mapping[str, Limits]
     """Each signal-to-distortion ratio by its name, see `RATIOS`; without noise only where that is known."""
     spectral_error: float
     """Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`)."""
-    peak: tuple[tuple[float, float], tuple[float, float]]
-    """(x, y) of the cell with the largest rms, original and reproduced, in m; among equals (5 %) the nearest cell."""
     frequency: tuple[float, float]
     """Dominant frequency, original and reproduced, in Hz."""
     rms: tuple[float, float]
@@ -45,11 +46,6 @@ class Comparison:
     simulated: bool
     """Whether any part was simulated."""
 
-    @property
-    def peak_distance(self) -> float:
-        """Distance between the cells with the largest rms, in m."""
-        return float(np.hypot(*np.subtract(*self.peak)))
-
     def figures(self) -> dict[str, tuple[float, str]]:
         """Every scalar figure with its unit, by its label in reports."""
         return {
@@ -58,7 +54,8 @@ class Comparison:
             "waveform error": (100 * self.waveform_error, "%"),
             **{name: (ratio[0], "dB") for name, ratio in self.ratios.items()},
             "spectral error": (self.spectral_error, "dB"),
-            "peak distance": (1e3 * self.peak_distance, "mm"),
+            "shift of the pattern": (1e3 * self.place.distance, "mm"),
+            "turn of the pattern": (float(np.degrees(self.place.turn)), "deg"),
             "dominant frequency, original": (self.frequency[0], "Hz"),
             "dominant frequency, reproduced": (self.frequency[1], "Hz"),
             "rms of the strongest cell, original": (self.rms[0], "Pa"),
@@ -78,6 +75,7 @@ def compare(
     *,
     first: int = 0,
     noise: Array | None = None,
+    fixed_place: bool = False,
 ) -> Comparison:
     """Compare a reproduction with its original.
 
@@ -91,6 +89,8 @@ def compare(
         only 30 to 50 dB.
     noise : ndarray, shape (row, column), optional
         Rms noise of the sensor in the reproduction, in its band, in Pa.
+    fixed_place : bool
+        Count a rigid shift and turn of the pattern as distortion.
 
     Raises
     ------
@@ -107,10 +107,12 @@ def compare(
     delay = find_delay(x, reproduced.pressure[part], original.rate)
     # The delay is removed before all figures: half a period of delay would invert a wave.
     y = advance(reproduced.pressure, delay, original.rate)[part]
-    a, b = (each.reshape(frames, -1) for each in (x, y))
+    place, moved = (Place(), x) if fixed_place else fit_place(x, y, original.sensor)
+    plain, a, b = (each.reshape(frames, -1) for each in (x, moved, y))
     xx, yy, xy = _products(a, a), _products(b, b), _products(a, b)
     gain, own = _over(xy.sum(), xx.sum()), _over(xy, xx)
-    (frequency, before), (_, after) = welch(a, original.rate), welch(b, original.rate)
+    (frequency, before), (_, after) = welch(plain, original.rate), welch(b, original.rate)
+    before_place = _products(plain, plain)
     low, high = original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
     # As a difference of sums the residual would be lost to rounding for a good reproduction.
@@ -121,14 +123,14 @@ def compare(
     return Comparison(
         delay=delay,
         correlation=float(_over(xy.sum(), np.sqrt(xx.sum() * yy.sum()))),
+        place=place,
         gain=float(gain),
-        waveform_error=_ratio(np.sqrt(_products(b - a, b - a).sum()), np.sqrt(xx.sum())),
+        waveform_error=_ratio(np.sqrt(_products(b - plain, b - plain).sum()), np.sqrt(before_place.sum())),
         distortion_ratio=found[OVERALL][0],
         ratios=found,
         spectral_error=spectral_error(before[inside], after[inside]),
-        peak=_peaks(xx.reshape(shape) / frames, yy.reshape(shape) / frames, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
-        rms=(float(np.sqrt(xx.max() / frames)), float(np.sqrt(yy.max() / frames))),
+        rms=(float(np.sqrt(before_place.max() / frames)), float(np.sqrt(yy.max() / frames))),
         channel_correlation=_over(xy, np.sqrt(xx * yy)).reshape(shape),
         channel_gain=own.reshape(shape),
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
@@ -138,22 +140,6 @@ def compare(
 def _products(x: Array, y: Array) -> Array:
     """Sum over the frames for each channel, shape (channel,)."""
     return np.asarray(np.einsum("tc,tc->c", x, y), np.float64)
-
-
-def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float, float]:
-    """(x, y) of the largest value of a map (row, column) or (point,), relative to the centre of its grid, in m."""
-    row, column = np.unravel_index(int(np.argmax(values)), grid.shape)
-    return float(grid.x[column]), float(grid.y[row])
-
-
-def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Positions of the largest mean square of both maps, shape (row, column); see `Comparison.peak`."""
-    found = peak_position(reproduced, sensor)
-    # Squared, because the maps are mean squares and the 5 % refer to the rms.
-    rows, columns = np.nonzero(original >= 0.95**2 * original.max())
-    away = np.hypot(sensor.x[columns] - found[0], sensor.y[rows] - found[1])
-    nearest = int(np.argmin(away))
-    return (float(sensor.x[columns[nearest]]), float(sensor.y[rows[nearest]])), found
 
 
 def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:

@@ -155,7 +155,7 @@ def leak(drive: Drive, amplitude: Array, grid: ControlGrid, *, acoustics: Acoust
     )
 
 
-ALL = "all together"
+ALL, ALL_MEASURED = "all together", "all, array measured"
 
 ADVICE: Mapping[str, str] = {
     "palm sideways": "support the hand and mark its place, or follow it with --follow",
@@ -179,24 +179,29 @@ class LaboratoryLoss:
     nominal: float
     """Without any uncertainty, in dB."""
     ratios: Mapping[str, Array]
-    """Signal to distortion of each draw in dB, by uncertainty; `ALL` for all of them at once."""
+    """Signal to distortion of each draw in dB, by uncertainty; `ALL` for all of them at once, `ALL_MEASURED` for the
+    same laboratories after the array is measured."""
     stated: Mapping[str, str]
     """Size of each uncertainty as text."""
     seed: int
     """Seed of the draws."""
     measured: bool = False
     """Whether the transducers were measured; then only the uncertainty of the measurement remains."""
+    place: str = ""
+    """Place of the palm in words, if its shift and turn in the plane are no distortion."""
 
     @property
     def largest(self) -> str:
         """The uncertainty with the lowest median."""
-        return min((name for name in self.ratios if name != ALL), key=lambda name: float(np.median(self.ratios[name])))
+        return min(ADVICE.keys() & self.ratios.keys(), key=lambda name: float(np.median(self.ratios[name])))
 
     def text(self) -> str:
         """Result with all uncertainties in one line."""
-        middle, low, high = np.percentile(self.ratios[ALL], [50, 5, 95])
-        array = "a measured array" if self.measured else "an array that was not measured"
-        return f"{middle:.0f} dB ({low:.0f} to {high:.0f}) with {array}"
+        name = ALL_MEASURED if ALL_MEASURED in self.ratios else ALL
+        middle, low, high = np.percentile(self.ratios[name], [50, 5, 95])
+        known = self.measured or name == ALL_MEASURED
+        said = f"{middle:.0f} dB ({low:.0f} to {high:.0f}), array {'measured' if known else 'not measured'}"
+        return said if name == ALL else f"{said}; {np.median(self.ratios[ALL]):.0f} dB if not"
 
     @property
     def advice(self) -> str:
@@ -207,9 +212,12 @@ class LaboratoryLoss:
 
     def rows(self) -> list[tuple[str, str, float, float, float]]:
         """Name, size, median, 5th and 95th percentile of each uncertainty in dB, the largest loss first."""
-        order = sorted(self.ratios, key=lambda name: (name == ALL, float(np.median(self.ratios[name]))))
-        found = [(name, np.percentile(self.ratios[name], [50, 5, 95])) for name in order]
-        return [(name, self.stated[name], float(mid), float(low), float(high)) for name, (mid, low, high) in found]
+        order = sorted(self.ratios, key=lambda name: (name not in ADVICE, float(np.median(self.ratios[name]))))
+        rows = list[tuple[str, str, float, float, float]]()
+        for name in order:
+            middle, low, high = (float(each) for each in np.percentile(self.ratios[name], [50, 5, 95]))
+            rows.append((name, self.stated.get(name, ""), middle, low, high))
+        return rows
 
     def plain(self) -> dict[str, object]:
         """Values for JSON."""
@@ -217,6 +225,7 @@ class LaboratoryLoss:
             "nominal_db": self.nominal,
             "seed": self.seed,
             "measured_array": self.measured,
+            "place": self.place or None,
             "uncertainties": {
                 name: {
                     "stated": said,

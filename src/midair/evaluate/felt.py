@@ -41,6 +41,7 @@ on 2.9 cm2 of soft skin on bone, the least of the frequencies, areas and skins o
 
 _FINEST, _RATE, _SETTLE = 4e-3, 1000.0, 0.1
 """Largest distance in m of the points on the skin, their sample rate in Hz, and length of the skin's response in s."""
+_RADIUS = float(np.sqrt(max(each.summed for each in TOUCH_CHANNELS.values()) / np.pi))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +87,7 @@ def felt(pressure: Array, rate: float, pitch: float, *, skins: Mapping[str, Tiss
     values = np.asarray(_loudest(pressure, rate), float)
     values = resample(values - values.mean(axis=0), rate, _RATE)
     times = int(np.ceil(pitch / _FINEST - 1e-9))
-    beyond = int(np.ceil(_radius() * times / pitch))
+    beyond = int(np.ceil(_RADIUS * times / pitch))
     # The skin also moves beside the pressure.
     load = np.pad(values.repeat(times, axis=1).repeat(times, axis=2), ((0, 0), (beyond,) * 2, (beyond,) * 2))
     moved = {
@@ -111,10 +112,6 @@ def skin_motion(
     return SkinMotion.of(tissue, shape, pitch=pitch, rate=rate, band=band, edge=band[0] / 2, settle=settle)
 
 
-def _radius() -> float:
-    return float(np.sqrt(max(each.summed for each in TOUCH_CHANNELS.values()) / np.pi))
-
-
 def _loudest(pressure: Array, rate: float) -> Array:
     """Part of `LONGEST` with the most power in the band."""
     frames = round(LONGEST * rate)
@@ -136,7 +133,7 @@ def _level(moved: Array, channel: TouchChannel, pitch: float) -> float:
     begin = np.unique(np.append(np.arange(0, len(power) - window + 1, max(1, window // 4)), len(power) - window))
     mean = (total[begin + window] - total[begin]) / window
     if channel.summed:
-        reach = int(_radius() // pitch)
+        reach = int(_RADIUS // pitch)
         place = pitch * np.arange(-reach, reach + 1)
         disc = (place**2 + place[:, None] ** 2 < channel.summed / np.pi).astype(float)
         # At most the area that the channel sums.

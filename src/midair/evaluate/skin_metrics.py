@@ -1,6 +1,5 @@
 """Perceptual metrics of a reproduction: several numbers with an explanation each, for each cell and overall."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,9 +83,9 @@ class PerceptualMetrics:
 def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics:
     """Compute the perceptual metrics of a reproduction.
 
-    A delay common to all cells is removed first; the level is not fitted. ST-SIM and SPQI are computed at 8 kHz after
-    resampling; their overall values are means over the compared cells, weighted by the original's power. Powers are
-    summed over the cells.
+    A delay common to all cells is removed first. ST-SIM and SPQI are computed at 8 kHz after resampling, and after the
+    levels of the Pacinian channel are matched; their overall values are means over the compared cells, weighted by the
+    original's power.
 
     Both are pressures of the same cells at the same rate, at least 64 ms long. Cells are compared down to 20 dB below
     the strongest cell.
@@ -94,52 +93,42 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     Raises MismatchError or RateError if the cells or the rates differ, ShapeError if they are too short.
     """
     check_alike(original, reproduced)
-    rate = original.rate
-    frames = min(original.frames, reproduced.frames)
+    rate, frames = original.rate, min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, rate)
     # A delay of rounding errors would fill silent blocks with noise.
     y = advance(y, delay, rate) if abs(delay) > 1e-9 else y
     power = (x**2).sum(axis=0) / frames
-    before, after = _pacinian_level(x, rate), _pacinian_level(y, rate)
-    over = [felt(each, rate, original.sensor.pitch) for each in (x, y)]
+    before, after = _pacinian_power(x, rate), _pacinian_power(y, rate)
     compared = (power > 0) & (power >= power.max() * 10 ** (-WEAKEST / 10))
-    apart = _difference(_total(after), _total(before))
-    # The level is that of the felt vibration, so that it does not depend on the waveform.
-    level = float(10 ** (apart / 20)) if np.isfinite(apart) else 1.0
-    apart_by_cell = np.where(compared, _difference(after, before), np.nan)
-    stray = np.where(compared, np.nan, _difference(after, _total(before)))
+    apart = _difference(after.sum(), before.sum())
+    factor = 10 ** (float(apart) / 20) if np.isfinite(apart) else 1.0
+    pair = [by * resample(each, rate, RATE) for each, by in ((x, METRIC_SCALE), (y, METRIC_SCALE / factor))]
+    st_sim, spqi = similarities(*pair, compared=compared.ravel()).reshape(2, *power.shape)
+    felt_levels = [felt(each, rate, original.sensor.pitch) for each in (x, y)]
+    weight = np.where(compared, power, 0.0) / (power[compared].sum() or 1.0)
+    unknown = np.full(power.shape, np.nan)
+    figures = (
+        ("ST-SIM", "", np.nansum(st_sim * weight), st_sim,
+         "1 if waveform and felt spectrum are equal in each 64 ms, after the felt levels are matched; 0 without any "
+         "similarity. A changed waveform lowers it even if skin might not notice."),
+        ("SPQI", "", np.nansum(spqi * weight), spqi,
+         "1 if the felt spectra are equal, for any waveform, after the felt levels are matched; .5 if the difference "
+         "has a fifth of the original's power, .02 if it has as much power as the original."),
+        *(("level over the threshold" + end, "dB", each.level, unknown,
+           "Vibration over the detection threshold of half of all people where and when it is strongest: mean of "
+           f"{len(each.levels)} models of skin.") for end, each in zip((_BEFORE, _AFTER), felt_levels, strict=True)),
+        ("Pacinian power difference", "dB", apart, np.where(compared, _difference(after, before), np.nan),
+         "Reproduced minus original: above 0 the reproduction feels rougher and stronger than the original, below 0 "
+         f"smoother and weaker; most people do not notice {STEP:g} dB on the palm at 125 Hz."),
+    )  # fmt: skip
     return PerceptualMetrics(
-        figures=(
-            *_similarities(x, y, rate, np.where(compared, power, 0.0), level),
-            *_both(
-                "level over the threshold",
-                "dB",
-                [(each.level, np.full(power.shape, np.nan)) for each in over],
-                "Vibration in dB over the detection threshold of half of all people where and when it is strongest: "
-                f"mean of {len(over[0].levels)} models of skin.",
-            ),
-            _metric(
-                ("Pacinian power difference", "dB"),
-                (apart, apart_by_cell),
-                "Reproduced minus original: above 0 the reproduction feels rougher and stronger than the original, "
-                "below 0 smoother and weaker.",
-            ),
-            _metric(
-                ("the same in just noticeable differences", "JND"),
-                (apart / STEP, apart_by_cell / STEP),
-                f"In steps of {STEP:g} dB, the smallest difference of strength that people notice on the palm at "
-                "125 Hz: between -1 and 1 most people would not notice a difference of strength.",
-            ),
-            _metric(
-                ("stray power", "dB"),
-                (_difference(_total(np.where(compared, -np.inf, after)), _total(before)), stray),
-                "Pacinian power on cells where the original hardly presses, relative to the original's total: lower "
-                "values mean less vibration at wrong places.",
-            ),
+        figures=tuple(
+            PerceptualFigure(name=name, unit=unit, overall=float(overall), channels=channels, meaning=meaning)
+            for name, unit, overall, channels, meaning in figures
         ),
         compared=compared,
-        felt=over[1],
+        felt=felt_levels[1],
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
 
@@ -155,60 +144,18 @@ def metrics_or_none(original: PressureFrames, reproduced: PressureFrames) -> Per
 _BEFORE, _AFTER = ", original", ", reproduced"
 """Ends of the names of two figures that are one row."""
 
-Values = tuple[Array | float, Array]
-"""Overall value, and that of each cell, shape (row, column)."""
 
-
-def _metric(name: tuple[str, str], values: Values, meaning: str) -> PerceptualFigure:
-    return PerceptualFigure(name=name[0], unit=name[1], overall=float(values[0]), channels=values[1], meaning=meaning)
-
-
-def _both(name: str, unit: str, pair: Sequence[Values], meaning: str) -> list[PerceptualFigure]:
-    return [_metric((name + end, unit), each, meaning) for end, each in zip((_BEFORE, _AFTER), pair, strict=True)]
-
-
-def _pacinian_level(pressure: Array, rate: float) -> Array:
-    """Level of each channel's pressure with the weights of the Pacinian channel, in dB, shape (row, column).
+def _pacinian_power(pressure: Array, rate: float) -> Array:
+    """Power of each channel's pressure with the weights of the Pacinian channel, in Pa2, shape (row, column).
 
     On displacement it predicts the perceived roughness of textures (Bensmaia and Hollins, Percept. Psychophys. 65(6),
     2003); differences of levels hardly depend on the skin.
     """
     spectrum = np.fft.rfft(pressure, axis=0) * 2 / len(pressure)
     weight = TOUCH_CHANNELS["P"].weight(np.asarray(np.fft.rfftfreq(len(pressure), 1 / rate), np.float64))
-    return level((np.abs(spectrum * weight[:, None, None]) ** 2).sum(axis=0))
-
-
-def _similarities(x: Array, y: Array, rate: float, weight: Array, level: float) -> list[PerceptualFigure]:
-    """ST-SIM and SPQI of the cells with a weight, after `level` is divided out, and with it."""
-    found = list[PerceptualFigure]()
-    meanings = (
-        (
-            "1 if waveform and felt spectrum are equal in each 64 ms, after the felt levels are matched.",
-            "The same with the level: 0 without any similarity; a changed waveform lowers it even if skin might not "
-            "notice, and a stronger felt vibration than the original's can raise it above 1.",
-        ),
-        (
-            "1 if the felt spectra are equal, for any waveform, after the felt levels are matched.",
-            "The same with the level: .5 if the difference has a fifth of the original's power, .02 if it has as much "
-            "power as the original.",
-        ),
-    )
-    for which, (end, factor) in enumerate(((", level matched", level or 1.0), ("", 1.0))):
-        pair = [by * resample(each, rate, RATE) for each, by in ((x, METRIC_SCALE), (y, METRIC_SCALE / factor))]
-        maps = similarities(*pair, compared=weight.ravel() > 0).reshape(2, *weight.shape)
-        means = np.nansum(maps * weight, axis=(1, 2)) / (weight.sum() or 1.0)
-        for name, each, mean, meaning in zip(("ST-SIM", "SPQI"), maps, means, meanings, strict=True):
-            found.append(_metric((name + end, ""), (mean, each), meaning[which]))
-    return found
-
-
-def _total(levels: Array) -> Array:
-    """Level of the summed power in dB; minus infinity for silence."""
-    return level((10 ** (levels / 10)).sum())
+    return np.asarray((np.abs(spectrum * weight[:, None, None]) ** 2).sum(axis=0), np.float64)
 
 
 def _difference(after: Array, before: Array) -> Array:
-    """`after` minus `before`; 0 where both are silent."""
-    # Minus infinity minus minus infinity would be NaN.
-    silent = np.isneginf(after) & np.isneginf(before)
-    return np.where(silent, 0.0, np.where(silent, 0.0, after) - np.where(silent, 0.0, before))
+    """Level of `after` over `before` in dB; 0 where both are silent."""
+    return np.where((after <= 0) & (before <= 0), 0.0, level(after, before))

@@ -1,4 +1,4 @@
-"""Spectra of vibrations: levels, their difference, the dominant frequency, and third octaves."""
+"""Spectra of vibrations: levels, their difference, and the dominant frequency."""
 
 import numpy as np
 
@@ -32,10 +32,3 @@ def dominant_frequency(samples: Array, rate: float) -> float:
     for channel in samples.reshape(len(samples), -1).T:
         power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
     return float(np.fft.rfftfreq(len(samples), 1 / rate)[int(np.argmax(power))])
-
-
-THIRD_OCTAVES = tuple(float(1000 * 10 ** (number / 10)) for number in range(-16, -3))
-"""Centre frequencies of the third octaves completely within 20 to 470 Hz, 25 to 398 Hz (base ten, IEC 61260-1)."""
-
-OCTAVE_BANDS = tuple((middle / 10**0.05, middle * 10**0.05) for middle in THIRD_OCTAVES)
-"""Ends of the third octaves in Hz."""

@@ -1,13 +1,15 @@
 """The verdict on a reproduction: at most six lines, in the same words wherever it is shown."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from midair.evaluate.comparison import Comparison
 from midair.evaluate.distortion import TOUCHED, finite
-from midair.evaluate.error_budget import ALL, LaboratoryLoss
+from midair.evaluate.error_budget import ALL, ALL_MEASURED, LaboratoryLoss
 from midair.evaluate.felt import Felt, felt
+from midair.evaluate.place import Place
 from midair.evaluate.skin_metrics import STEP, PerceptualMetrics
 from midair.model import PressureFrames
 
@@ -26,6 +28,8 @@ class Verdict:
     """Signal to distortion on the touched cells in dB, without known noise of the sensor."""
     spectrum: float | None
     """Similarity of the felt spectra at equal levels (SPQI); None for less than 64 ms."""
+    place: Place
+    """Where the pattern lies on the palm."""
     gain: float
     """Pressure of the reproduction over that of the original."""
     option: str = ""
@@ -39,37 +43,29 @@ class Verdict:
 
     @classmethod
     def of(
-        cls,
-        comparison: Comparison,
-        reproduced: PressureFrames,
-        card: PerceptualMetrics | None,
-        *,
-        option: str = "",
-        excess: float | None = None,
-        laboratory: LaboratoryLoss | None = None,
-        left_out: str = "",
+        cls, comparison: Comparison, reproduced: PressureFrames, card: PerceptualMetrics | None, **known: Any
     ) -> "Verdict":
-        """Build the verdict from the figures of one reproduction; further arguments are fields of the class."""
+        """Build the verdict from the figures of one reproduction; `known` are further fields of the class."""
         ratios = comparison.ratios
         return cls(
             felt=felt(reproduced.pressure, reproduced.rate, reproduced.sensor.pitch) if card is None else card.felt,
             fidelity=ratios.get(f"{TOUCHED}, without noise", ratios[TOUCHED])[0],
-            spectrum=None if card is None else card.figure("SPQI, level matched").overall,
+            spectrum=None if card is None else card.figure("SPQI").overall,
+            place=comparison.place,
             gain=comparison.gain,
-            option=option,
-            excess=excess,
-            laboratory=laboratory,
-            left_out=left_out,
+            **known,
         )
 
     def rows(self) -> list[tuple[str, str]]:
         """Name and text of each line; only what is known."""
         lines = [("felt", str(self.felt)), ("alike", self._alike()), ("level", self._level())]
+        if self.place:
+            lines.append(("place", str(self.place)))
         if self.excess is not None:
-            too = f"{self.excess:.0f} dB too loud without protection" if self.excess > 0 else "within the limit"
-            lines.append(("ears", too))
+            loud = self.excess > 0
+            lines.append(("ears", f"{self.excess:.0f} dB too loud without protection" if loud else "within the limit"))
         if self.laboratory is not None:
-            lines.append(("real laboratory", self.laboratory.text()))
+            lines.append(("laboratory", self.laboratory.text()))
         return [*lines, ("left out", self.left_out)] if self.left_out else lines
 
     def _alike(self) -> str:
@@ -82,8 +78,7 @@ class Verdict:
             return "the original is not in it"
         times = abs(20 * float(np.log10(self.gain)))
         share = f"{abs(100 * (self.gain - 1)):.0f} % {'stronger' if self.gain > 1 else 'weaker'}"
-        if not 0.5 <= self.gain <= 2:
-            share = f"{self.gain:.2g} times as strong"
+        share = share if 0.5 <= self.gain <= 2 else f"{self.gain:.2g} times as strong"
         if times <= STEP:
             return f"as strong as the original ({share})"
         return f"{share}: {self.option}" if self.option else share
@@ -91,8 +86,9 @@ class Verdict:
     def plain(self) -> dict[str, object]:
         """Values for JSON: the lines by their names, and the figures behind them."""
         figures = {"felt": self.felt.plain(), "fidelity_db": finite(self.fidelity), "gain": self.gain}
-        lab = None if self.laboratory is None else float(np.median(self.laboratory.ratios[ALL]))
-        return {"lines": dict(self.rows()), **figures, "ears_excess_db": self.excess, "laboratory_db": lab}
+        lab = {} if self.laboratory is None else self.laboratory.ratios
+        medians = {name: float(np.median(lab[name])) for name in (ALL, ALL_MEASURED) if name in lab}
+        return {"lines": dict(self.rows()), **figures, "ears_excess_db": self.excess, "laboratory_db": medians}
 
     def __str__(self) -> str:
         width = max(len(name) for name, _ in self.rows()) + 2

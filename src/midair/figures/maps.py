@@ -185,8 +185,8 @@ def draw_map(
 
 
 SHOWN = (
-    "ST-SIM, level matched",
-    "SPQI, level matched",
+    "ST-SIM",
+    "SPQI",
     "Pacinian power difference",
 )
 """Metrics that are shown as maps; the others follow from them."""

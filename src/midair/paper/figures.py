@@ -232,7 +232,7 @@ def _row(thing: str, mode: str, loop: Loop) -> Row:
         "gain": comparison.gain,
         "waveform_error": comparison.waveform_error,
         "sdr_db": comparison.distortion_ratio,
-        "peak_distance_mm": 1e3 * comparison.peak_distance,
+        "shift_mm": 1e3 * comparison.place.distance,
         "frequency_original_hz": comparison.frequency[0],
         "frequency_reproduced_hz": comparison.frequency[1],
         "st_sim": card.figure("ST-SIM").overall,

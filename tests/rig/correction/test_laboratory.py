@@ -7,7 +7,7 @@ import pytest
 
 from midair.cli.app import run
 from midair.errors import BrokenFileError
-from midair.evaluate import ALL, LaboratoryLoss
+from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss
 from midair.files import Laboratory, load_laboratory, save_laboratory
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
@@ -41,15 +41,24 @@ def loss(focus, laboratory, **options) -> LaboratoryLoss:
 def test_without_uncertainty_nothing_is_lost(focus) -> None:
     found = loss(focus, NOTHING)
     assert found.nominal > 40
-    assert list(found.ratios) == [ALL]
+    assert list(found.ratios) == [ALL, ALL_MEASURED]
     np.testing.assert_allclose(found.ratios[ALL], found.nominal, atol=1e-6)
+
+
+def test_a_palm_that_lies_aside_and_turned_is_told_and_no_distortion(focus) -> None:
+    lab = NOTHING.but(palm_aside_mm=3.0, palm_turn_deg=5.0)
+    free, fixed = loss(focus, lab), loss(focus, lab, fixed_place=True)
+    np.testing.assert_allclose(free.ratios[ALL], free.nominal, atol=1e-6)
+    assert np.median(fixed.ratios[ALL]) < fixed.nominal - 10
+    assert free.place.startswith("4.2 mm, 5° off; people feel points")
+    assert (fixed.place, set(fixed.ratios) - set(free.ratios)) == ("", {"palm sideways", "palm rotation"})
 
 
 @pytest.mark.long
 def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
     small = Laboratory(frequency=2e-3)
     doubled = {name: 2 * getattr(small, name) for names in PARTS.values() for name in names}
-    one, other = loss(focus, small), loss(focus, small.but(**doubled))
+    one, other = (loss(focus, lab, fixed_place=True) for lab in (small, small.but(**doubled)))
     for name in PARTS:
         assert np.median(other.ratios[name]) < np.median(one.ratios[name]) < one.nominal + 0.1, name
     assert np.median(other.ratios[ALL]) < np.median([np.median(other.ratios[name]) for name in PARTS])
@@ -61,7 +70,7 @@ def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
 @pytest.mark.long
 def test_the_seed_gives_the_same_laboratories(focus) -> None:
     lab = NOTHING.but(palm_aside_mm=2.0)
-    first, again, other = (loss(focus, lab, seed=seed) for seed in (1, 1, 2))
+    first, again, other = (loss(focus, lab, seed=seed, fixed_place=True) for seed in (1, 1, 2))
     assert json.dumps(first.plain()) == json.dumps(again.plain())
     assert not np.array_equal(first.ratios[ALL], other.ratios[ALL])
 
@@ -81,6 +90,8 @@ def test_a_measured_array_leaves_the_uncertainty_of_its_measurement(focus) -> No
     )
     lab = NOTHING.but(strength=0.2, resonance_hz=500.0, unit_position_mm=0.5, dead=0.05)
     before, after = loss(focus, lab), loss(focus, lab, measured=known)
+    assert np.median(before.ratios[ALL_MEASURED]) > np.median(before.ratios[ALL]) + 3
+    assert ALL_MEASURED not in after.ratios
     assert after.measured
     assert after.stated["transducers"] == "as measured"
     for name in ("transducers", "units", "dead transducers"):
@@ -111,5 +122,5 @@ def test_the_budget_has_the_part_of_the_laboratory(tmp_path, monkeypatch, capsys
     quick = ["--method", "fast", "--start-at", "0.4s", "--duration", "0.03s", "--lead", "0s"]
     assert run(["budget", "take.h5", "--lab", "lab.toml", *quick, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["laboratory"]
-    assert set(found["uncertainties"]) == {*PARTS, ALL}
+    assert set(found["uncertainties"]) == {*PARTS, ALL, ALL_MEASURED} - {"palm sideways", "palm rotation"}
     assert found["uncertainties"][ALL]["median_db"] < found["nominal_db"]

@@ -24,6 +24,7 @@ def budget_command(
     options: TakeOptions | None = None,
     silencer: devices.SilencerChoice = "off",
     lab: Path | None = None,
+    fixed_place: bool = False,
     spread: Spread = "default",
     seed: Seed = 0,
     trade: str | None = None,
@@ -49,6 +50,8 @@ def budget_command(
     lab
         TOML file with the uncertainties of a laboratory, from midair doctor --lab: adds the part "palm and laboratory",
         the loss by each of them and by all together, in random draws from the seed.
+    fixed_place
+        Count a shift and a turn of the palm in its plane as distortion.
 
     Examples
     --------
@@ -79,6 +82,7 @@ def budget_command(
         laboratory=None if lab is None else files.load_laboratory(lab),
         calibration=known,
         seed=seed,
+        fixed_place=fixed_place,
     )
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     if levels:

@@ -9,14 +9,12 @@ from midair.cli.options import BandOptions, Force, Json, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
 from midair.evaluate import (
-    RATIOS,
     Comparison,
     PalmFidelity,
     PerceptualMetrics,
     Verdict,
     compare,
     metrics_or_none,
-    ratio_text,
 )
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
 from midair.model import Palm, PressureFrames
@@ -44,6 +42,7 @@ def compare_command(
     palm: Path | None = None,
     spread: Spread = "default",
     seed: int = 0,
+    fixed_place: bool = False,
     report: Path | None = None,
     film: Path | None = None,
     force: Force = False,
@@ -66,6 +65,8 @@ def compare_command(
         TOML file with the outline of a palm, for a drive. [default: disc of 85 mm]
     seed
         Random seed of the virtual rig that plays a drive.
+    fixed_place
+        Count a shift and a turn of the pattern in the plane of the palm as distortion.
     report
         Write an HTML page with all figures and both recordings, to watch and listen to.
     film
@@ -107,7 +108,7 @@ def compare_command(
         pair = aligned_pair(pressure_of(original, settings), take, settings)
         before, after = pair.original, pair.piece
         done(1, 3)
-        comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise)
+        comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)
         done(2, 3)
         card = metrics_or_none(before, after)
         done(3, 3)
@@ -154,16 +155,9 @@ def _write_report(
 ) -> None:
     shown = show_comparison(before, after)
     check_size(shown)
-    figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
-    ratios = [(name, ratio_text(limits), "dB", RATIOS[name]) for name, limits in comparison.ratios.items()]
-    tables = [
-        ("Verdict", verdict.rows()),
-        ("Figures", figures),
-        ("Signal to distortion", ratios),
-        *([] if card is None else [("Perceptual metrics", card.rows())]),
-    ]
+    tables = [("Verdict", verdict.rows()), ("Figures", comparison_lines(comparison, card))]
     if palm is not None:
-        rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
+        rows = [(name.removeprefix("palm: "), f"{value:.3g} {unit}") for name, (value, unit) in palm.figures().items()]
         tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
     write_file(path, show_page(shown, tables=tables, commands=(verbosity().line,)))
 

@@ -59,6 +59,8 @@ class BudgetPlan:
     """Measurement of `measured`, whose uncertainty remains in the laboratory."""
     seed: int = 0
     """Seed of the random laboratories."""
+    fixed_place: bool = False
+    """Whether a shift and a turn of the palm in its plane count as distortion."""
 
 
 def error_budget(
@@ -100,6 +102,7 @@ def error_budget(
         band=band,
         measured=plan.calibration,
         seed=plan.seed,
+        fixed_place=plan.fixed_place,
         progress=stage("laboratory"),
     )
     return replace(found, laboratory=loss)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array, Complex
-from midair.evaluate import ALL, LaboratoryLoss, fidelity
+from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss, Place, fidelity
 from midair.figures import Picture, laboratory_figure, png_bytes
 from midair.files import Laboratory
 from midair.model import (
@@ -32,10 +32,11 @@ from midair.physics import (
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.names.sensor_names import VirtualRig
 
-PICTURE_TITLE = "In a laboratory"
-
 LONGEST = 0.1
 """Duration of the compared part in s, from the middle of a longer one."""
+
+AS_MEASURED = (0.0133, 0.0151)
+"""Relative strength and phase in rad that `midair calibrate array` leaves unknown (`benchmarks.unknown_arrays`)."""
 
 PARTS: dict[str, tuple[str, ...]] = {
     "palm sideways": ("palm_aside_mm",),
@@ -64,6 +65,7 @@ def laboratory_loss(
     measured: ArrayCalibration | None = None,
     seed: int = 0,
     draws: tuple[int, int] = (12, 48),
+    fixed_place: bool = False,
     progress: Progress | None = None,
 ) -> LaboratoryLoss:
     """Play a drive in random laboratories, and compare with the pressure that was asked for.
@@ -71,13 +73,17 @@ def laboratory_loss(
     Fields are steady in each frame, with ideal hold and sensor, so that only the laboratory changes the result. `asked`
     is the target pressure on the cells, from the drive's first frame, `grid` the control points of the solve. `judged`
     is (start, duration) of the compared part in s; at most `LONGEST` of it is compared. Of `measured` transducers, for
-    which the drive was solved, only the uncertainty remains. `draws` counts the laboratories for each uncertainty alone
-    and for all together.
+    which the drive was solved, only the uncertainty remains; if they are not measured, all together is also computed as
+    if they were. `draws` counts the laboratories for each uncertainty alone and for all together. A shift and a turn of
+    the palm in its plane are no distortion, unless `fixed_place`.
     """
     asked, drive, judged = _part(asked, drive, judged)
     stage = _Stage(drive=drive, sensor=sensor, grid=grid, measured=measured)
+    aside, turn = 1e-3 * laboratory.palm_aside_mm, float(np.radians(laboratory.palm_turn_deg))
+    if not fixed_place:
+        laboratory = laboratory.but(palm_aside_mm=0.0, palm_turn_deg=0.0)
 
-    def ratio(own: Laboratory, *draw: int) -> float:
+    def ratio(stage: _Stage, own: Laboratory, *draw: int) -> float:
         # A stream for each draw: other uncertainties, or a measured array, do not change the palm's.
         rng = np.random.default_rng([seed, *draw])
         came = replace(asked, pressure=stage.pressure(own, rng).reshape(-1, *asked.sensor.shape), rate=drive.rate)
@@ -85,23 +91,33 @@ def laboratory_loss(
 
     nothing = Laboratory(**dict.fromkeys((name for names in PARTS.values() for name in names), 0.0))
     kept = {name: {each: getattr(laboratory, each) for each in names} for name, names in PARTS.items()}
-    plan = [(name, nothing.but(**own), draws[0]) for name, own in kept.items() if any(own.values())]
-    plan = [*plan, (ALL, laboratory, draws[1])]
+    plan = [(name, stage, nothing.but(**own), draws[0]) for name, own in kept.items() if any(own.values())]
+    plan = [*plan, (ALL, stage, laboratory, draws[1])]
+    if measured is None:
+        plan.append((ALL_MEASURED, replace(stage, supposed=True), laboratory, draws[1]))
     total, done = sum(count for *_, count in plan), 0
     ratios: dict[str, Array] = {}
-    nominal = ratio(nothing)
-    for name, own, count in plan:
+    nominal = ratio(stage, nothing)
+    for name, where, own, count in plan:
         found = []
         for number in range(count):
-            found.append(ratio(own, [*PARTS, ALL].index(name), number))
+            # The same palm before and after the array is measured.
+            found.append(ratio(where, own, [*PARTS, ALL].index(name.replace(ALL_MEASURED, ALL)), number))
             done += 1
             if progress is not None:
                 progress(done, total)
         ratios[name] = np.array(found)
-    stated = {name: ", ".join(_stated(*each) for each in own.items()) for name, own in kept.items()} | {ALL: ""}
+    stated = {name: ", ".join(_stated(*each) for each in own.items()) for name, own in kept.items()}
     if measured is not None:
         stated |= {"transducers": "as measured", "dead transducers": "as measured", "units": "as measured"}
-    return LaboratoryLoss(nominal=nominal, ratios=ratios, stated=stated, seed=seed, measured=measured is not None)
+    return LaboratoryLoss(
+        nominal=nominal,
+        ratios=ratios,
+        stated=stated,
+        seed=seed,
+        measured=measured is not None,
+        place="" if fixed_place else str(Place(shift=(aside, aside), turn=turn)),
+    )
 
 
 def laboratory_of_loop(loop: Loop, rig: VirtualRig, *, progress: Progress | None = None) -> LaboratoryLoss:
@@ -123,7 +139,7 @@ def laboratory_of_loop(loop: Loop, rig: VirtualRig, *, progress: Progress | None
 def laboratory_picture(found: LaboratoryLoss) -> Picture:
     """Figure of the loss, for a report."""
     return Picture(
-        title=PICTURE_TITLE,
+        title="In a laboratory",
         caption="What each uncertainty of a laboratory leaves of the result, alone and all together: median and 5 to "
         f"95 % of random draws; the line is the result without them. {found.advice[0].upper()}{found.advice[1:]}.",
         data=png_bytes(laboratory_figure(found)),
@@ -159,6 +175,8 @@ class _Stage:
     sensor: SensorModel
     grid: ControlGrid
     measured: ArrayCalibration | None
+    supposed: bool = False
+    """Whether an array that was not measured counts as measured."""
 
     def pressure(self, lab: Laboratory, rng: np.random.Generator) -> Array:
         """Pressure on the cells in one random laboratory, shape (frame, cell), in Pa."""
@@ -190,7 +208,7 @@ class _Stage:
             place = self._moved_units(lab, rng)
         frequency = array.frequency * (1 + float(rng.normal(0, lab.frequency)))
         moved = replace(array, position=place[0], normal=place[1], response=response, frequency=frequency)
-        if known is None:
+        if known is None and not self.supposed:
             return moved
         # The measured response contains what a shift of a unit does at the sensor.
         longer = np.linalg.norm(moved.position - solved, axis=1) - np.linalg.norm(array.position - solved, axis=1)
@@ -199,15 +217,19 @@ class _Stage:
 
     def _response(self, lab: Laboratory, rng: np.random.Generator) -> Complex:
         count, known = self.drive.array.count, self.measured
-        alive = rng.random(count) >= (lab.dead if known is None else 0.0)
-        if known is None:
+        alive = rng.random(count) >= lab.dead
+        if known is None and not self.supposed:
             seed, spread = int(rng.integers(2**32)), lab.resonance_hz
-            varied = Transducers.varied(count, seed=seed, gain_spread=lab.strength, resonance_spread=spread)
-            return alive * varied.response
+            return (
+                alive * Transducers.varied(count, seed=seed, gain_spread=lab.strength, resonance_spread=spread).response
+            )
+        strength, phase = AS_MEASURED
+        if known is not None:
+            strength = known.strength_uncertainty / np.maximum(known.strength, 1e-6) * (known.strength > 0)
+            phase = known.phase_uncertainty
         size = 1.0 if lab.strength or lab.resonance_hz else 0.0
-        strength = known.strength_uncertainty / np.maximum(known.strength, 1e-6) * (known.strength > 0)
-        phase = size * known.phase_uncertainty * rng.standard_normal(count)
-        return np.asarray((1 + size * strength * rng.standard_normal(count)) * np.exp(1j * phase), np.complex128)
+        turn = size * phase * rng.standard_normal(count)
+        return np.asarray((1 + size * strength * rng.standard_normal(count)) * np.exp(1j * turn), np.complex128)
 
     def _moved_units(self, lab: Laboratory, rng: np.random.Generator) -> tuple[Array, Array]:
         """Positions and normals of the transducers if each unit is shifted and rotated about its middle."""

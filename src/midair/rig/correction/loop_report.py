@@ -31,7 +31,6 @@ from midair.figures import (
 from midair.files import write_file
 from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
-from midair.pressure_level import level_of
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.laboratory import laboratory_picture
 from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture
@@ -71,7 +70,6 @@ def write_report(
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
         verdict=outcomes[0].verdict.rows(),
-        summary=_summary(loop),
         palms=palms,
         ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
         side_by_side=comparison_rows(outcomes),
@@ -97,20 +95,6 @@ def versions() -> list[Row]:
         (name, importlib.metadata.version(name)) for name in ("midair", "numpy", "scipy", "h5py", "matplotlib")
     ]
     return [*libraries, ("Python", platform.python_version()), ("system", f"{platform.system()} {platform.machine()}")]
-
-
-def _summary(loop: Loop) -> str:
-    last = loop.passes[-1]
-    frames, solution = last.reproduction.target.frames, last.reproduction.solution
-    level = level_of(solution, last.reproduction.target, band=loop.settings.calibration.band)
-    return (
-        f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
-        f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
-        f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s), the re-recorded "
-        f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
-        f"{last.comparison.gain:.2f} times its amplitude. "
-        f"{'; '.join(f'{name}: {text}' for name, text in level.rows())}."
-    )
 
 
 def _figures(loop: Loop) -> list[Row]:

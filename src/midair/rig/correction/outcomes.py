@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.evaluate import (
-    LaboratoryLoss,
     PalmFidelity,
     PerceptualMetrics,
     Verdict,
@@ -37,14 +36,12 @@ class Outcome:
     """The answer in a few lines."""
 
     @classmethod
-    def of(
-        cls, loop: Loop, *, palm: PalmFidelity | None = None, name: str = "", laboratory: LaboratoryLoss | None = None
-    ) -> "Outcome":
+    def of(cls, loop: Loop, *, palm: PalmFidelity | None = None, name: str = "") -> "Outcome":
         """Build an outcome with its perceptual metrics and its verdict."""
         last = loop.passes[-1]
         card = metrics_or_none(loop.reference, last.felt)
         option = next_step(last.comparison.gain, loop.settings)
-        verdict = Verdict.of(last.comparison, last.felt, card, option=option, laboratory=laboratory)
+        verdict = Verdict.of(last.comparison, last.felt, card, option=option)
         return cls(name=name, loop=loop, palm=palm, card=card, verdict=verdict)
 
 
@@ -87,7 +84,7 @@ def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
 
 
 def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
-    last, palm, card = outcome.loop.passes[-1], outcome.palm, outcome.card
+    last, palm = outcome.loop.passes[-1], outcome.palm
     made = last.reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     rows = {name: (ratio_text(limits), "dB") for name, limits in last.comparison.ratios.items()}
@@ -95,13 +92,7 @@ def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
         low, high = palm.range
         rows["signal to distortion of the skin's movement"] = (f"{low:.1f} to {high:.1f}", "dB")
         rows["leak: power beside the recorded square"] = (f"{100 * palm.outside:.1f}", "%")
-    rows["gain"] = (f"{last.comparison.gain:.2f}", "")
     rows |= {name: (text, "") for name, text in outcome.verdict.rows()}
-    if card is not None:
-        rows["similarity of felt spectra (SPQI, level matched)"] = (
-            f"{card.figure('SPQI, level matched').overall:.2f}",
-            "",
-        )
     # A silent frame has the error 0.
     error = made.solution.error[inside][made.solution.plays[inside]]
     rows["E as the solver measures it, mean"] = (f"{100 * float(error.mean()) if len(error) else 0.0:.1f}", "%")
