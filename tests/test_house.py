@@ -24,7 +24,7 @@ LINES = {
     "model": 1872,
     "settings streaming .": 2739,
     "physics": 3105,
-    "recordings targets correct evaluate": 4063,
+    "recordings targets correct evaluate": 4062,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4934,
