@@ -110,6 +110,8 @@ TYPED: Mapping[str, str] = MappingProxyType(
         "scale": "--scale 2Pa, the pressure of the value 1",
         "sensor": "--layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
         "channels": "--channels 0 to choose one",
+        "transpose": "--transpose if its last axis is time",
+        "decimal": "--decimal comma, or point",
     }
 )
 """Options for parameters of `open_take` that errors advise to give."""
@@ -135,7 +137,7 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
         raise type(wrong)(wrong.message(TYPED)) from wrong
 
 
-def ask_missing(file: File, options: FileOptions, *, mending: Mending | None, ask: bool) -> files.OpenedTake:
+def ask_missing(file: File, options: FileOptions, mending: Mending | None, *, ask: bool) -> files.OpenedTake:
     """Import, and with `ask` on a terminal, ask for each fact that the file lacks; Enter takes the proposed answer."""
     while True:
         try:

@@ -172,8 +172,9 @@ def test_a_known_tone_comes_back_from_forty_forms_or_one_fact_is_asked(tmp_path)
 @pytest.mark.parametrize(
     ("text", "given", "said"),
     [
+        ("0,1\n0.001,0.9\n0.002,0.8\n", {}, "2 channels and does not state their layout"),
         ("time;a\n0;1,234\n1;2,345\n", {}, "a comma of decimals, and of thousands; give decimal="),
-        ("0,001,0,5\n0,002,0,6\n0,003,0,7\n", {}, "commas of decimals, and between columns; give separator="),
+        ("0,001,0,5\n0,002,0,6\n0,003,0,7\n", {}, "commas of decimals, and between columns; give decimal="),
         ("X_Value\ta\tX_Value\tb\n0.1\t1\t0.1\t1\n0.2\t2\t0.3\t2\n", {}, "one time for all channels"),
         ("a:1,b:2\na:1,c:2\n", {}, "labels a, b, got others in line 2"),
         ("time,a\n12:00:01,1\n12:00:02,2\n", {"unit_row": 7}, "unit_row: expected a line before"),

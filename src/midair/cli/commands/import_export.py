@@ -74,7 +74,6 @@ def import_command(
     Examples
     --------
     $ midair import sample:towel
-    $ midair import sample:ridges
     $ midair import sample:denim --peak 30Pa
     $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
     $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
@@ -99,9 +98,7 @@ def import_command(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = (
-        files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending=mending, ask=not json)
-    )
+    imported = files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending, ask=not json)
     credits: list[Line] = []
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))

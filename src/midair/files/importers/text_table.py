@@ -179,7 +179,7 @@ def _separator(sample: Sequence[str], given: ImportOptions, path: Path) -> str:
     if separator == "," and given.decimal is None and any(re.search(r"(?:^|,)0\d*,0\d", line) for line in sample):
         raise InputError(
             f"{path}: expected one reading of {sample[-1][:40]!r}, got two: commas of decimals, and between columns",
-            parameters={"separator": 'separator="comma"', "decimal": 'decimal="comma"'},
+            parameters={"decimal": 'decimal="comma", or "point" for columns'},
         )
     return separator
 
@@ -244,12 +244,12 @@ def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
     width = Counter(map(len, later)).most_common(1)[0][0] if later else 0
     columns = [i for i in range(width) if any(len(fields) == width and fields[i] for fields in later)]
     labels = bool(later) and all(map(_LABEL.fullmatch, later[-1]))
+    counted = [str(i) for i in range(len(columns))]
+    whole = bool(rows) and all(field.isdecimal() for field in rows[-1].fields)
     for start, row in enumerate(rows):
         first = next((row.fields[i] for i in columns if i < len(row.fields) and row.fields[i]), "---")
-        # Names of pandas without names, with its index or without it.
-        numbered = len(columns) > 2 and row.fields == ["", *map(str, range(len(columns) - 1))]
-        whole = all(field.isdecimal() for field in rows[-1].fields)
-        numbered = numbered or (not whole and len(columns) > 1 and row.fields == list(map(str, range(len(columns)))))
+        # Names of pandas where there are none, with its index or without it.
+        numbered = len(columns) > 2 and (row.fields == ["", *counted[:-1]] or (row.fields == counted and not whole))
         if _is_value(first) and not numbered and (labels or not _LABEL.fullmatch(first)):
             return columns, start
     return columns or [0], len(rows)
