@@ -178,13 +178,6 @@ def test_refuses_truncated_long_files(kept, tmp_path):
         load(path, unit="V")
 
 
-def test_takes_channels_in_the_order_that_is_given(tmp_path):
-    samples = np.arange(12).reshape(3, 4) / 16
-    soundfile.write(tmp_path / "a.wav", samples, 8000, subtype="FLOAT")
-    got = load(tmp_path / "a.wav", unit="V", channels=["2", "0"], sensor=SensorGrid(rows=2, columns=1))
-    np.testing.assert_array_equal(got.samples[:, :, 0], samples[:, [2, 0]])
-
-
 def test_full_scale_can_be_a_pressure(foreign):
     seen = open_take(foreign("PCM_16"), scale=30.0)
     np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
@@ -218,13 +211,6 @@ def test_lossy_samples_are_close_and_reported(tmp_path, name, subtype):
     assert np.abs(np.fft.rfft(heard)).argmax() == 75
     assert heard.std() == pytest.approx(tone(1.0).std(), rel=0.05)
     assert "lossy" in " ".join(taken.report)
-
-
-def test_counts_are_the_whole_numbers_of_pcm(tmp_path):
-    soundfile.write(tmp_path / "a.flac", tone(), 8000, subtype="PCM_16")
-    found = open_take(tmp_path / "a.flac", unit="count").recording.samples
-    np.testing.assert_array_equal(found, np.round(found))
-    assert np.abs(found).max() == pytest.approx(2**14, rel=1e-3)
 
 
 def test_missing_facts_and_damage_are_named(tmp_path):
