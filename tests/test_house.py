@@ -32,7 +32,7 @@ LINES = {
     "rig": 9039,
     "patterns datasets": 1767,
     "view figures": 2040,
-    "cli": 6638,
+    "cli": 6636,
     "study": 6383,
     "studio": 6048,
     "sweep": 500,

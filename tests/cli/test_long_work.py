@@ -51,6 +51,7 @@ OWN_BARS = (
     "play",
     "loop",
     "budget",
+    "compare",
     "demo",
     "paper",
     "sweep p",

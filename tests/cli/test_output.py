@@ -1,27 +1,11 @@
 import json
 
-import numpy as np
 import pytest
 
-from midair.cli.output import as_recording, may_write, print_table, reserved
+from midair.cli.output import may_write, print_table, reserved
 from midair.errors import DeviceStateError, InputError
 from midair.files import FormatLoss
-from midair.model import PressureFrames, Provenance, SensorGrid
 from midair.table import Details, Row, printed
-
-PRESSURE = PressureFrames(
-    pressure=np.arange(12.0).reshape(3, 2, 2),
-    rate=500.0,
-    sensor=SensorGrid(rows=2, columns=2),
-    provenance=Provenance(simulated=True, source="t"),
-)
-
-
-def test_pressure_as_a_recording_in_pa():
-    recording = as_recording(PRESSURE)
-    assert (recording.unit, recording.rate, recording.sensor) == ("Pa", 500.0, PRESSURE.sensor)
-    assert recording.provenance == PRESSURE.provenance
-    np.testing.assert_array_equal(recording.samples, PRESSURE.pressure)
 
 
 def test_a_second_program_is_refused_before_its_work(tmp_path, monkeypatch):

@@ -207,15 +207,20 @@ def progress_bars() -> Generator[Callable[[str], "Report"]]:
 
 
 def print_grid(heads: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "") -> None:
-    """Print a table of figures: a head for each column, and rows of a name and figures."""
+    """Print a table: a head for each column, and rows; columns of numbers end in line."""
     if title:
         out().print(title, style="bold")
-    table = Table(box=None, pad_edge=False)
+    table, lines = Table(box=None, pad_edge=False), list(rows)
     for number, name in enumerate(heads):
-        table.add_column(name, justify="right" if number else "left", overflow="fold")
-    for row in rows:
+        cells = [row[number].lstrip("+-.") for row in lines]
+        figures = number > 0 and all(cell in ("", "none") or cell[0].isdigit() for cell in cells)
+        table.add_column(name, justify="right" if figures else "left", overflow="fold")
+    for row in lines:
         table.add_row(*row)
-    out().print(table)
+    with (console := out()).capture() as shown:
+        console.print(table)
+    # Without the spaces that fill the last column.
+    print("\n".join(line.rstrip() for line in shown.get().splitlines()))  # noqa: T201
 
 
 def print_answer(text: str, *, simulated: bool) -> None:
@@ -227,13 +232,13 @@ def print_answer(text: str, *, simulated: bool) -> None:
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    """Print names and values, one pair per line; long values are wrapped."""
+    """Print names and values, one pair per line; long values are wrapped, after a long name on a line of their own."""
     console, shown = out(), [(_printable(name), _printable(value)) for name, value in rows]
-    column = max((len(name) for name, _ in shown), default=0) + 2
+    column = min(max((len(name) for name, _ in shown), default=0), 24) + 2
     for name, value in shown:
-        first, *others = wrap(value, max(console.width - column, 20), break_on_hyphens=False) or [""]
-        lines = [first, *(" " * column + line for line in others)]
-        console.print(Text.assemble((f"{name:{column}}", "bold"), "\n".join(lines)), soft_wrap=True)
+        lines = wrap(value, max(console.width - column, 20), break_on_hyphens=False)
+        begin = f"{name:{column}}" if len(name) < column else name + "\n" + " " * column
+        console.print(Text.assemble((begin, "bold"), f"\n{' ' * column}".join(lines)), soft_wrap=True)
 
 
 def print_json(value: object) -> None:

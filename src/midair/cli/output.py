@@ -28,7 +28,6 @@ from midair.model import (
     Setting,
     Solution,
 )
-from midair.patterns import wanted_pressure
 from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
@@ -186,6 +185,8 @@ def left_out_row(provenance: Provenance) -> tuple[str, str]:
 
 def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLevel) -> Felt:
     """By how many people the loudest two seconds of a drive are felt, if the array reaches what the model predicts."""
+    from midair.patterns import wanted_pressure  # here: other commands need no patterns
+
     count, power = round(2 * target.rate), np.cumsum(_power(target))
     first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
     part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
@@ -193,8 +194,8 @@ def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLe
     return felt(cells.pressure, cells.rate, cells.sensor.pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
 
 
-def describe_drive(path: Path) -> tuple[str, list[Line]]:
-    """Duration and array of the drive in a file, and its table."""
+def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]:
+    """Duration and array of the drive in a file, and its table; it is felt with `change` dB of pressure."""
     solution, target = files.load_solution(path, streamed=True), files.load_target(path, streamed=True)
     drive, plays, life = solution.drive, solution.plays, solution.drive.provenance
     inside = frames_without_lead(life, drive.frames, drive.rate)
@@ -203,7 +204,7 @@ def describe_drive(path: Path) -> tuple[str, list[Line]]:
     pressure: list[Line] = [{"level": None}]
     if target is not None and plays.any():
         level = level_of(solution, target, band=band_of(target))
-        feeling = felt_of_drive(solution, target, level)
+        feeling = felt_of_drive(solution, target, level).at(change)
         pressure = [Row("felt", feeling.plain(), text=str(feeling)), *pressure_lines(level), {"level": level.plain()}]
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears

@@ -274,7 +274,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
     drive = load_solution(tmp_path / "x.drive.h5").drive
     with closing(sender()) as made, Hand(made, lambda values, stamp, _: (values, stamp, 1.0)):
         line = ["play", str(tmp_path / "x.drive.h5"), "--follow", made.name, "--device", f"autd3:{tap.address}"]
-        assert run([*line, "--override-exposure", "a test", "--steer-only"]) == 0
+        assert run([*line, "--override-exposure", "a test", "--steer-only", "--all"]) == 0
     out, err = capsys.readouterr()
     assert "the palm is followed" in err
     ports, parts = list(dict.fromkeys(port for _, port, _, _ in tap.frames())), {}

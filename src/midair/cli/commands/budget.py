@@ -109,24 +109,15 @@ def _levels(trade: str | None) -> list[float]:
 
 
 def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
-    """Print a row for each level at the ears."""
-    heads = ("ears at most", "palm", "felt by", "touched cells", "ears", "bystander", "unlike")
-    table: list[tuple[str, ...]] = [("dB", "Pa", "of 10 people", "dB", "dB", "dB", "dB")]
+    """Print a row for each level at the ears; "unlike" is the sound of transducers that differ by 0.2 rad."""
+    heads = ("ears at most", "palm", "felt by, of 10", "fidelity", "ears", "bystander", "unlike")
+    table: list[tuple[str, ...]] = []
     for row in rows:
         about, fewest, most = row.felt.people
-        levels = (f"{each:.1f}" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
-        table.append((f"{row.limit:g}", f"{row.palm:.2g}", f"{about} ({fewest} to {most})", *levels))
+        levels = (f"{each:.1f} dB" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
+        table.append((f"{row.limit:g} dB", f"{row.palm:.2g} Pa", f"{about} ({fewest} to {most})", *levels))
     print_answer(f"{name}, solved for quiet ears", simulated=True)
     print_grid(heads, table)
-    print_rows(
-        [
-            ("palm", "highest radiation pressure"),
-            ("felt by", "by four models of skin, not tried on people"),
-            ("touched cells", "signal to distortion, without the sensor"),
-            ("ears, bystander", "exposure check at 14 to 30 °C"),
-            ("unlike", "sound at the ears by transducers that differ by 0.2 rad"),
-        ]
-    )
 
 
 def print_budget(budget: Budget) -> None:

@@ -148,7 +148,7 @@ def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) ->
     columns = [dict(each.verdict.rows()) for each in outcomes]
     rows = [
         *((name, *(column[name] for column in columns)) for name in ("felt", "alike", "level")),
-        ("beside the touch", *(f"{100 * each.palm.outside:.0f} % of the power" for each in outcomes if each.palm)),
+        ("beside", *(f"{100 * each.palm.outside:.0f} % of the power" if each.palm else "" for each in outcomes)),
     ]
     print_grid(("", *(each.name for each in outcomes)), rows)
     table: list[Line] = [

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
+from math import log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -199,12 +200,14 @@ class _Shown(rig.PlayObserver):
         self.verdict, found = True, clearance.exposure
         more = Details([("computed for", found.measured_in), ("heat", found.heat)])
         checkup = ("checkup", rig.checkup_line(array.name, self._device))
-        print_table([*self.about(drive), ("ears", clearance.verdict()), more, checkup], json=False)
+        print_table([*self.about(clearance.drive or drive), ("ears", clearance.verdict()), more, checkup], json=False)
 
     def about(self, drive: Drive) -> list[Line]:
         """Level of the drive of a file, and what a drive does not reproduce."""
         if self._source.name.lower().endswith(files.DRIVE_SUFFIX):
-            first, *others = describe_drive(self._source)[1]
+            factor: Any = drive.provenance.last("attenuate").get("factor", 1.0)
+            # Pressure goes with the square of the level.
+            first, *others = describe_drive(self._source, change=40 * log10(factor))[1]
             return [first, Details(others)]
         return [left_out_row(drive.provenance)]
 
