@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,10 +74,7 @@ def record_take(
     sensor.start()
     try:
         with ExitStack() as stack:
-            run = _TakeRun(sensor, settings, observer, stroke, path, stack)
-            run.start = "touch" if settings.level is not None else "key" if key else "at once"
-            run.provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes or {})
-            run.about = about or {}
+            run = _TakeRun(sensor, settings, observer, stroke, path, stack, notes or {}, about or {}, key=key)
             return run.run(max(1, round(block * sensor.rate)))
     finally:
         if stroke is not None:
@@ -88,10 +85,6 @@ def record_take(
 class _TakeRun:
     """State of a running take."""
 
-    start: Literal["at once", "key", "touch"]
-    provenance: Provenance
-    about: Mapping[str, Setting]
-
     def __init__(
         self,
         sensor: SensorDevice,
@@ -100,9 +93,15 @@ class _TakeRun:
         stroke: StageStroke | None,
         path: Path | None,
         stack: ExitStack,
+        notes: Mapping[str, str],
+        about: Mapping[str, Setting],
+        *,
+        key: bool,
     ) -> None:
         self._sensor, self._settings, self._observer = sensor, settings, observer
-        self._stroke, self._path, self._stack = stroke, path, stack
+        self._stroke, self._path, self._stack, self._about = stroke, path, stack, about
+        self._provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes)
+        self._start = "touch" if settings.level is not None else "key" if key else "at once"
         self._gap_filler = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
@@ -166,7 +165,7 @@ class _TakeRun:
         """Read and process a block; return the reason if the take has ended."""
         if (order := self._observer.order()) in ("quit", "kill"):
             return order
-        if self._writer is None and self.start == "key" and self._sensor.on_demand and order is None:
+        if self._writer is None and self._start == "key" and self._sensor.on_demand and order is None:
             # Reading would consume an on-demand source before a key is pressed.
             time.sleep(frames / self._sensor.rate)
             self._show()
@@ -222,10 +221,10 @@ class _TakeRun:
     def _wait(self, samples: Array, order: TakeOrder | None) -> EndReason | None:
         """Begin if the start condition is met, else buffer the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
-        if self.start == "touch" and order is None:
+        if self._start == "touch" and order is None:
             begin = int(past.argmax()) if past.any() else None
         else:
-            begin = 0 if self.start == "at once" or order == "toggle" else None
+            begin = 0 if self._start == "at once" or order == "toggle" else None
         if begin is None:
             self._before.add(samples)
             return None
@@ -241,9 +240,9 @@ class _TakeRun:
     def _open(self, origin: int, kept: int) -> None:
         """Begin the recording, whose frame 0 is frame `origin` of the sensor."""
         sensor, chosen = self._sensor, self._settings
-        settings: dict[str, Setting] = dict(self.about)
-        if self.start != "at once":
-            settings |= {"start": self.start, "pre_roll_s": kept / sensor.rate}
+        settings: dict[str, Setting] = dict(self._about)
+        if self._start != "at once":
+            settings |= {"start": self._start, "pre_roll_s": kept / sensor.rate}
         if chosen.level is not None:
             settings |= {"level": chosen.level}
         if chosen.duration is not None:
@@ -252,7 +251,7 @@ class _TakeRun:
             "rate": sensor.rate,
             "sensor": sensor.grid,
             "unit": sensor.unit,
-            "provenance": self.provenance.then("record", settings) if settings else self.provenance,
+            "provenance": self._provenance.then("record", settings) if settings else self._provenance,
             "calibration": sensor.calibration,
         }
         if self._path is None:
@@ -271,7 +270,7 @@ class _TakeRun:
             elif (after := event.frame + event.frames - origin) > 0:
                 self._store([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
-        if self.start == "touch":
+        if self._start == "touch":
             self._report([Event(kind="trigger", frame=origin + kept)])
 
     def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> EndReason | None:
