@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4302,
     "files": 4934,
     "devices": 7927,
-    "rig": 9039,
+    "rig": 9038,
     "patterns datasets": 1767,
     "view figures": 2040,
     "cli": 6636,
