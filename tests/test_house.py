@@ -32,7 +32,7 @@ LINES = {
     "rig": 9038,
     "patterns datasets": 1767,
     "view figures": 2040,
-    "cli": 6636,
+    "cli": 6633,
     "study": 6383,
     "studio": 6048,
     "sweep": 500,

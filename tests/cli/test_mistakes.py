@@ -39,6 +39,7 @@ def files(tmp_path_factory):
         gaps = rng.normal(size=(50, 16))
         gaps[3, 3] = np.nan
         np.savetxt("gaps.csv", gaps, delimiter=",")
+        Path("ticks.csv").write_text("time,a\n" + "".join(f"{at},{at % 7}\n" for at in range(5, 400)))
         Path("x.m4a").write_text("x")
         Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n')
         Path("there").mkdir()

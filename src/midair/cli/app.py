@@ -164,7 +164,8 @@ def _message(wrong: MidairError) -> str:
         return str(wrong)
     from midair.cli.import_options import TYPED
 
-    file = wrong.args[0].partition(":")[0]
+    named = wrong.args[0].partition(":")[0]
+    file = named if Path(named).is_file() else "FILE"
     return wrong.message(TYPED).replace("; give ", f"; import it first, midair import {file}, and give ")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair import devices, files, rig
 from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory, with_array_calibration
-from midair.cli.console import print_answer, print_grid, print_json, print_rows, progress_bars
+from midair.cli.console import print_answer, print_grid, print_json, progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, Seed, Spread, TakeOptions, parse_quantity
 from midair.cli.output import may_write, print_table
@@ -97,8 +97,7 @@ def budget_command(
         files.write_file(figure, png_bytes(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
-    print_budget(made)
-    return print_rows([("figure", str(figure))] if figure is not None else [])
+    return print_budget(made, figure)
 
 
 def _levels(trade: str | None) -> list[float]:
@@ -120,7 +119,7 @@ def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
     print_grid(heads, table)
 
 
-def print_budget(budget: Budget) -> None:
+def print_budget(budget: Budget, figure: Path | None) -> None:
     """Print a row per stage, and with all lines what each stage is."""
     low, high = budget.band
     last, worst = budget.stages[-1], min(budget.stages, key=lambda each: each.alone.distortion_ratio)
@@ -129,7 +128,7 @@ def print_budget(budget: Budget) -> None:
     rows = [
         (
             each.name,
-            f"{each.alone.distortion_ratio:.1f}" if each.alone.distortion_ratio < NONE else "none",
+            f"{each.alone.distortion_ratio:.1f}" if each.alone.distortion_ratio < 100 else "none",
             f"{each.so_far.distortion_ratio:.1f}",
             f"{each.so_far.gain:.2f}",
             "" if each.leak is None else f"{100 * each.leak.peak:.0f} %",
@@ -142,13 +141,10 @@ def print_budget(budget: Budget) -> None:
         *([] if budget.palm is None else palm_lines(budget.palm)),
         *([] if budget.laboratory is None else laboratory_lines(budget.laboratory)),
         ("band", f"{low:g} to {high:g} Hz; {kept}".removesuffix("; ")),
+        ("figure", str(figure or "")),
         Details([*((each.name, each.what) for each in budget.stages), ("strength", f"{budget.strength:.3f}")]),
         Details([(name, f"{ratio_text(limits)} dB; {RATIOS[name]}") for name, limits in last.so_far.ratios.items()]),
     ]
     print_table(table, json=False)
     if budget.laboratory is not None:
         print_laboratory(budget.laboratory)
-
-
-NONE = 100.0
-"""Signal-to-distortion ratio in dB from which a stage distorts nothing that matters."""
