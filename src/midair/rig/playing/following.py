@@ -32,6 +32,7 @@ from midair.physics import PalmFit, PoseBox, aims_of, middle_of, pose_of, steeri
 from midair.rig.names.sensor_names import open_tracker
 from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
+from midair.solvers import one_blas_thread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,6 +336,7 @@ def clear_followed(
     )
 
 
+@one_blas_thread()
 def play_followed(
     drive: Drive,
     array: ImmediateArray,

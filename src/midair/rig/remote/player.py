@@ -34,6 +34,7 @@ from midair.patterns import PATTERN_ENDINGS, draw, drawn_settings, load_pattern
 from midair.rig.names.sensor_names import tracker_options
 from midair.rig.playing.following import Follower, FollowRules, grid_of, wait_until
 from midair.rig.session import Session
+from midair.solvers import one_blas_thread
 
 LEASE, FADE, WORD = 0.5, 0.005, 0.008
 """Times in s: without a sign of life until the client in control loses the array; of a change of the level from 0 to 1;
@@ -188,6 +189,7 @@ class FramePlayer:
         state |= {"playing": loaded.about["file"], "seconds": number / loaded.rate}
         return state | {"drive": intensity / 255, "places_db": loud}
 
+    @one_blas_thread()
     def run(self) -> None:
         """Send silent frames, and play each trigger."""
         trigger: Trigger | None = None
