@@ -38,7 +38,7 @@ from midair.physics import (
     Place,
     airs_of_room,
     focus_phase,
-    searched_points,
+    searches_of,
     sound_level,
     transfer_matrix,
 )
@@ -96,8 +96,8 @@ def attacks(count: int, steps: int, rng: np.random.Generator, room: Medium | Non
     """
     airs = airs_of_room(room, PROFILE.places, ARRAY)
     everything = []
-    for place in PROFILE.places[:3]:
-        points = searched_points(place, ARRAY, airs)
+    for place, search in zip(PROFILE.places[:3], searches_of(PROFILE.places, ARRAY, airs).each, strict=False):
+        points = search.points
         matrix = np.concatenate([transfer_matrix(points, ARRAY, acoustics=air).astype(np.complex64) for air in airs])
         seen, missed = Seen.of(matrix), {}
         del matrix

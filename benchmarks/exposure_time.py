@@ -22,8 +22,8 @@ from benchmarks.exposure_attacks import ARRAY, POSITIONS, Array, played, somewhe
 from midair.devices import measure_exposure
 from midair.files import profile_named
 from midair.model import Drive, Medium
-from midair.physics import Place, airs_of_room, sound_level
-from midair.physics.exposure_search import searches_of
+from midair.physics import Place, airs_of_room, searches_of, sound_level
+from midair.physics.exposure_time import octants_of
 
 PROFILE = profile_named("occupational-110")
 STEP = 25e-6
@@ -77,33 +77,33 @@ def periodic(frames: NDArray[np.complex128], rate: float) -> Drive:
     return replace(played(np.angle(q), np.abs(q) * ramp[:, None]), rate=rate)
 
 
-def hidden(rng: np.random.Generator, aim: Array, medium: Medium, rate: float, count: int) -> list[Drive]:
-    """Frames that are loud at one point and moment, and quiet in the modes of the check at all of its moments."""
+def hidden(rng: np.random.Generator, place: Place, aim: Array, medium: Medium, rate: float, count: int) -> list[Drive]:
+    """Frames that are loud at one point and moment, and quiet in all octants of the check at all of its slots.
+
+    Frames repeat, so that their spectrum has `count` lines, each of which is solved alone.
+    """
     airs = airs_of_room(None, PROFILE.places, ARRAY)
-    numbers = range(2)
-    modes = [searches_of(PROFILE.places, ARRAY, airs).each[number].modes for number in numbers]
-    rows = []
-    for number, own in zip(numbers, modes, strict=True):
-        late = np.linalg.norm(np.array(PROFILE.places[number].position) - POSITIONS, axis=1)
-        late = (late - late.min()) / airs[len(airs) // 2].medium.speed
-        for moment in np.arange(0, 1, min(1.0, 31.25e-6 * rate)):
-            age = np.ceil(late * rate - moment - 0.5 * 31.25e-6 * rate).clip(0).astype(int)
-            for now in range(count):
-                row = np.zeros((len(own), count, ARRAY.count), np.complex64)
-                row[:, (now - age) % count, np.arange(ARRAY.count)] = own
-                rows.append(row.reshape(len(own), -1))
-    matrix = np.concatenate(rows)
-    normal = matrix.conj().T @ matrix
-    wave = waves(aim[None], medium)[0]
-    late = np.linalg.norm(aim - POSITIONS, axis=1)
-    late = (late - late.min()) / medium.speed
-    age = np.ceil(late * rate - rng.uniform(0, 1)).clip(0).astype(int)
-    wanted = np.zeros((count, ARRAY.count), np.complex64)
-    wanted[-age % count, np.arange(ARRAY.count)] = wave
-    found = []
+    octants = octants_of(searches_of(PROFILE.places, ARRAY, airs).each[PROFILE.places.index(place)], rate)
+    wave, late = waves(aim[None], medium)[0], np.linalg.norm(aim - POSITIONS, axis=1)
+    own = np.ceil((late - late.min()) / medium.speed * rate - rng.uniform(0, 1)).clip(0)
+    normals, wanted = [], []
+    for line in -2j * np.pi * np.arange(count) / count:
+        rows = []
+        for groups, slots in ((each.arrivals.groups, each.arrivals.slots) for each in octants):
+            modes, slot = np.empty((len(groups[0][1]) // 2, ARRAY.count), np.complex64), np.empty(ARRAY.count)
+            for number, (members, matrix) in enumerate(groups):
+                real, imaginary = matrix[:, : len(members)].reshape(2, len(modes), -1)
+                modes[:, members], slot[members] = real + 1j * imaginary, number
+            ages = (np.ceil((slot - moment) / slots).clip(0) for moment in range(slots))
+            rows += [modes * np.exp(line * age).astype(np.complex64) for age in ages]
+        matrix = np.concatenate(rows)
+        normals.append(matrix.conj().T @ matrix)
+        wanted.append((wave * np.exp(line * own)).conj())
+    found, frame = [], np.arange(count)
     for effort in (1e-5, 1e-3):
-        loaded = normal + effort * np.abs(np.diag(normal)).max() * np.eye(len(normal), dtype=np.complex64)
-        found.append(np.linalg.solve(loaded, wanted.ravel().conj()).reshape(count, -1))
+        load = effort * max(np.abs(np.diag(each)).max() for each in normals) * np.eye(ARRAY.count, dtype=np.complex64)
+        lines = np.stack([np.linalg.solve(one + load, each) for one, each in zip(normals, wanted, strict=True)])
+        found.append(np.exp(2j * np.pi * np.outer(frame, frame) / count) @ lines)
     whole = [periodic(each.astype(np.complex128), rate) for each in found]
     return [*whole, periodic(np.exp(1j * np.angle(found[0])).astype(np.complex128), rate)]
 
@@ -135,7 +135,9 @@ def hostile(count: int, rng: np.random.Generator) -> None:
         place = PROFILE.places[number // 3 % 2]
         aim, medium = somewhere(place, 1, rng, surface=number % 2 == 0)[0], some_air(rng, None)
         turned = number % 4 == 3
-        drives = turning(rng, aim, medium, rate) if turned else hidden(rng, aim, medium, rate, 2 + number // 6 % 2)
+        drives = (
+            turning(rng, aim, medium, rate) if turned else hidden(rng, place, aim, medium, rate, 2 + number // 6 % 2)
+        )
         worst = min((compared(each, place, medium, aim) for each in drives), key=min)
         errors.append(worst)
         kind = "turning" if turned else "alternating"
@@ -193,7 +195,7 @@ def said(error: tuple[float, float]) -> str:
 def summary(name: str, errors: list[tuple[float, float]]) -> None:
     """Print least, mean and largest error."""
     kinds = ("ideal transducers, rms over 0.25 ms", "slow transducers, highest moment")
-    for kind, each in zip(kinds, zip(*errors, strict=True), strict=True):
+    for kind, each in zip(kinds, zip(*errors, strict=True), strict=bool(errors)):
         print(f"{len(each)} {name} drives, {kind}: said - true least {min(each):+.2f},", end=" ")
         print(f"mean {np.mean(each):+.2f}, largest {max(each):+.2f} dB")
 

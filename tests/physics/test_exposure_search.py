@@ -11,7 +11,7 @@ from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium,
 from midair.physics import ExposureProfile, Place, exposure, focus_amplitude, focus_phase, sound_level, transfer_matrix
 from midair.physics.exposure_level import exposure_excess
 from midair.physics.exposure_modes import Product, Workspace, field_by_modes, stacks
-from midair.physics.exposure_search import ALLOWANCE, searched_points, searches_of
+from midair.physics.exposure_search import ALLOWANCE, searches_of
 from midair.solvers import solve
 from midair.targets import prepare
 
@@ -111,7 +111,7 @@ def test_a_focus_of_an_array_that_was_measured():
 def hidden(told, wanted, place):
     """Excess of each drive's level at the target point over the computed bound, in dB."""
     true = sound_level(np.abs((told.q * wanted).sum(axis=1)))
-    return true - exposure(told, alone(place)).level[:, 0]
+    return true - exposure(told, alone(place), alone=True).level[:, 0]
 
 
 def attack(wanted, looked_at, steps):
@@ -142,7 +142,7 @@ def attack(wanted, looked_at, steps):
 )
 def test_a_search_for_gaps_finds_none_of_half_a_decibel(surface, count, steps):
     rng = np.random.default_rng(3)
-    looked_at = transfer_matrix(searched_points(EAR, ARRAY, AIR), ARRAY).astype(np.complex64)
+    looked_at = transfer_matrix(searches_of((EAR,), ARRAY, AIR).each[0].points, ARRAY).astype(np.complex64)
     wanted = transfer_matrix(somewhere(EAR, count, rng, surface), ARRAY).astype(np.complex64)
     at_first, found = (hidden(drive(attack(wanted, looked_at, n)), wanted, EAR) for n in (0, steps))
     assert np.median(found - at_first) > 0.03  # The search does search.
@@ -170,7 +170,7 @@ def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
     """The truncation error of modes, shapes and planes is at most `left_out`."""
     search, rng = searches_of((EAR,), ARRAY, AIR).each[0], np.random.default_rng(8)
     q = np.exp(1j * rng.uniform(0, 2 * np.pi, (8, ARRAY.count)))
-    true = np.abs(q @ transfer_matrix(searched_points(EAR, ARRAY, AIR), ARRAY).T).max(axis=1)
+    true = np.abs(q @ transfer_matrix(searches_of((EAR,), ARRAY, AIR).each[0].points, ARRAY).T).max(axis=1)
     parts = np.stack([q.real, q.imag, q.real + q.imag]).astype(np.float32)
     found = searches_of((EAR,), ARRAY, AIR).loudest(parts, Workspace())[0, :, 0] / 10 ** (ALLOWANCE / 20)
     np.testing.assert_allclose(found, true, atol=search.left_out)

@@ -20,7 +20,7 @@ from .exposure_places import skin_warming as skin_warming
 from .exposure_places import unit_duty as unit_duty
 from .exposure_places import unit_levels as unit_levels
 from .exposure_search import airs_of_room as airs_of_room
-from .exposure_search import searched_points as searched_points
+from .exposure_search import searches_of as searches_of
 from .playback import PlaybackChain as PlaybackChain
 from .playback import Spread as Spread
 from .playback import TransducerDynamics as TransducerDynamics

@@ -4,37 +4,25 @@ Levels are in dB re 20 µPa rms, from the linear field of each frame alone and o
 """
 
 import os
-from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from threading import local
-from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from midair.array_types import Array, Single
+from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_modes import Workspace, drive_parts
 from midair.physics.exposure_places import PUBLISHED_TIME, ExposureProfile, HeatSoFar, Place, palm_warming
-from midair.physics.exposure_search import ALLOWANCE, Airs, Searches, ceiling, point_search, searches_of
-from midair.physics.exposure_time import TimeSearch, time_search
+from midair.physics.exposure_search import ALLOWANCE, Searches, ceiling, point_search, searches_of
+from midair.physics.exposure_time import BLOCK, SoundInTime
 from midair.physics.propagation import radiation_pressure, transfer_matrix
-from midair.progress import report_progress
 from midair.streaming import blocks
 from midair.validation import frozen_array
-
-BLOCK = 256
-"""Frames that are computed at once."""
-
-_FEW = 64
-"""Frames whose other moments are computed at once."""
-
-_SHARE = 16
-"""Blocks per thread between two progress reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -212,12 +200,12 @@ def exposure(
     lasted.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
-    sound = _Sound.of(drive, profile, airs, steps, alone=alone)
-    # Each run: frames in the order of their sound, -1 for silence. The first ones, of `lead`, only sound beside others.
+    sound = SoundInTime.of(drive, profile, airs, steps, alone=alone)
+    # Each run: frames in the order of their sound, -1 for silence. The first ones only sound beside others.
     silence = np.full(sound.lead, -1)
     run = np.concatenate([silence, np.arange(drive.frames), silence if ends else silence[:0]])
     # With repeats, the first frames also sound beside the last ones.
-    runs = [run[earlier:]] + [np.arange(-sound.lead, sound.lead) % drive.frames] * (repeats > 1)
+    runs = [run[earlier:]] + [np.arange(-sound.lead, sound.lead) % drive.frames] * (repeats > 1 and sound.lead > 0)
     # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as threads:
         found = [sound.measure(run, threads.map) for run in runs]
@@ -248,101 +236,7 @@ def exposure(
 
 def frames_at_once(drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...]) -> int:
     """Number of earlier frames that must be known to measure a frame at the places with an enforced limit."""
-    return _Sound.of(drive, profile, airs, None).lead
-
-
-Frames = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Sound:
-    """Measures a drive at the places of a profile."""
-
-    drive: Drive
-    steps: int | None
-    searches: tuple[TimeSearch | Searches, ...]  # In time where the limit of a place is enforced
-    ceiling: Array  # Sum of all transducers at each place, shape (place,), in Pa
-    left_out: Array  # As in `Searches`
-    lead: int  # Number of frames that sound beside the first measured frame, or the one before it
-
-    @classmethod
-    def of(cls, drive: Drive, profile: ExposureProfile, airs: Airs, steps: int | None, *, alone: bool = False) -> Self:
-        places = searches_of(profile.places, drive.array, airs)
-        searches = tuple(
-            time_search(each, drive.rate) if place.enforced and not alone else Searches.of(each)
-            for each, place in zip(places.each, profile.places, strict=True)
-        )
-        lead = 1 + max((each.reach for each in searches if isinstance(each, TimeSearch)), default=0)
-        total = places.ceiling.sum(axis=0)
-        return cls(drive=drive, steps=steps, searches=searches, ceiling=total, left_out=places.left_out, lead=lead)
-
-    def measure(self, run: Frames, mapped: Callable[..., Iterable[Any]]) -> tuple[Frames, Array, NDArray[np.int8]]:
-        """The frames of a run after its `lead`, (frame,), and the amplitude and the loudest air at each place, each
-        (frame, place), in Pa. `mapped` is `map`, of several threads.
-        """
-        cores = os.cpu_count() or 1
-        # The frame before the first one is measured to bound what sounds between them.
-        firsts = np.arange(0, len(run) - self.lead + 1, BLOCK)
-        # Each share has its own arrays; more shares than cores, so that progress is reported often enough.
-        shares = np.array_split(firsts, max(cores, len(firsts) // _SHARE))
-        parts = report_progress(mapped(partial(self._last_moments, run), shares), len(shares))
-        amplitude, air, excess, level = (np.concatenate(each) for each in zip(*parts, strict=True))
-        pairs = np.maximum(amplitude[:-1], amplitude[1:])
-        amplitude, air, level = amplitude[1:], air[1:], level[1:]
-        others = partial(self._other_moments, run, pairs, excess[1:])
-        for place, (found, loudest) in enumerate(mapped(others, range(len(self.searches)))):
-            louder = found > amplitude[:, place]
-            amplitude[louder, place], air[louder, place] = found[louder], loudest[louder]
-        heard = amplitude + level[:, None] * self.left_out
-        return run[self.lead :], np.minimum(heard, level[:, None] * self.ceiling), air.astype(np.int8)
-
-    def _last_moments(self, run: Frames, firsts: NDArray[np.intp]) -> tuple[Array, ...]:
-        """Amplitude, air, bound of the excess between two frames, each (frame, place), and level (frame,) of blocks."""
-        space, found = Workspace(), []
-        for first in firsts:
-            parts, level = self._parts(run[first : first + self.lead - 1 + BLOCK], space)
-            amplitude, air, excess = np.zeros((3, parts.shape[1] - self.lead + 1, len(self.searches)))
-            frames_last = np.ascontiguousarray(parts.transpose(0, 2, 1))
-            for place, search in enumerate(self.searches):
-                if isinstance(search, TimeSearch):
-                    own = frames_last[:, :, self.lead - 1 - search.reach :]
-                    each, excess[:, place] = search.last_moments(own, space)
-                else:
-                    each = search.loudest(parts[:, self.lead - 1 :], space)[:, :, 0]
-                amplitude[:, place], air[:, place] = each.max(axis=0), each.argmax(axis=0)
-            found.append((amplitude, air, excess, level))
-        none = np.zeros((0, len(self.searches)))
-        return tuple(np.concatenate(each) for each in zip((none, none, none, np.zeros(0)), *found, strict=True))
-
-    def _other_moments(self, run: Frames, pairs: Array, excess: Array, place: int) -> tuple[Array, Array]:
-        """Amplitude and air of the moments that can be the loudest of all at one place, each (frame,)."""
-        space, search = Workspace(), self.searches[place]
-        found, air, below = np.zeros(len(pairs)), np.zeros(len(pairs)), pairs[:, place]
-        loudest, bound = below.max(initial=0.0), below + excess[:, place]
-        if not isinstance(search, TimeSearch):
-            return found, air
-        firsts = np.arange(0, len(pairs), _FEW)
-        most = np.maximum.reduceat(bound, firsts)
-        for first in firsts[np.argsort(-most, kind="stable")]:
-            some = first + np.flatnonzero(bound[first : first + _FEW] > loudest)
-            if not len(some):
-                break
-            own = slice(some[0], some[-1] + 1)
-            parts, _ = self._parts(run[own.start + 1 : own.stop + self.lead], space)
-            frames_last = np.ascontiguousarray(parts[:, self.lead - 1 - search.reach :].transpose(0, 2, 1))
-            each = search.other_moments(frames_last, below[own], loudest, space)
-            found[own], air[own] = each.max(axis=0), each.argmax(axis=0)
-            loudest = max(loudest, found[own].max())
-        return found, air
-
-    def _parts(self, frames: Frames, space: Workspace) -> tuple[Single, Array]:
-        """`drive_parts` of the frames, and the highest level that sounds beside each but the first ones."""
-        first, last = int(frames[0]), int(frames[-1])
-        # Small blocks stay in the cache; a whole drive at all points would not fit into memory.
-        wanted = slice(first, last + 1) if 0 <= first == last + 1 - len(frames) else np.maximum(frames, 0)
-        parts, level = drive_parts(self.drive, wanted, space, steps=self.steps)
-        parts[:, frames < 0], level[frames < 0] = 0, 0
-        return parts, np.lib.stride_tricks.sliding_window_view(level, self.lead).max(axis=1)
+    return SoundInTime.of(drive, profile, airs, None).lead
 
 
 def heat_so_far(frames: int, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, repeats: int = 1) -> HeatSoFar:

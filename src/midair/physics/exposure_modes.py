@@ -257,8 +257,8 @@ class Points:
     # From the planes to other planes, shape (point, plane); None if the planes themselves are searched
     along: Single | None
 
-    def power(self, shaped: Single, space: Workspace) -> Single:
-        """Squared magnitude, shape (frame, point), in Pa2, of shapes (parts, frame, plane, shape)."""
+    def field(self, shaped: Single, space: Workspace) -> Single:
+        """Pressure in Pa, shape (parts, frame, point), of shapes (parts, frame, plane, shape)."""
         kept = shaped[:, :, self.planes]
         two, frames, planes, shapes = kept.shape
         points = self.across.shape[1]
@@ -268,7 +268,7 @@ class Points:
             np.matmul(part.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
             field = np.matmul(self.along, field, out=space.array("there", two, frames, len(self.along), points))
-        return power_of(field.reshape(two, frames, -1))
+        return field.reshape(two, frames, -1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -291,30 +291,20 @@ class FieldByModes:
         power = np.empty(planes.shape[1], np.float32)
         for first in range(0, len(power), FEW):
             few = slice(first, first + FEW)
-            power[few] = np.max([each.power(planes[:, few], space).max(axis=1) for each in self.points], axis=0)
+            power[few] = np.max(
+                [power_of(each.field(planes[:, few], space)).max(axis=1) for each in self.points], axis=0
+            )
         return np.sqrt(power).reshape(-1, self.airs).T
 
-    def weights(self) -> Array:
-        """Weights of modes, (mode,), in Pa: the norm of weighted modes is at least the magnitude at any point and air.
-
-        They make this bound low for modes as strong as those of unrelated transducers. Found like an optimal design, by
-        multiplicative steps for the share of each point (Silvey, Titterington & Torsney 1978, Communications in
-        Statistics 7, 1379).
-        """
+    def at_points(self) -> Complex:
+        """From the modes to the pressure at the points in each air, shape (air, point, mode)."""
         count, space = len(self.modes), Workspace()
-        modes = np.stack([np.eye(count), np.zeros((count, count)), np.eye(count)]).astype(np.float32)
+        alone = np.stack([np.eye(count), np.zeros((count, count)), np.eye(count)]).astype(np.float32)
         shaped = np.empty((2, count, self.shapes.width), np.float32)
-        self.shapes.into(shaped, modes, space)
-        planes = shaped.reshape(2, count, self.airs, self.planes, -1)
-        airs = [each.power(planes[:, :, air], space).copy() for air in range(self.airs) for each in self.points]
-        power, strength = np.concatenate(airs, axis=1), (np.abs(self.modes) ** 2).sum(axis=1)
-        squares, at_points = np.ones(count), np.ones(power.shape[1])
-        share = at_points / len(at_points)
-        for _ in range(30):
-            squares = np.sqrt(power @ share / strength)
-            at_points = (1 / squares) @ power
-            share *= at_points / (share @ at_points)
-        return np.asarray(np.sqrt(squares * at_points.max()), np.float64)
+        self.shapes.into(shaped, alone, space)
+        planes = shaped.reshape(2, count * self.airs, self.planes, -1)
+        real, imaginary = np.concatenate([each.field(planes, space).copy() for each in self.points], axis=2)
+        return (real + 1j * imaginary).astype(np.complex64).reshape(count, self.airs, -1).transpose(1, 2, 0)
 
 
 def field_by_modes(
@@ -328,7 +318,7 @@ def field_by_modes(
     """
     nodes, axis = lattice(wide, step, crowd=2.0), stacks[0].axis
     # All airs share the same modes: the field in one air is that of a slightly different place in another.
-    waves, modes = _modes(np.concatenate([field(combined(*nodes)) for field in fields]), tried, enough)
+    waves, modes = modes_of(np.concatenate([field(combined(*nodes)) for field in fields]), tried, enough)
     # The planes are perpendicular to the axis along which the field changes most.
     planes = np.moveaxis(waves.reshape(len(fields), *map(len, nodes), -1), axis + 1, 1)
     count = planes.shape[1]
@@ -392,7 +382,7 @@ def _shapes(planes: Complex, enough: float) -> Array:
     return np.asarray(vectors[:, rest > enough**2], np.float64)
 
 
-def _modes(field: Complex, tried: int, enough: float) -> tuple[Complex, Complex]:
+def modes_of(field: Complex, tried: int, enough: float) -> tuple[Complex, Complex]:
     """Shapes and modes whose product is the field except for less than `enough`, (point, mode) and (mode, transducer).
 
     From `tried` random drives (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1).

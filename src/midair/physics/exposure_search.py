@@ -12,7 +12,7 @@ one edge of the cube, in single precision. The truncation error is measured, and
 
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,68 +50,58 @@ ENOUGH = 8e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PointSearch:
-    """The loudest of a few points, for a place without an enforced limit."""
+class PlaceSearch:
+    """Computes the loudest sound of a drive at one place: in a cube, or at a few points if no limit is enforced."""
 
-    modes: Complex  # From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)
+    field: FieldByModes | None  # From modes to the pressure at the points; None if the modes are these pressures
+    modes: Complex  # From the drive to its modes, shape (mode, transducer); without a field they are air x point
+    points: Array  # Where the drive is evaluated in every air, shape (point, 3), in m
     ceiling: Array  # Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together
-    delay: Array  # When the sound of each transducer arrives, after that of the first, shape (transducer,), in s
-    airs: int  # Number of airs
-    left_out: float = 0.0  # 0; see `CubeSearch.left_out`
-
-    @property
-    def weights(self) -> Array:
-        """Like `CubeSearch.weights`."""
-        return np.full(len(self.modes), self.allowed)
+    array: TransducerArray
+    airs: Airs
+    left_out: float = 0.0  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
 
     @property
     def allowed(self) -> float:
-        """Factor for what is between the airs; none is needed between points, each of which counts alone."""
-        return 10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0
+        """Factor for what is between points and airs; none is needed between single points, each of which counts."""
+        return 10 ** (ALLOWANCE / 20) if self.field is not None or len(self.airs) > 1 else 1.0
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
-        """Like `CubeSearch.loudest`, for the points alone."""
-        field = space.array("there", 2, *modes.shape[1:])
-        field[:] = modes[:2]
-        power = power_of(field).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
-        return np.sqrt(power).astype(np.float64) * self.allowed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CubeSearch:
-    """Computes the loudest sound in the cube of one place from a drive."""
-
-    field: FieldByModes  # From the modes of the drive to the pressure at all points
-    modes: Complex  # From the drive to its modes, shape (mode, transducer)
-    ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
-    delay: Array  # Like `PointSearch.delay`, at the middle of the cube
-    weights: Array  # The norm of weighted modes is at least their `loudest`, shape (mode,)
-    left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
-
-    @property
-    def airs(self) -> int:
-        """Number of airs."""
-        return self.field.airs
-
-    def loudest(self, modes: Single, space: Workspace) -> Array:
-        """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
+        """Bound of the amplitude, shape (air, frame), in Pa, without `left_out`.
 
         `modes` is float32 (3, frame, mode): real parts, imaginary parts, and their sums.
         """
-        return 10 ** (ALLOWANCE / 20) * self.field.loudest(modes, space).astype(np.float64)
+        if self.field is not None:
+            return self.allowed * self.field.loudest(modes, space).astype(np.float64)
+        field = space.array("there", 2, *modes.shape[1:])
+        field[:] = modes[:2]
+        power = power_of(field).reshape(modes.shape[1], len(self.airs), -1).max(axis=2).T
+        return self.allowed * np.sqrt(power).astype(np.float64)
+
+    def at_points(self) -> Complex:
+        """From the modes to the pressure at the points in each air, shape (air, point, mode)."""
+        if self.field is not None:
+            return self.field.at_points()
+        return np.eye(len(self.modes), dtype=np.complex64).reshape(len(self.airs), -1, len(self.modes))
+
+    def late(self, points: Array) -> Array:
+        """Arrival of each transducer after the first one, shape (point, transducer), in s, in the middle air."""
+        path = np.linalg.norm(points[:, None] - self.array.position, axis=2)
+        speed = self.airs[len(self.airs) // 2].medium.speed
+        return np.asarray((path - path.min(axis=1, keepdims=True)) / speed, np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searches:
     """The searches of several places in some airs at once."""
 
-    each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
+    each: tuple[PlaceSearch, ...]  # The search of each place
     modes: Product  # From the drive to the modes of all places: one large product is faster than many
     ceiling: Array  # Ceilings of all places in Pa, shape (transducer, place)
     left_out: Array  # Truncation errors of all places in Pa, shape (place,)
 
     @classmethod
-    def of(cls, *each: CubeSearch | PointSearch) -> Self:
+    def of(cls, *each: PlaceSearch) -> Self:
         """Searches for one array."""
         return cls(
             each=each,
@@ -151,7 +141,7 @@ def _searches_of(places: tuple[Place, ...], key: ArrayKey, airs: Airs) -> Search
 
 
 @lru_cache(maxsize=16)
-def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointSearch:
+def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> PlaceSearch:
     array = key.array
     if not place.enforced or place.reach == 0:
         return point_search(place.points, array, airs)
@@ -160,7 +150,7 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
     # Far below silence there are no modes, since single precision would underflow.
     if alone.sum() < 1e-9:
         return point_search(place.points, array, airs)
-    wide = _bands(place, array, airs)
+    wide = np.max([bands(place, array, air) for air in airs], axis=0)
     fields = tuple(
         partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
         for air, magnitude in zip(airs, magnitudes, strict=True)
@@ -172,16 +162,11 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> CubeSearch | PointS
         field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
         if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
-            weights = 10 ** (ALLOWANCE / 20) * field.weights()
-            delay = _delay(np.array(place.position), array, airs)
-            return CubeSearch(
-                field=field, modes=field.modes, ceiling=alone, delay=delay, weights=weights, left_out=field.left_out
-            )
+            share = np.concatenate([each.points.reshape(-1, 3) for each in where])
+            points, left_out = np.array(place.position) + place.reach * share, field.left_out
+            known: dict[str, Any] = {"ceiling": alone, "array": array, "airs": airs, "left_out": left_out}
+            return PlaceSearch(field=field, modes=field.modes, points=points, **known)
         step, tried = 0.85 * step, 2 * tried
-
-
-def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
-    return np.max([bands(place, array, air) for air in airs], axis=0)
 
 
 def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
@@ -189,30 +174,11 @@ def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
     return np.max([np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs], axis=(0, 1))
 
 
-def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSearch:
+def point_search(points: Array, array: TransducerArray, airs: Airs) -> PlaceSearch:
     """The search of some points, shape (point, 3), in m."""
     field = np.concatenate([transfer_matrix(points, array, acoustics=air) for air in airs])
-    return PointSearch(
-        modes=field.astype(np.complex64),
-        ceiling=np.abs(field).max(axis=0),
-        delay=_delay(points.mean(axis=0), array, airs),
-        airs=len(airs),
-    )
-
-
-def _delay(point: Array, array: TransducerArray, airs: Airs) -> Array:
-    """Time of arrival from each transducer after the first, in the middle one of some airs, (transducer,), in s."""
-    path = np.linalg.norm(point - array.position, axis=1)
-    return np.asarray((path - path.min()) / airs[len(airs) // 2].medium.speed, np.float64)
-
-
-def searched_points(place: Place, array: TransducerArray, airs: Airs) -> Array:
-    """The points of a place's cube at which a drive is evaluated in every air, shape (point, 3), in m."""
-    if not place.enforced or place.reach == 0:
-        return place.points
-    wide = _bands(place, array, airs)
-    share = np.concatenate([each.points.reshape(-1, 3) for each in stacks(wide, inside=INSIDE, faces=FACES)])
-    return np.array(place.position) + place.reach * share
+    most, modes = np.abs(field).max(axis=0), field.astype(np.complex64)
+    return PlaceSearch(field=None, modes=modes, points=points, ceiling=most, array=array, airs=airs)
 
 
 UNKNOWN = (14.0, 30.0)

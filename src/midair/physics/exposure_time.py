@@ -1,133 +1,375 @@
-"""The loudest sound at a place while frames arrive: an ear hears near transducers already with the next frame.
+"""The loudest sound at the places of a profile while frames arrive.
 
-Transducers are grouped by the time at which their sound arrives at the middle of a place. At each moment each group
-sounds with the frame that has arrived from it. The modes of such a mix are sums of the modes of groups, so that moments
-cost little. The field is searched for one moment of each frame, and for those others that can be louder: the difference
-of the modes bounds that of the field.
+Sound of one frame arrives from the transducers within .7 ms, so that an ear hears near transducers already with the
+next frame. Transducers are grouped by the time at which their sound arrives at the middle of a place; at each moment
+each group sounds with the frame that has arrived from it. The modes of such a mix are sums of the modes of groups. One
+moment of each frame is searched. Where the difference of modes, or what a place can hide, could be louder between two
+of them, the same is done for all moments in the octants of the place, each with its own times of arrival.
 """
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
-from midair.physics.exposure_modes import Product, Workspace
-from midair.physics.exposure_search import CubeSearch, PointSearch
+from midair.model import Drive
+from midair.physics.exposure_modes import Workspace, drive_parts, modes_of, power_of
+from midair.physics.exposure_places import ExposureProfile
+from midair.physics.exposure_search import Airs, PlaceSearch, Searches, searches_of
+from midair.progress import report_progress
 
 SLOT = 31.25e-6
 """Longest time in s from the first to the last arrival of a group of transducers."""
 
-MOMENTS = 125e-6
-"""Longest time between two moments in s; there are at least two moments in a frame."""
+MOMENTS, FINE = 125e-6, 62.5e-6
+"""Longest time in s between two moments of a whole place and of its octants; a frame has at least two moments."""
+
+ROUGH = 0.08
+"""This share of the change of all transducers in step, from a frame to the next, is added to moments at 4 kHz for each
+frame by which sound arrives before or after that of the middle of its octant; it grows with the root of the rate."""
+
+HIDDEN = 10e-6
+"""Time in s: its share of a second, and .02, of this change bound what moments of a whole place can hide. Found, as
+`ROUGH`, from drives that were made for it (docs/decisions/0015-exposure-bound.md)."""
+
+TRUNCATED = 4e-4
+"""Allowed truncation error of the modes of an octant, relative to the sum of all transducers."""
+
+BLOCK = 256
+"""Frames that are computed at once."""
+
+_FEW = 64
+"""Frames whose octants are computed at once."""
+
+_SHARE = 16
+"""Blocks per thread between two progress reports."""
+
+Frames = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeSearch:
-    """Computes the loudest moments at a place while the frames of a drive arrive.
+class Arrivals:
+    """Transducers, in groups by the arrival of their sound at a part of a place, and the modes of their sound there."""
 
-    `parts` are those of `drive_parts` with frames last, float32 (3, transducer, reach + frame): the frames, and those
-    that sound beside the first of them.
-    """
-
-    search: CubeSearch | PointSearch
-    groups: tuple[tuple[NDArray[np.intp], Product], ...]
-    """Transducers whose sound is 0, 1, 2 ... slots late, and the product from them to the modes."""
+    groups: tuple[tuple[Frames, Single], ...]
+    """Transducers whose sound is 0, 1, 2 ... slots late, and the matrix from their parts to those of modes."""
     slots: int
     """Slots in a frame, of one group after the other."""
     every: int
     """Slots from one moment to the next."""
+
+    @classmethod
+    def of(cls, modes: NDArray[np.complex64], late: Array, rate: float, apart: float) -> Self:
+        """From modes (mode, transducer), arrivals (transducer,) in s, the rate of frames in Hz and the longest time
+        between two moments in s.
+        """
+        slots = ceil(1 / (rate * SLOT))
+        slot = np.rint(late * rate * slots).astype(np.intp)
+        members = [np.flatnonzero(slot == each) for each in range(slot.max() + 1)]
+        groups = tuple((each, in_parts(modes[:, each])) for each in members)
+        return cls(groups=groups, slots=slots, every=max(1, int(min(apart, 0.5 / rate) * rate * slots)))
+
+    def moments(self, parts: Single, reach: int, space: Workspace) -> Iterator[tuple[Single, float]]:
+        """Modes at the last moment of each frame, at that of the frame before, and at the moments between, each
+        (parts x mode, frame), and the share of the transducers whose sound has arrived since then.
+
+        `parts` are real and imaginary parts of the drive, float32 (2, transducer, reach + frame): the frames, and those
+        that sound beside the first. The modes at the first two of these moments are kept while the others are made.
+        """
+        frames, count, size = parts.shape[2] - reach, len(self.groups), len(self.groups[0][1])
+        groups = space.array("groups", count, size, parts.shape[2])
+        for (members, matrix), into in zip(self.groups, groups, strict=True):
+            own = space.array("members", 2, len(members), parts.shape[2])
+            np.take(parts, members, axis=1, out=own, mode="clip")
+            np.matmul(matrix, own.reshape(2 * len(members), parts.shape[2]), out=into)
+
+        def late(group: int, by: int) -> Single:
+            """Modes of a group that sounds with a frame this number of frames ago."""
+            return groups[group, :, reach - by : reach - by + frames]
+
+        last, before, mixed = (space.array(name, size, frames) for name in ("last", "before", "mixed"))
+        last[:], before[:] = 0, 0
+        for group in range(count):
+            last += late(group, group // self.slots)
+            before += late(group, group // self.slots + 1)
+        yield last, 1.0
+        yield before, 0.0
+        mixed[:], arrived = before, 0
+        for slot in range(min(self.slots, count) - 1):
+            for group in range(slot, count, self.slots):
+                mixed += late(group, group // self.slots)
+                mixed -= late(group, group // self.slots + 1)
+                arrived += len(self.groups[group][0])
+            if (slot + 1) % self.every == 0:
+                yield mixed, arrived / parts.shape[1]
+
+
+def in_parts(matrix: NDArray[np.complex64]) -> Single:
+    """The matrix for real parts followed by imaginary parts."""
+    return np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlaceInTime:
+    """Computes the last moment of each frame at a place, and bounds those before it."""
+
+    search: PlaceSearch
+    arrivals: Arrivals
     squares: Single
-    """Squared weights of the modes, shape (mode,), in Pa2."""
+    """Squared weights of parts of modes, shape (parts x mode,), in Pa2: the norm of weighted modes is at least the
+    magnitude at any point and air."""
 
-    @property
-    def reach(self) -> int:
-        """Number of earlier frames that sound beside a frame."""
-        return max(1, ceil(len(self.groups) / self.slots))
-
-    def last_moments(self, parts: Single, space: Workspace) -> tuple[Array, Array]:
+    def last_moments(self, parts: Single, reach: int, space: Workspace) -> tuple[Array, Array]:
         """Amplitude at the last moment of each frame, shape (air, frame), and the most that it is exceeded before.
 
         The excess (frame,) is above the louder of this and the last moment of the frame before; both in Pa.
         """
-        groups, excess = self._groups(parts, space), np.zeros(parts.shape[2] - self.reach)
-        for _, apart in self._moments(groups, space):
-            np.maximum(excess, apart, out=excess)
-        end = self._at_end(groups, 0, space.array("end", 3, len(excess), groups.shape[3]))
-        return self._amplitude(end, space), excess
+        moments = self._moments(parts, reach, space)
+        last, excess = next(moments)
+        for _, apart in moments:
+            excess = np.maximum(excess, apart)
+        return self._amplitude(last, space), excess
 
-    def other_moments(self, parts: Single, below: Array, loudest: float, space: Workspace) -> Array:
-        """Amplitude at the loudest moment before the last one of each frame, shape (air, frame), in Pa.
+    def other_moments(self, parts: Single, reach: int, least: Array, loudest: float, space: Workspace) -> Array:
+        """Amplitude at the loudest moment before the last of each frame, shape (air, frame), in Pa.
 
-        It is 0 for moments that cannot exceed `loudest`; `below` (frame,) is the louder of the last moments of the
-        frame and of the one before, in Pa.
+        It is 0 for moments that cannot exceed `loudest`; `least` (frame,) is the louder of the last moments of this
+        frame and of the one before, in Pa, with what may be hidden.
         """
-        found = np.zeros((self.search.airs, len(below)))
-        for mixed, apart in self._moments(self._groups(parts, space), space):
-            some = np.flatnonzero(below + apart > loudest)
+        found, moments = np.zeros((len(self.search.airs), len(least))), self._moments(parts, reach, space)
+        next(moments)
+        for mixed, apart in moments:
+            some = np.flatnonzero(least + apart > loudest)
             if len(some):
-                found[:, some] = np.maximum(found[:, some], self._amplitude(np.take(mixed, some, axis=1), space))
+                found[:, some] = np.maximum(found[:, some], self._amplitude(mixed[:, some], space))
         return found
 
-    def _groups(self, parts: Single, space: Workspace) -> Single:
-        """Modes of each group, float32 (group, 2, reach + frame, mode)."""
-        frames, width = parts.shape[2], self.groups[0][1].width
-        groups = space.array("groups", len(self.groups), 2, frames, width)
-        for (members, product), into in zip(self.groups, groups, strict=True):
-            own = space.array("members", 3, len(members), frames)
-            product.into(into, np.take(parts, members, axis=1, out=own, mode="clip").transpose(0, 2, 1), space)
-        return groups
-
-    def _moments(self, groups: Single, space: Workspace) -> Iterator[tuple[Single, Array]]:
-        """The modes at each moment before the last of every frame, with room for their sum, (3, frame, mode), and the
-        bound of their distance from a mean of the last moments of this frame and of the one before, (frame,), in Pa.
+    def _moments(self, parts: Single, reach: int, space: Workspace) -> Iterator[tuple[Single, Array]]:
+        """Modes at the last moment of each frame and at those before it, and the bound of their distance from a mean of
+        the last moments of this frame and of the one before, (frame,), in Pa; 0 for the first.
         """
-        shape = (3, groups.shape[2] - self.reach, groups.shape[3])
-        end, before, mixed, rest = (space.array(name, *shape) for name in ("end", "before", "mixed", "rest"))
-        self._at_end(groups, 0, end)
-        mixed[:] = self._at_end(groups, 1, before)
-        count, arrived = len(self.groups), 0
-        for slot in range(min(self.slots, count) - 1):
-            for group in range(slot, count, self.slots):
-                late = (group - slot) // self.slots
-                mixed[:2] += self._late(groups, group, late)
-                mixed[:2] -= self._late(groups, group, late + 1)
-                arrived += len(self.groups[group][0])
-            if (slot + 1) % self.every:
-                continue
-            share = np.float32(arrived / sum(len(members) for members, _ in self.groups))
-            np.subtract(mixed[:2], share * end[:2], out=rest[:2])
-            rest[:2] -= (1 - share) * before[:2]
-            np.square(rest[:2], out=rest[:2])
-            yield mixed, np.sqrt((rest[0] + rest[1]) @ self.squares)
-
-    def _late(self, groups: Single, group: int, late: int) -> Single:
-        """Modes of a group that sounds with a frame this number of frames ago, (2, frame, mode)."""
-        first = self.reach - late
-        return groups[group, :, first : first + groups.shape[2] - self.reach]
-
-    def _at_end(self, groups: Single, late: int, out: Single) -> Single:
-        """Modes at the last moment of each frame, or of one that is earlier by `late` frames, written into `out`."""
-        out[:2] = 0
-        for group in range(len(self.groups)):
-            out[:2] += self._late(groups, group, late + max(0, ceil((group + 1) / self.slots) - 1))
-        return out
+        moments = self.arrivals.moments(parts, reach, space)
+        (last, _), (before, _) = next(moments), next(moments)
+        yield last, np.zeros(last.shape[1])
+        for mixed, share in moments:
+            rest = mixed - np.float32(share) * last
+            rest -= np.float32(1 - share) * before
+            yield mixed, np.sqrt(self.squares @ np.square(rest, out=rest))
 
     def _amplitude(self, modes: Single, space: Workspace) -> Array:
-        np.add(modes[0], modes[1], out=modes[2])
-        return self.search.loudest(modes, space)
+        real, imaginary = modes.reshape(2, -1, modes.shape[1]).transpose(0, 2, 1)
+        return self.search.loudest(np.stack([real, imaginary, real + imaginary]), space)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Octant:
+    """Computes the loudest moments in an octant of a place."""
+
+    arrivals: Arrivals
+    points: Single
+    """From parts of modes to parts of the pressure in Pa, shape (parts x air x point, parts x mode)."""
+    airs: int
+    rough: float
+    """Longest time in s by which sound arrives before or after that of the middle."""
+    left_out: float
+    """Truncation error anywhere with every transducer at full drive, in Pa."""
+
+    def loudest(self, parts: Single, reach: int, above: float, space: Workspace) -> Array:
+        """Amplitude at the loudest moment of each frame, (air, frame), in Pa; 0 where it cannot exceed `above`.
+
+        `parts` and `reach` are those of `Arrivals.moments`.
+        """
+        found = np.zeros((self.airs, parts.shape[2] - reach))
+        norm = float(np.sqrt(np.square(self.points).sum(axis=1).max()))
+        for modes, share in self.arrivals.moments(parts, reach, space):
+            # The first moment is the last one of the frame before.
+            some = np.flatnonzero((share > 0) * norm**2 * np.einsum("mf,mf->f", modes, modes) > above**2)
+            if len(some):
+                field = (self.points @ modes[:, some]).reshape(2, -1, len(some))
+                power = power_of(field).reshape(self.airs, -1, len(some)).max(axis=1)
+                found[:, some] = np.maximum(found[:, some], np.sqrt(power))
+        return found
 
 
 @lru_cache(maxsize=32)
-def time_search(search: CubeSearch | PointSearch, rate: float) -> TimeSearch:
-    """The search of a place for frames at `rate` in Hz."""
-    slots = ceil(1 / (rate * SLOT))
-    late = np.rint(search.delay * rate * slots).astype(np.intp)
-    members = [np.flatnonzero(late == slot) for slot in range(late.max() + 1)]
-    groups = tuple((each, Product.of(search.modes[:, each].T)) for each in members)
-    squares = np.square(search.weights).astype(np.float32)
-    every = max(1, int(min(MOMENTS, 0.5 / rate) * rate * slots))
-    return TimeSearch(search=search, groups=groups, slots=slots, every=every, squares=squares)
+def place_in_time(search: PlaceSearch, rate: float) -> PlaceInTime:
+    """A place for frames at `rate` in Hz."""
+    arrivals = Arrivals.of(search.modes, search.late(search.points.mean(axis=0)[None])[0], rate, MOMENTS)
+    weights = 1.0 if search.field is None else _weights(search.at_points(), search.modes)
+    squares = np.broadcast_to(np.square(search.allowed * weights), len(search.modes)).astype(np.float32)
+    return PlaceInTime(search=search, arrivals=arrivals, squares=np.tile(squares, 2))
+
+
+def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Array:
+    """Weights of modes, (mode,), in Pa: the norm of weighted modes is at least the magnitude at any point and air.
+
+    They make this bound low for modes as strong as those of unrelated transducers. Found like an optimal design, by
+    multiplicative steps for the share of each point (Silvey, Titterington & Torsney 1978, Communications in Statistics
+    7, 1379).
+    """
+    power = np.square(np.abs(field.reshape(-1, field.shape[2]).T))
+    strength = np.square(np.abs(modes)).sum(axis=1)
+    squares, at_points = np.ones(len(modes)), np.ones(power.shape[1])
+    share = at_points / len(at_points)
+    for _ in range(30):
+        squares = np.sqrt(power @ share / strength)
+        at_points = (1 / squares) @ power
+        share *= at_points / (share @ at_points)
+    return np.asarray(np.sqrt(squares * at_points.max()), np.float64)
+
+
+@lru_cache(maxsize=32)
+def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
+    """The octants of a place for frames at `rate` in Hz."""
+    low, high = search.points.min(axis=0), search.points.max(axis=0)
+    number = (search.points >= (low + high) / 2) @ 2 ** np.arange(3)
+    field, found = search.at_points(), []
+    for each in np.unique(number):
+        points = search.points[number == each]
+        pressure = field[:, number == each].reshape(-1, len(search.modes)) @ search.modes
+        if search.field is None:
+            shapes, modes = np.eye(len(pressure), dtype=np.complex64), pressure
+        else:
+            shapes, modes = modes_of(pressure, len(search.modes), TRUNCATED * float(search.ceiling.sum()))
+        late = search.late((points.min(axis=0, keepdims=True) + points.max(axis=0)) / 2)
+        octant = Octant(
+            arrivals=Arrivals.of(modes, late[0], rate, FINE),
+            points=in_parts(np.complex64(search.allowed) * shapes),
+            airs=len(search.airs),
+            rough=float(np.abs(search.late(points) - late).max()),
+            left_out=float(np.abs(pressure - shapes @ modes).sum(axis=1).max()),
+        )
+        found.append(octant)
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SoundInTime:
+    """Measures a drive at the places of a profile."""
+
+    drive: Drive
+    steps: int | None
+    searches: Searches
+    each: tuple[PlaceInTime | Searches, ...]
+    """The search of each place, in time where its limit is enforced."""
+    lead: int
+    """Number of frames before the first measured one that sound beside it or the one before it; 0 for frames alone."""
+
+    @classmethod
+    def of(cls, drive: Drive, profile: ExposureProfile, airs: Airs, steps: int | None, *, alone: bool = False) -> Self:
+        """The drive at the places; with `alone`, each frame is measured as if it lasted."""
+        searches = searches_of(profile.places, drive.array, airs)
+        each = tuple(
+            place_in_time(search, drive.rate) if place.enforced and not alone else Searches.of(search)
+            for search, place in zip(searches.each, profile.places, strict=True)
+        )
+        spread = [one.search.late(one.search.points).max() for one in each if isinstance(one, PlaceInTime)]
+        # Groups of transducers last up to two slots longer than the arrivals.
+        lead = 1 + ceil((max(spread) + 2 * SLOT) * drive.rate) if spread else 0
+        return cls(drive=drive, steps=steps, searches=searches, each=each, lead=lead)
+
+    def measure(self, run: Frames, mapped: Callable[..., Iterable[Any]]) -> tuple[Frames, Array, NDArray[np.int8]]:
+        """The frames of a run after its first `lead`, (frame,); amplitude and loudest air at each place, each
+        (frame, place), in Pa. `mapped` is `map`, of several threads. A frame of -1 is silence.
+        """
+        cores = os.cpu_count() or 1
+        # The frame before the first one is measured to bound what sounds between them.
+        firsts = np.arange(0, len(run) - self._reach, BLOCK)
+        # Each share has its own arrays; more shares than cores, so that progress is reported often enough.
+        shares = np.array_split(firsts, max(cores, len(firsts) // _SHARE))
+        parts = report_progress(mapped(partial(self._last_moments, run), shares), len(shares))
+        amplitude, air, excess, change, level = (np.concatenate(each) for each in zip(*parts, strict=True))
+        if self.lead:
+            pairs = np.maximum(amplitude[:-1], amplitude[1:])
+            amplitude, air, excess, change, level = (each[1:] for each in (amplitude, air, excess, change, level))
+            places = [place for place, each in enumerate(self.each) if isinstance(each, PlaceInTime)]
+            others = partial(self._other_moments, run[1:], pairs, excess, change, level)
+            for place, (found, loudest) in zip(places, mapped(others, places), strict=True):
+                louder = found > amplitude[:, place]
+                amplitude[louder, place], air[louder, place] = found[louder], loudest[louder]
+        return run[self.lead :], self.searches.bounded(amplitude, level), air.astype(np.int8)
+
+    def _last_moments(self, run: Frames, firsts: NDArray[np.intp]) -> tuple[Array, ...]:
+        """Last moments of blocks of frames: amplitude, air, bound of the excess before and highest change with all
+        transducers in step, each (frame, place); highest level (frame,) of what sounds.
+        """
+        space, reach = Workspace(), self._reach
+        found = [(*np.zeros((4, 0, len(self.each))), np.zeros(0))]
+        for first in firsts:
+            parts, level = self._parts(run[first : first + BLOCK + reach], space)
+            amplitude, air, excess, change = np.zeros((4, parts.shape[1] - reach, len(self.each)))
+            frames_last = np.ascontiguousarray(parts[:2].transpose(0, 2, 1))
+            for place, search in enumerate(self.each):
+                if isinstance(search, PlaceInTime):
+                    each, excess[:, place] = search.last_moments(frames_last, reach, space)
+                else:
+                    each = search.loudest(parts[:, reach:], space)[:, :, 0]
+                amplitude[:, place], air[:, place] = each.max(axis=0), each.argmax(axis=0)
+            if reach:
+                real, imaginary = np.square(np.diff(parts[:2], axis=1))
+                change[:] = _highest(np.sqrt(real + imaginary) @ self.searches.ceiling, reach)
+            found.append((amplitude, air, excess, change, _highest(level, reach + 1)))
+        return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+
+    def _other_moments(
+        self, run: Frames, pairs: Array, excess: Array, change: Array, level: Array, place: int
+    ) -> tuple[Array, Array]:
+        """Amplitude and air of the moments that can be the loudest of all at one place, each (frame,)."""
+        space, rate = Workspace(), self.drive.rate
+        search, pairs, change = self.searches.each[place], pairs[:, place], change[:, place]
+        timed = place_in_time(search, rate)
+        hidden, rough = (0.02 + HIDDEN * rate) * change, ROUGH * rate * (rate / 4000) ** 0.5 * change
+        found, air, bound = np.zeros(len(pairs)), np.zeros(len(pairs)), pairs + excess[:, place] + hidden
+        loudest, firsts = pairs.max(initial=0.0), np.arange(0, len(pairs), _FEW)
+
+        def parts_of(own: slice) -> Single:
+            parts, _ = self._parts(run[own.start : own.stop + self._reach], space)
+            return np.ascontiguousarray(parts[:2].transpose(0, 2, 1))
+
+        def keep(own: slice, each: Array, added: Array | float) -> None:
+            most, loud = each.max(axis=0) + added, each.argmax(axis=0)
+            louder = most > found[own]
+            found[own][louder], air[own][louder] = most[louder], loud[louder]
+
+        most = np.maximum.reduceat(bound, firsts)
+        for first in firsts[np.argsort(-most, kind="stable")]:
+            some = first + np.flatnonzero(bound[first : first + _FEW] > loudest)
+            if not len(some):
+                break
+            own = slice(some[0], some[-1] + 1)
+            least = (pairs + hidden)[own]
+            keep(own, timed.other_moments(parts_of(own), self._reach, least, loudest, space), 0.0)
+            loudest = max(loudest, found[own].max())
+            some = own.start + np.flatnonzero(np.maximum(pairs, found)[own] + hidden[own] > loudest)
+            for octant in octants_of(search, rate) if len(some) else ():
+                own = slice(some[0], some[-1] + 1)
+                added = octant.rough * rough[own] + octant.left_out * level[own]
+                above = max(0.0, loudest - float(added.max()))
+                keep(own, octant.loudest(parts_of(own), self._reach, above, space), added)
+                loudest = max(loudest, found[own].max())
+        return found, air
+
+    @property
+    def _reach(self) -> int:
+        """Number of earlier frames that sound beside a frame."""
+        return max(self.lead - 1, 0)
+
+    def _parts(self, frames: Frames, space: Workspace) -> tuple[Single, Array]:
+        """`drive_parts` of the frames."""
+        first, last = int(frames[0]), int(frames[-1])
+        # Small blocks stay in the cache; a whole drive at all points would not fit into memory.
+        wanted = slice(first, last + 1) if 0 <= first == last + 1 - len(frames) else np.maximum(frames, 0)
+        parts, level = drive_parts(self.drive, wanted, space, steps=self.steps)
+        parts[:, frames < 0], level[frames < 0] = 0, 0
+        return parts, level
+
+
+def _highest(values: Array, count: int) -> Array:
+    """Highest of each value and those before it, of as many as `count`, along the first axis."""
+    return np.lib.stride_tricks.sliding_window_view(values, count, axis=0).max(axis=-1)

@@ -415,13 +415,8 @@ def play_followed(
                 progress(begin, total)
         wait_until(units, first + total * period)
     told = {name: count - before[name] for name, count in units.counts().items()}
-    played = PlayReport(
-        frames=total,
-        duration=total * period / 1e9,
-        late=told["late"] + told["crowded"],
-        start=first,
-        silencer=str(array.silencer),
-    )
+    late, lasts = told["late"] + told["crowded"], total * period / 1e9
+    played = PlayReport(frames=total, duration=lasts, late=late, start=first, silencer=str(array.silencer))
     middle, worst = np.percentile(reactions, [50, 99]) if reactions else (np.nan, np.nan)
     return FollowedPlay(report=played, reaction=(float(middle), float(worst)))
 
