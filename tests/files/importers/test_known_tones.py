@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
 from tests import foreign_files
 
 from midair.errors import InputError
@@ -58,7 +59,16 @@ def _wav(path, stamps, wave, unit, clock):
     pytest.importorskip("soundfile").write(path, wave, CLOCKS[clock][0], subtype="DOUBLE")
 
 
-READERS = {"a.csv": _csv, "a.tdms": _tdms, "a.xdf": _xdf, "a.wav": _wav}
+def _arrays(path, stamps, wave, unit, clock):
+    _, name, first, step, *_ = CLOCKS[clock]
+    arrays = {name.replace(" [s]", "_s"): np.round(first + stamps / step, 6), "data": wave, "unit": unit}
+    if path.suffix == ".mat":
+        savemat(path, arrays)
+    else:
+        np.savez(path, **arrays)
+
+
+READERS = {"a.csv": _csv, "a.tdms": _tdms, "a.xdf": _xdf, "a.wav": _wav, "a.npz": _arrays, "a.mat": _arrays}
 
 
 def read(folder, file, clock, written, *, share=0.1, level=0.5, seed=0, **given):
@@ -109,7 +119,7 @@ def test_a_known_tone_comes_back_or_the_file_is_refused(file, clock, unit, state
     assert size == pytest.approx(factor, rel=0.03)
 
 
-@pytest.mark.parametrize("file", ["a.csv", "a.tdms", "a.xdf"])
+@pytest.mark.parametrize("file", ["a.csv", "a.tdms", "a.xdf", "a.npz", "a.mat"])
 def test_nine_of_twelve_clocks_are_read(file, tmp_path):
     """A stream of XDF with a rate needs no unit of its stamps."""
     refused = REFUSED - ({"counts of unknown size"} if file == "a.xdf" else set())

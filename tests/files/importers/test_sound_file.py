@@ -113,11 +113,6 @@ def test_takes_the_exact_rate_behind_a_whole_one(foreign):
         load(foreign("FLOAT"), unit="V", rate=1000)
 
 
-def test_requires_the_unit(foreign):
-    with pytest.raises(UnitError, match="does not state the unit"):
-        load(foreign("PCM_16"))
-
-
 def test_refuses_a_bad_header(tmp_path):
     (tmp_path / "a.wav").write_bytes(b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted")
     with pytest.raises(BrokenFileError, match="bytes in chunk 'fact', got 2"):
