@@ -358,8 +358,8 @@ def describe_take(take: rig.Take, device: devices.SensorDevice) -> list[Line]:
     levels, rate, low, high = take.levels, device.rate, take.lowest, take.highest
     full = "" if device.full_scale is None else f" of {device.full_scale:.3g} {device.unit} full scale"
     loudest = f"{max(abs(low), abs(high)):.3g} {device.unit}{full}, in cell {int(levels.highest.argmax())}"
-    # The events of the recording are in its file.
-    life = Provenance() if take.path is None else files.open_take(take.path).recording.provenance
+    # The events of the recording are in its file, which a full disk may keep from being opened.
+    life = Provenance() if take.path is None or take.error else files.open_take(take.path).recording.provenance
     return [
         Row("file", str(take.path), key="recording"),
         {"frames": take.frames, "rate_hz": rate, "lost_frames": take.lost, "end": take.end},
