@@ -34,7 +34,7 @@ class Place:
         return float(np.hypot(*self.shift))
 
     def __bool__(self) -> bool:
-        return self.distance > 0
+        return bool(self.distance or self.turn)
 
     def __str__(self) -> str:
         """Place in words; two points of ultrasound under 15 mm apart were felt as one in over 95 % of trials (Howard et
@@ -52,7 +52,8 @@ def fit_place(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[P
     """
     frames, nowhere = len(original), Place()
     x, y = (each.reshape(frames, -1) for each in (original, reproduced))
-    if min(sensor.shape) < 2 or not x.any() or not y.any():
+    # Beyond 16 x 16 cells the fit would take minutes.
+    if min(sensor.shape) < 2 or sensor.count > 256 or not x.any() or not y.any():
         return nowhere, original
     readings = _readings(sensor)
     apart = np.linalg.inv(readings(np.zeros(3)))
