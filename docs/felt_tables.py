@@ -4,6 +4,8 @@ Pressure that half of all people feel by frequency and area in each skin, then s
 as if an array reproduced them exactly. SIMULATED, not tried on people.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from midair.datasets import SAMPLES, sample
@@ -36,20 +38,19 @@ def row(name: str, found: Felt, peak: float) -> None:
     print(f"| {name} | {peak:.0f} Pa | {found.level:+.0f} dB | {about} ({fewest} to {most}) |", flush=True)
 
 
-def touches() -> None:
+def touches(names: Iterable[str] = (*SAMPLES, *PALETTE)) -> None:
     """Samples and patterns at full level."""
     print("\n| touch | peak | over the threshold | of 10 people |")
-    for name in SAMPLES:
-        recording = sample(name)
-        if recording.unit == "Pa":
-            pressure = calibrated_pressure(recording, None, Settings())
-            row(name, felt(pressure.pressure, pressure.rate, pressure.sensor.pitch), float(recording.samples.max()))
     array, palm = TransducerArray.autd3(), Palm.disc()
-    for name, plain in PALETTE.items():
-        pattern = Pattern.from_plain(plain)
-        foci = pattern.foci(min(pattern.duration_s or 1.0, 1.0))
-        pressure, rate = palm_pressure(foci, array, palm, acoustics=Acoustics())
-        row(f"{name} *", felt(pressure, rate, palm.pitch), float(foci.pressure.max()))
+    for name in names:
+        if name in PALETTE:
+            pattern = Pattern.from_plain(PALETTE[name])
+            foci = pattern.foci(min(pattern.duration_s or 1.0, 1.0))
+            pressure, rate = palm_pressure(foci, array, palm, acoustics=Acoustics())
+            row(f"{name} *", felt(pressure, rate, palm.pitch), float(foci.pressure.max()))
+        elif (recording := sample(name)).unit == "Pa":
+            cells = calibrated_pressure(recording, None, Settings())
+            row(name, felt(cells.pressure, cells.rate, cells.sensor.pitch), float(recording.samples.max()))
 
 
 if __name__ == "__main__":

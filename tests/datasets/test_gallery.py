@@ -49,7 +49,8 @@ def test_every_touch_is_listed_and_the_sound_of_a_heartbeat_is_two_beats(capsys)
 
 
 @pytest.mark.long
-def test_each_touch_says_by_how_many_of_ten_people_it_is_felt(capsys):
-    runpy.run_path(str(Path(__file__).parents[2] / "docs" / "felt_tables.py"))["touches"]()
+def test_a_touch_says_by_how_many_of_ten_people_it_is_felt(capsys):
+    some = ("towel", "tap", "heartbeat")
+    runpy.run_path(str(Path(__file__).parents[2] / "docs" / "felt_tables.py"))["touches"](some)
     told = dict(re.findall(r"^\| (\w+)(?: \*)? \|.*\| (\d+)[ (]", capsys.readouterr().out, re.MULTILINE))
-    assert {name: told for name, one in TOUCHES.items() if f"elt by {told[name]} of 10." not in one.says} == {}
+    assert {name: told for name in some if f"elt by {told[name]} of 10." not in TOUCHES[name].says} == {}
