@@ -94,6 +94,7 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     made, comparison = last.reproduction, last.comparison
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     card, (answer, others) = outcome.card, verdict_lines(outcome.verdict)
+    silencer = str(last.rerecorded.provenance.steps[-1].settings["silencer"])
     table: list[Line] = [
         {"report": str(target), "passes": [plain(one.comparison) | {"step": one.step} for one in loop.passes]},
         {"taken_back": loop.taken_back, "end": loop.end, "level": level.plain()},
@@ -102,14 +103,13 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
         *pressure_lines(level),
         ("iteration", f"{loop.end}; {loop.taken_back} steps undone" if loop.end else ""),
         ("report", str(target)),
-        Details([("silencer", str(last.rerecorded.provenance.steps[-1].settings["silencer"]))]),
-        Details(comparison_lines(comparison, card)),
+        Details([("silencer", silencer), *comparison_lines(comparison, card)]),
     ]
     print_table(table, answer=answer, simulated=comparison.simulated, json=json)
     if not json:
-        passes = [one.comparison for one in loop.passes]
+        passes, of_verdict = [one.comparison for one in loop.passes], f"{TOUCHED}, without noise"
         rows = [
-            ("fidelity, dB", *(f"{one.ratios[TOUCHED][0]:.1f}" for one in passes)),
+            ("alike, dB", *(f"{one.ratios.get(of_verdict, one.ratios[TOUCHED])[0]:.1f}" for one in passes)),
             *((name, *(f"{getattr(one, name):.3f}" for one in passes)) for name in ("gain", "correlation")),
         ]
         print_grid(("", *(f"pass {number + 1}" for number in range(len(passes)))), rows)
