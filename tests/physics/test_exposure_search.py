@@ -70,7 +70,7 @@ def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
     place, rng = small(), np.random.default_rng(1)
     told = drive(rng.uniform(0, 2 * np.pi, (40, ARRAY.count)), rng.random((40, ARRAY.count)))
     true = sound_level(np.abs(told.q @ transfer_matrix(grid(place), ARRAY).T).max(axis=1))
-    missed = true - exposure(told, alone(place)).level[:, 0]
+    missed = true - exposure(told, alone(place), alone=True).level[:, 0]
     assert missed.max() < MISSED
     # A bound that rejects everything would be useless.
     assert np.median(missed) > -TOO_MUCH
@@ -84,7 +84,7 @@ def test_foci_anywhere_in_the_cube(place):
     # A distant focus is loudest in front of the point where all waves are in phase.
     anywhere = np.concatenate([points, grid(place, wavelength=80e-3)])
     true = sound_level(np.abs(told.q @ transfer_matrix(anywhere, ARRAY).T).max(axis=1))
-    over = exposure(told, alone(place)).level[:, 0] - true
+    over = exposure(told, alone(place), alone=True).level[:, 0] - true
     assert over.min() > -MISSED
     assert over.max() < TOO_MUCH
 
@@ -95,7 +95,7 @@ def test_sound_that_is_loud_just_outside_the_cube_does_not_count():
     beside = np.array([[place.reach + 3e-3, 0, 0], [0, -place.reach - 3e-3, 4e-3]])
     told = drive(np.stack([focus_phase(ARRAY, np.array(place.position) + each) for each in beside]))
     true = sound_level(np.abs(told.q @ transfer_matrix(grid(place), ARRAY).T).max(axis=1))
-    over = exposure(told, alone(place)).level[:, 0] - true
+    over = exposure(told, alone(place), alone=True).level[:, 0] - true
     assert over.max() < TOO_MUCH
     assert over.min() > -MISSED
 
@@ -105,7 +105,7 @@ def test_a_focus_of_an_array_that_was_measured():
     at = np.array(EAR.position)
     told = drive(focus_phase(MEASURED, at)[None], array=MEASURED)
     true = sound_level(np.abs(told.q @ transfer_matrix(at[None], MEASURED).T))[0, 0]
-    assert -MISSED < exposure(told, alone(EAR)).peak[0] - true < TOO_MUCH
+    assert -MISSED < exposure(told, alone(EAR), alone=True).peak[0] - true < TOO_MUCH
 
 
 def hidden(told, wanted, place):
@@ -161,7 +161,7 @@ def test_levels_of_strokes_are_at_most_one_and_a_half_decibels_too_high(thing):
     points = grid(EAR)
     for part in np.array_split(points, len(points) // 4096):
         loudest = max(loudest, float(np.abs(told.q @ transfer_matrix(part, ARRAY).T).max()))
-    over = exposure(told, alone(EAR)).peak[0] - sound_level(np.array(loudest))
+    over = exposure(told, alone(EAR), alone=True).peak[0] - sound_level(np.array(loudest))
     assert -MISSED < over < TOO_MUCH
 
 
@@ -182,7 +182,7 @@ def test_no_more_than_all_transducers_in_step():
     told = drive(focus_phase(ARRAY, np.array(EAR.position))[None])
     most = np.abs(transfer_matrix(EAR.points, ARRAY)).max(axis=0).sum()
     np.testing.assert_allclose(search.ceiling.sum(), most)
-    assert exposure(told, alone(EAR)).peak[0] <= sound_level(np.array(most)) + 1e-9
+    assert exposure(told, alone(EAR), alone=True).peak[0] <= sound_level(np.array(most)) + 1e-9
 
 
 def test_turns_of_a_phase_change_nothing():
@@ -208,7 +208,7 @@ def test_places_that_only_advise_are_looked_at_in_27_points():
     place = small(reach=0.025, enforced=False)
     told = drive(np.random.default_rng(5).uniform(0, 6, (300, ARRAY.count)))
     true = sound_level(np.abs(told.q @ transfer_matrix(place.points, ARRAY).T).max(axis=1))
-    np.testing.assert_allclose(exposure(told, alone(place)).level[:, 0], true, atol=1e-3)
+    np.testing.assert_allclose(exposure(told, alone(place), alone=True).level[:, 0], true, atol=1e-3)
 
 
 @pytest.mark.long
@@ -226,7 +226,7 @@ def test_other_arrays_and_airs(array, acoustics):
     place, rng = small(), np.random.default_rng(6)
     told = drive(rng.uniform(0, 2 * np.pi, (40, array.count)), 0.7, array, acoustics)
     field = np.abs(told.q @ transfer_matrix(grid(place), array, acoustics=acoustics).T)
-    missed = sound_level(field.max(axis=1)) - exposure(told, alone(place)).level[:, 0]
+    missed = sound_level(field.max(axis=1)) - exposure(told, alone(place), alone=True).level[:, 0]
     assert missed.max() < MISSED
     assert np.median(missed) > -TOO_MUCH
 
@@ -254,7 +254,7 @@ def test_silence_is_silent():
 @pytest.mark.parametrize("attenuation", [40.0, 1e3])
 def test_an_air_that_swallows_all_sound(attenuation):
     told = drive(np.zeros((2, ARRAY.count)), acoustics=Acoustics(medium=Medium(attenuation=attenuation)))
-    level = exposure(told, alone(small())).level
+    level = exposure(told, alone(small()), alone=True).level
     true = np.abs(told.q @ transfer_matrix(small().points, ARRAY, acoustics=told.acoustics).T).max(axis=1)
     assert np.isfinite(level).all()
     assert (level[:, 0] > sound_level(true) - MISSED).all()
