@@ -98,7 +98,7 @@ def run(fault: Fault, sender: Leap | Osc, duration: float, *, dies: bool = False
     try:
         with array, Hand(sender, fault, dies=dies) as hand, open_tracker(sender.name) as tracker:
             tracker.__class__, tracker.read = Watched, []  # type: ignore[attr-defined]
-            admission = clear_followed(drive, array, settings, GRID, samples=8)
+            clearance = clear_followed(drive, array, settings, GRID, samples=8)
             ahead = array.units.now() - time.monotonic_ns()
 
             def begun(done: int, _: int) -> None:
@@ -106,7 +106,7 @@ def run(fault: Fault, sender: Leap | Osc, duration: float, *, dies: bool = False
                     hand.wrong_at = time.monotonic()
 
             done = play_followed(
-                drive, array, tracker, settings, admission, GRID, report=lambda _: None, progress=begun
+                drive, array, tracker, settings, clearance, GRID, report=lambda _: None, progress=begun
             )
         units = sorted({port for _, port, _, _ in tap.frames()})
         sent = [each for each in frames_on(tap, unit=units[0]) if each[1] * 1000 >= done.report.start]

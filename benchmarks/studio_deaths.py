@@ -176,7 +176,7 @@ class PlayingStudio:
             check = "{take: 'towel.h5', repeats: 100, attenuate: true}"
             self.page.evaluate(
                 f"""{{ const now = studio.now = {{ ended: '' }}; studio.link.order('play', 'check', {check})
-                .then((found) => studio.link.order('play', 'play', {{admission: found.number}}))
+                .then((found) => studio.link.order('play', 'play', {{clearance: found.number}}))
                 .then(() => {{ now.ended = 'played'; }}, (wrong) => {{ now.ended = wrong.message; }}); }} 0"""
             )
             self.page.until(

@@ -72,26 +72,26 @@ def test_an_array_plays_again_and_is_silent_before_and_after(array):
     with array:
         assert not array.emitting
         array.silence()
-        admission = clear_any_exposure(drive(array), array)
+        clearance = clear_any_exposure(drive(array), array)
         array.allowing(refused)
         with pytest.raises(StoppedError, match="not armed"):
-            array.play(admission)
+            array.play(clearance)
         assert not array.emitting
         array.allowing(None)
         for _ in range(2):
-            assert array.play(admission).frames == 5
+            assert array.play(clearance).frames == 5
             assert not array.emitting
     assert not array.emitting
     array.silence()
     array.close()
     with pytest.raises(DeviceStateError, match="open"):
-        array.play(admission)
+        array.play(clearance)
 
 
 def test_an_array_is_silent_after_any_failure_on_the_way(array):
     loud = []
     with array:
-        admission = clear_any_exposure(drive(array, frames=40), array)
+        clearance = clear_any_exposure(drive(array, frames=40), array)
         for failure in (RuntimeError, KeyboardInterrupt, MemoryError):
 
             def fail(done, total, failure=failure):
@@ -99,7 +99,7 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array):
                 raise failure
 
             with pytest.raises(failure):
-                array.play(admission, progress=fail)
+                array.play(clearance, progress=fail)
             assert not array.emitting
     assert loud == [True] * 3
 
@@ -118,17 +118,17 @@ def test_what_makes_no_sense_or_was_not_checked_does_not_play(array):
                 clear_any_exposure(drive(array), array, repeats=repeats)
         with pytest.raises(DeviceStateError, match=r"expected the result of check_exposure\(\), got a Drive"):
             array.play(drive(array))
-        admission = clear_any_exposure(drive(array), array)
+        clearance = clear_any_exposure(drive(array), array)
         for delay in (-1.0, float("nan"), float("inf")):
             with pytest.raises(InputError, match="delay"):
-                array.play(admission, delay=delay)
+                array.play(clearance, delay=delay)
         if array.gated:
             with pytest.raises(DeviceStateError, match="nothing sounds unchecked"):
                 array.emit(drive(array), None)
             with pytest.raises(DeviceStateError, match="check it again"):
                 array.play(clear_any_exposure(drive(array), VirtualArray(array.array)))
         assert not array.emitting
-        assert array.play(admission).frames == 5
+        assert array.play(clearance).frames == 5
 
 
 @pytest.mark.long
@@ -146,8 +146,8 @@ def test_repeats_and_a_delay_are_played(array, attempts):
 def test_an_array_holds_no_drive_of_an_order_that_another_replaced():
     """A pattern that is changed a hundred times while it plays needs the memory of one."""
     with (device := virtual_immediate(ONE)), device.drives_to_come() as (_, begin):
-        admission = clear_any_exposure(drive(device), device)
-        begin(admission, "a.toml", {})
-        held = weakref.ref(admission.drive.phase)
-        del admission
+        clearance = clear_any_exposure(drive(device), device)
+        begin(clearance, "a.toml", {})
+        held = weakref.ref(clearance.drive.phase)
+        del clearance
         assert held() is None

@@ -60,20 +60,20 @@ def test_a_loud_drive_is_refused_with_level_and_place():
 
 def test_a_quiet_drive_passes_as_it_is():
     drive = focus(level=0.01)
-    admission = check_exposure(drive, Loud(ARRAY), CHOICES)
-    assert admission.outcome == "kept"
-    np.testing.assert_array_equal(admission.drive.q, drive.q)
+    clearance = check_exposure(drive, Loud(ARRAY), CHOICES)
+    assert clearance.outcome == "kept"
+    np.testing.assert_array_equal(clearance.drive.q, drive.q)
 
 
 @pytest.mark.long
 def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
-    admission = check_exposure(focus(), Loud(ARRAY), WEAKER)
-    assert admission.outcome == "attenuated"
+    clearance = check_exposure(focus(), Loud(ARRAY), WEAKER)
+    assert clearance.outcome == "attenuated"
     # So far down, one of the firmware's 255 steps is several decibels.
-    assert -4.0 < admission.exposure.excess <= 0
-    assert admission.drive.provenance.steps[-1].stage == "attenuate"
-    made = amplitude_of(intensity_bytes(admission.drive, 4))
-    heard = Drive(phase=admission.drive.phase, level=made, rate=1000.0, array=ARRAY)
+    assert -4.0 < clearance.exposure.excess <= 0
+    assert clearance.drive.provenance.steps[-1].stage == "attenuate"
+    made = amplitude_of(intensity_bytes(clearance.drive, 4))
+    heard = Drive(phase=clearance.drive.phase, level=made, rate=1000.0, array=ARRAY)
     assert exposure(heard, PROFILE).excess <= 0
 
 
@@ -134,8 +134,8 @@ def test_phases_are_measured_as_the_firmware_rounds_them(steps):
 
 
 def test_an_override_needs_a_name():
-    admission = check_exposure(focus(), Loud(ARRAY), ExposureChoices(profile=PROFILE, override=" A Person "))
-    assert (admission.outcome, admission.by) == ("overridden", "A Person")
+    clearance = check_exposure(focus(), Loud(ARRAY), ExposureChoices(profile=PROFILE, override=" A Person "))
+    assert (clearance.outcome, clearance.by) == ("overridden", "A Person")
     with pytest.raises(InputError, match="name of the person"):
         ExposureChoices(profile=PROFILE, override="  ")
 
@@ -152,8 +152,8 @@ def test_an_override_applies_up_to_the_excess_that_was_checked():
 
 
 def test_an_excess_on_a_silent_device_is_reported_and_not_refused():
-    admission = check_exposure(focus(), VirtualArray(ARRAY), CHOICES)
-    assert admission.outcome == "exceeded"
+    clearance = check_exposure(focus(), VirtualArray(ARRAY), CHOICES)
+    assert clearance.outcome == "exceeded"
 
 
 @pytest.mark.long
@@ -163,8 +163,8 @@ def test_the_source_strength_in_a_file_is_ignored():
     assert exposure(claims, PROFILE).excess < 0
     with pytest.raises(ExposureError):
         check_exposure(claims, Loud(ARRAY), CHOICES)
-    admission = check_exposure(claims, Loud(ARRAY), WEAKER)
-    assert admission.drive.array.pressure == ARRAY.pressure
+    clearance = check_exposure(claims, Loud(ARRAY), WEAKER)
+    assert clearance.drive.array.pressure == ARRAY.pressure
 
 
 @pytest.mark.long
@@ -238,13 +238,13 @@ def test_the_loudest_air_is_named():
 
 
 @pytest.mark.long
-def test_an_admission_is_for_the_device_that_was_measured():
+def test_a_clearance_is_for_the_device_that_was_measured():
     louder = Loud(replace(ARRAY, pressure=2 * ARRAY.pressure))
     other = Loud(TransducerArray.autd3(columns=1, rows=1))
-    admission = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
+    clearance = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     for device in (louder, other):
         with device, pytest.raises(MismatchError, match="expected a drive that was checked for it"):
-            device.play(admission)
+            device.play(clearance)
         assert not device.emitting
     with louder, pytest.raises(DeviceStateError, match="check it again"):
         louder.play(check_exposure(focus(), VirtualArray(louder.array), CHOICES))
@@ -361,16 +361,16 @@ def test_a_level_is_cleared_by_the_worst_case_of_phases():
     device = Loud(ARRAY)
     with pytest.raises(ExposureError, match="limit 110 dB"):
         check_exposure_level(0.1, device, CHOICES, rate=1000.0)
-    admission = check_exposure_level(0.1, device, WEAKER, rate=1000.0)
-    assert 0 < admission.level < 0.1
-    assert admission.exposure.excess == pytest.approx(0, abs=0.1)
+    clearance = check_exposure_level(0.1, device, WEAKER, rate=1000.0)
+    assert 0 < clearance.level < 0.1
+    assert clearance.exposure.excess == pytest.approx(0, abs=0.1)
     ear = np.array(PROFILE.places[0].position)
-    at_the_ear = Drive(phase=focus_phase(ARRAY, ear)[None], level=np.full(1, admission.level), rate=1e3, array=ARRAY)
+    at_the_ear = Drive(phase=focus_phase(ARRAY, ear)[None], level=np.full(1, clearance.level), rate=1e3, array=ARRAY)
     assert exposure(at_the_ear, PROFILE).excess <= 1e-6
     with device:
-        assert device.play(admission.frames(at_the_ear)).frames == 1
+        assert device.play(clearance.frames(at_the_ear)).frames == 1
     with pytest.raises(ExposureError, match="expected a level of at most"):
-        admission.frames(replace(at_the_ear, level=np.full(1, 2 * admission.level)))
+        clearance.frames(replace(at_the_ear, level=np.full(1, 2 * clearance.level)))
 
 
 @pytest.mark.parametrize("level", [0.0, -0.1, 1.1, float("nan")])
@@ -381,10 +381,10 @@ def test_levels_that_make_no_sense_are_refused(level):
 
 @pytest.mark.long
 def test_the_pressure_left_after_attenuation_is_reported():
-    admission = check_exposure(focus(), Loud(ARRAY), WEAKER)
-    assert admission.exposure.pressure < 1
+    clearance = check_exposure(focus(), Loud(ARRAY), WEAKER)
+    assert clearance.exposure.pressure < 1
     told = r"nothing will be felt: at most 0\.\d+ Pa on the palm; of 20 people one feels 0\.57 Pa"
-    assert re.search(told, admission.verdict())
+    assert re.search(told, clearance.verdict())
     assert felt_pressure_text(exposure(focus(), PROFILE)) == ""
     kept = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     assert "felt" not in kept.verdict()
@@ -421,11 +421,11 @@ def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
     check_exposure(drive, Loud(array), choices)
     tracemalloc.start()
     try:
-        admission = check_exposure(drive, Loud(array), choices)
+        clearance = check_exposure(drive, Loud(array), choices)
         kept, most = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert len(admission.exposure.level) == frames
+    assert len(clearance.exposure.level) == frames
     assert kept < 40 * frames
     assert most < 80 * frames
 

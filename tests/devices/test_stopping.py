@@ -105,9 +105,9 @@ def stopped_at(seed):
         try:
             with ordered_at(ordered), array.reserved():
                 time.sleep(checking)
-                admission = clear_any_exposure(drive, array)
+                clearance = clear_any_exposure(drive, array)
                 with array:
-                    array.play(admission)
+                    array.play(clearance)
         except StoppedError:
             ended.append("stopped")
         else:
@@ -214,12 +214,12 @@ def test_what_plays_from_python_is_logged_and_can_be_stopped():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with array:
-            admission = quiet(array)
+            clearance = quiet(array)
             with pytest.raises(StoppedError, match="midair stop"):
-                array.play(admission, source="a script", progress=stop)
+                array.play(clearance, source="a script", progress=stop)
             # For as long as the array is open, in every thread.
             with pytest.raises(StoppedError, match="midair stop"):
-                array.play(admission)
+                array.play(clearance)
             assert not array.emitting
     finally:
         signal.signal(signal.SIGINT, before)
@@ -230,7 +230,7 @@ def test_what_plays_from_python_is_logged_and_can_be_stopped():
     assert '"midair stop"' in log
     # Opened once more, it plays once more.
     with array:
-        assert array.play(admission).frames == 300
+        assert array.play(clearance).frames == 300
 
 
 def test_the_main_thread_is_interrupted_where_it_waits():

@@ -238,7 +238,7 @@ REFUSED = {
     "unknown order": ({"room": "play", "order": "louder"}, "that this studio handles"),
     "no room": ({"order": "open"}, "room"),
     "too much": ({"room": "play", "order": "stop", "more": 1}, "more"),
-    "wrong type": ({"room": "play", "order": "play", "with": {"admission": "x"}}, "admission"),
+    "wrong type": ({"room": "play", "order": "play", "with": {"clearance": "x"}}, "clearance"),
     "unknown field": ({"room": "play", "order": "stop", "with": {"x": 1}}, "x"),
     "a take elsewhere": ({"room": "reproduce", "order": "solve", "with": {"take": "../x.h5"}}, "leads out"),
     "no such take": ({"room": "reproduce", "order": "solve", "with": {"take": "x.h5"}}, "found none"),
@@ -246,7 +246,7 @@ REFUSED = {
     "a mode": ({"room": "reproduce", "order": "solve", "with": {"take": "towel.h5", "mode": "x"}}, "mode"),
     "a level": ({"room": "reproduce", "order": "solve", "with": {"take": "towel.h5", "level": 7}}, "level"),
     "play unsolved": ({"room": "play", "order": "check", "with": {"take": "towel.h5"}}, "solve it first"),
-    "play unchecked": ({"room": "play", "order": "play", "with": {"admission": 1}}, "check its exposure"),
+    "play unchecked": ({"room": "play", "order": "play", "with": {"clearance": 1}}, "check its exposure"),
     "repeats": ({"room": "play", "order": "check", "with": {"take": "towel.h5", "repeats": 0}}, "repeats"),
     "compare unplayed": ({"room": "compare", "order": "compare", "with": {"take": "towel.h5"}}, "play it first"),
     "record without sensor": ({"room": "record", "order": "take"}, "expected an open sensor"),
@@ -295,7 +295,7 @@ def test_page_without_control_may_only_stop(client, talk):
         for room, order, given in (
             ("reproduce", "solve", {"take": "towel.h5"}),
             ("play", "check", {"take": "towel.h5"}),
-            ("play", "play", {"admission": 1}),
+            ("play", "play", {"clearance": 1}),
             ("record", "take", {}),
             ("control", "give", {}),
         ):
@@ -424,7 +424,7 @@ def test_an_air_that_is_stated_during_a_check_needs_another_one(studio, monkeypa
     assert asyncio.run(playing.check(None, CheckExposure(take="towel.h5")))["room"] is None
     page = SimpleNamespace(visible=True, last_alive=time.monotonic(), number=1)
     with pytest.raises(DeviceStateError, match="the air of the room changed since the check"):
-        asyncio.run(playing.play(page, PlayNow(admission=1)))
+        asyncio.run(playing.play(page, PlayNow(clearance=1)))
 
 
 def test_an_override_of_a_loop_does_not_admit_a_louder_drive(studio, monkeypatch):
@@ -449,7 +449,7 @@ def test_an_override_of_a_loop_does_not_admit_a_louder_drive(studio, monkeypatch
     asyncio.run(playing.check(None, CheckExposure(take="towel.h5", override="A. Person")))
     page = SimpleNamespace(visible=True, last_alive=time.monotonic(), number=1)
     with pytest.raises(ExposureError, match="louder"):
-        asyncio.run(playing.play(page, PlayNow(admission=1, loop=True)))
+        asyncio.run(playing.play(page, PlayNow(clearance=1, loop=True)))
     # A quieter drive between them changes nothing.
     again = [("admit", 10.01, True), ("play", None, False)]
     assert asked == [("admit", inf, False), *again, *again, again[0]]

@@ -53,7 +53,7 @@ def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
     assert list(studio.folder.iterdir()) == []
 
 
-START = """number => { studio.ended = ''; studio.link.order('play', 'play', {admission: number})
+START = """number => { studio.ended = ''; studio.link.order('play', 'play', {clearance: number})
     .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }"""
 
 

@@ -47,7 +47,7 @@ def test_no_process_of_the_studio_runs_a_data_folder(studio_at, tmp_path, monkey
         order("record", "listen", sensor="virtual:towel")
         until(lambda _: state["player"]["state"] == "ready")
         order("live", "check", sensor="virtual:brush")
-        order("live", "begin", admission=state["exposure"]["number"])
+        order("live", "begin", clearance=state["exposure"]["number"])
         until(lambda _: state["live"]["state"] == "plays")
         order("live", "end")
         until(lambda _: not [job for job in state["jobs"] if job["state"] in ("waits", "runs")])

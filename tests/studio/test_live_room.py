@@ -9,12 +9,12 @@ from midair.model import Acoustics, Medium
 def begin(talk, *, alive=True):
     """Begin with the checked settings; returns the error."""
     talk.socket.send_text(json.dumps({"alive": alive}))
-    return talk.order("live", "begin", admission=3)["error"]
+    return talk.order("live", "begin", clearance=3)["error"]
 
 
 def test_invalid_live_order_gets_an_error_message(subtests, talk):
     for order, given, words in [
-        ("begin", {"admission": 1}, "just checked"),
+        ("begin", {"clearance": 1}, "just checked"),
         ("turn", {"share": 0.5}, "start it first"),
         ("turn", {"share": 1.5}, "less than or equal to 1"),
         ("turn", {"share": 0}, "greater than 0"),
@@ -36,7 +36,7 @@ def test_watching_page_sees_live_touch_and_changes_nothing(client, studio):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
         second = PageClient(socket)
         assert second.order("live", "sight", shown=True)["ok"]
-        for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
+        for order, given in (("begin", {"clearance": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
             assert "may only watch" in second.order("live", order, **given)["error"]
         assert second.order("live", "sight", shown=False)["ok"]
     assert studio.panels["live"].feed.waiting == 0

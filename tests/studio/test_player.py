@@ -63,7 +63,7 @@ def test_the_participant_of_a_trial_is_logged_and_not_kept_for_the_next_drive(tm
             found = player.act({"do": "admit", "path": str(path), **CHECKED})
             token = lease.arm(lasts=10.0)
             player.act(
-                {"do": "play", "admission": found["number"], "masked": False, "output": "", "token": token} | about
+                {"do": "play", "clearance": found["number"], "masked": False, "output": "", "token": token} | about
             )
             lease.disarm()
     assert [row["participant"] for row in log() if row["event"] == "play"] == ["touch/3", ""]
@@ -87,10 +87,10 @@ def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
         assert "each part is checked before it sounds" in found["verdict"]
         lease.stop()
         with pytest.raises(StoppedError):
-            player.act(play | {"admission": found["number"]})
+            player.act(play | {"clearance": found["number"]})
         assert not path.exists()
         found = player.act(admit | CHECKED | {"override": "a test"})
-        report = player.act(play | {"admission": found["number"], "token": lease.arm(lasts=10.0)})
+        report = player.act(play | {"clearance": found["number"], "token": lease.arm(lasts=10.0)})
     solve_take(SolveRequest(take=str(take), drive=str(apart), **how), lambda *_: None)
     assert np.array_equal(load_solution(path).drive.phase, load_solution(apart).drive.phase)
     assert report["frames"] == load_solution(path).drive.frames
@@ -141,14 +141,14 @@ def test_a_live_tracker_is_shown_and_followed_until_a_stop(tmp_path, device):
         wait_until(
             lambda: any(said["palm"] and said["palm"].get("sure") for said in messages if said["kind"] == "palm")
         )
-        play = {"do": "play", "admission": found["number"], "masked": False, "output": ""}
+        play = {"do": "play", "clearance": found["number"], "masked": False, "output": ""}
         report = player.act(play | {"token": lease.arm(lasts=10.0)})
         assert report["frames"] == 400
         assert "follow: the palm is followed" in player.palm.said
         found = player.act({"do": "admit", "path": str(path), **CHECKED, "repeats": 50, "follow": sender.name})
         threading.Timer(0.5, lease.stop).start()
         with pytest.raises(StoppedError):
-            player.act(play | {"admission": found["number"], "token": lease.arm(lasts=10.0)})
+            player.act(play | {"clearance": found["number"], "token": lease.arm(lasts=10.0)})
         assert player.act({"do": "unfollow"})
         assert (player.array is None) == (device == "virtual")
     wait_until(lambda: messages[-1] == {"kind": "palm", "palm": None})
@@ -190,7 +190,7 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
     admit = {"do": "admit", "path": str(tmp_path / "pattern.drive.h5"), **CHECKED, "override": "a test"}
     with player.held, ThreadPoolExecutor(1) as pool:
         found = player.act(admit | {"room": Medium.at()})
-        play = {"do": "play", "admission": found["number"], "masked": False, "output": "", "loop": True}
+        play = {"do": "play", "clearance": found["number"], "masked": False, "output": "", "loop": True}
         changed = pool.submit(change)
         with pytest.raises(StoppedError):
             player.act(play | {"token": lease.arm(lasts=10.0)})
@@ -238,7 +238,7 @@ def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tm
 
     with player.held:
         found = player.act({"do": "admit", "path": str(path), **CHECKED})
-        order = {"admission": found["number"], "token": lease.arm(lasts=2.0)}
+        order = {"clearance": found["number"], "token": lease.arm(lasts=2.0)}
         playing = threading.Thread(target=play)
         playing.start()
         until(lambda: player.array.emitting)

@@ -206,7 +206,7 @@ class _LiveSupervisor:
 
     def _begin(self, order: dict[str, Any]) -> None:
         """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
-        settings = self._checked.pop(order["admission"], None)
+        settings = self._checked.pop(order["clearance"], None)
         if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None

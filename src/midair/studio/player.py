@@ -378,8 +378,8 @@ class _Player(PlayObserver):
 
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play what was checked with a lease token; a virtual rig re-records it."""
-        kept = order.get("keep") or any(trial["number"] == order["admission"] for trial in self.trials.values())
-        found = self.checked.get(order["admission"]) if kept else self.checked.pop(order["admission"], None)
+        kept = order.get("keep") or any(trial["number"] == order["clearance"] for trial in self.trials.values())
+        found = self.checked.get(order["clearance"]) if kept else self.checked.pop(order["clearance"], None)
         if found is None:
             raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
         session, what, path = found

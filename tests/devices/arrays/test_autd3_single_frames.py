@@ -166,9 +166,9 @@ def test_each_order_counts_its_late_frames(tap):
 def test_a_frame_above_the_cleared_level_ends_in_silence(tap):
     device = autd3_immediate(tap.address, ONE)
     with device:
-        admission = answered(device, 0.5)
-        assert admission.strongest == 127
-        with pytest.raises(ExposureError, match="up to 127 of 255, got 128"), device.frames_to_come(admission) as put:
+        clearance = answered(device, 0.5)
+        assert clearance.strongest == 127
+        with pytest.raises(ExposureError, match="up to 127 of 255, got 128"), device.frames_to_come(clearance) as put:
             put_some(put, device.units, 3, intensity=127)
             put_some(put, device.units, 1, intensity=128)
         assert not device.emitting
@@ -181,11 +181,11 @@ def test_sound_ends_when_the_hours_of_a_day_are_over(triggered, tap):
     profile = replace(profile_named(DEFAULT_PROFILE).under(200.0), hours=2e-5)
     with device:
         device.simulated = False
-        admission = check_exposure_level(1.0, device, ExposureChoices(profile=profile), rate=1000.0)
-        playing = device.drives_to_come() if triggered else device.frames_to_come(admission)
+        clearance = check_exposure_level(1.0, device, ExposureChoices(profile=profile), rate=1000.0)
+        playing = device.drives_to_come() if triggered else device.frames_to_come(clearance)
         with pytest.raises(ExposureError, match="2e-05 h of sound a day"), playing as put:
             if triggered:
-                put, _ = put[1](admission, "x", report)
+                put, _ = put[1](clearance, "x", report)
                 put_some(put, device.units, 100)
                 report["duration"] = 0.08
             put_some(put, device.units, 200)

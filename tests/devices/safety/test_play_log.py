@@ -78,24 +78,24 @@ def test_an_order_has_the_level_and_the_responsible_person():
 
 
 def test_an_order_has_the_stated_air_of_the_room():
-    admission = admitted(0.01)
-    log_order("x.drive.h5", "autd3", admission)
-    log_order("x.drive.h5", "autd3", admission, room=Medium.at(temperature=18.5, humidity=0.3))
+    clearance = admitted(0.01)
+    log_order("x.drive.h5", "autd3", clearance)
+    log_order("x.drive.h5", "autd3", clearance, room=Medium.at(temperature=18.5, humidity=0.3))
     assert [entry["room"] for entry in entries()] == [None, {"temperature_c": 18.5, "humidity": 0.3}]
 
 
 def test_an_order_can_be_audited(tmp_path, monkeypatch):
     monkeypatch.setenv("LOGNAME", "a-user")
     monkeypatch.setattr("sys.argv", ["/usr/bin/midair", "play", "x.drive.h5"])
-    path, admission = tmp_path / "x.drive.h5", admitted(0.01)
+    path, clearance = tmp_path / "x.drive.h5", admitted(0.01)
     path.write_bytes(b"what the file holds")
-    log_order(path, "autd3:eth0", admission, simulated=True)
+    log_order(path, "autd3:eth0", clearance, simulated=True)
     (entry,) = entries()
     assert (entry["version"], entry["user"], entry["process"]) == (__version__, "a-user", os.getpid())
     assert entry["command"] == "midair play x.drive.h5"
     assert (entry["device"], entry["simulated"], entry["frames"], entry["rate_hz"]) == ("autd3:eth0", True, 3, 1000.0)
     assert entry["file_sha256"] == hashlib.sha256(b"what the file holds").hexdigest()
-    drive = admission.drive
+    drive = clearance.drive
     assert entry["sha256"] == hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).hexdigest()
     assert entry["profile"] == "occupational-110"
     limits = {place.name: (place.limit, place.enforced) for place in PROFILE.places}
@@ -104,8 +104,8 @@ def test_an_order_can_be_audited(tmp_path, monkeypatch):
 
 def test_a_day_has_no_more_hours_of_sound_than_the_profile():
     def order(participant="", **choices):
-        admission = admitted(0.001, profile=replace(PROFILE, hours=2e-6), **choices)
-        number = log_order("x.drive.h5", "autd3", admission, participant=participant)
+        clearance = admitted(0.001, profile=replace(PROFILE, hours=2e-6), **choices)
+        number = log_order("x.drive.h5", "autd3", clearance, participant=participant)
         time.sleep(0.01)
         log_end(number, "x.drive.h5", "autd3", "played")
 
@@ -177,8 +177,8 @@ array = TransducerArray.autd3()
 still = np.zeros((3, array.count))
 drive = Drive(phase=still, level=np.full(3, 0.01), rate=1000.0, array=array)
 with open_stop_channel("autd3", lambda: None):
-    admission = check_exposure(drive, VirtualArray(array), ExposureChoices(profile=profile_named("occupational-110")))
-    print(log_order("x.drive.h5", "autd3", admission), flush=True)
+    clearance = check_exposure(drive, VirtualArray(array), ExposureChoices(profile=profile_named("occupational-110")))
+    print(log_order("x.drive.h5", "autd3", clearance), flush=True)
     time.sleep(60)
 """
 

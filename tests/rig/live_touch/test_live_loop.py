@@ -73,7 +73,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
     problem = None
     with sensor, array:
         choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
-        admission = check_exposure_level(0.5, array, choices, rate=1000.0)
+        clearance = check_exposure_level(0.5, array, choices, rate=1000.0)
         touch = Touch(LiveSettings(latency=latency), None, sensor.grid, 1000.0, array.array, 0.5, grid=SMALL)
         loop = LiveLoop(
             sensor,
@@ -81,12 +81,12 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, units=N
             array,
             ring,
             pace=replace(touch.schedule, **({"hold": 0.1, "rise": 0.0, "ahead": np.inf} | pace)),
-            strongest=admission.strongest,
+            strongest=clearance.strongest,
             level=level,
             check=check,
         )
         try:
-            with array.frames_to_come(admission) as put:
+            with array.frames_to_come(clearance) as put:
                 sensor.start()
                 loop.run(put, duration)
         except DeviceError as wrong:

@@ -246,8 +246,8 @@ def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_t
     units, array = rig_of()
     drive, lines = focus(300), []
     with array, open_tracker(tracker_name(f"replay:{file}", 0.01)) as tracker:
-        admission = clear_followed(drive, array, settings, GRID, samples=4)
-        done = play_followed(drive, array, tracker, settings, admission, GRID, report=lines.append)
+        clearance = clear_followed(drive, array, settings, GRID, samples=4)
+        done = play_followed(drive, array, tracker, settings, clearance, GRID, report=lines.append)
     if fit and "too slow" in str(lines):
         pytest.skip("this computer is too slow now to fit frames in time, and said so")
     assert lines[0].startswith("follow: the palm is followed")
@@ -318,9 +318,9 @@ def test_sound_rises_again_after_the_failsafe_acted_but_not_for_ever(in_time, at
     save_palm_path(swaying(), file)
     array = virtual_immediate(Placement.grid(columns=1, rows=1), units=units)
     with array, open_tracker(f"replay:{file}") as tracker:
-        admission = clear_followed(focus(100), array, PlaySettings(), GRID, samples=4)
+        clearance = clear_followed(focus(100), array, PlaySettings(), GRID, samples=4)
         with pytest.raises(SilentFramesError) if ends else nullcontext():
-            play_followed(focus(100), array, tracker, PlaySettings(), admission, GRID, report=lambda _: None)
+            play_followed(focus(100), array, tracker, PlaySettings(), clearance, GRID, report=lambda _: None)
     assert units.released == (6 if ends else 4)
     if not ends:
         levels = np.array([intensity for _, intensity, _ in units.put_frames])

@@ -42,7 +42,7 @@ class CheckLive(Arguments):
 class BeginLive(Arguments):
     """Start checked settings, after the button was held."""
 
-    admission: int
+    clearance: int
 
 
 class SetLevel(Arguments):
@@ -138,7 +138,7 @@ class LivePanel(Panel):
     async def begin(self, page: Page, order: BeginLive) -> Any:
         """Borrow array and sensor, arm, and start; answers when it plays."""
         self._idle()
-        request = self._checked.pop(order.admission, None)
+        request = self._checked.pop(order.clearance, None)
         if request is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._playing.check_same_air(None if request["acoustics"] is None else request["acoustics"].medium)
@@ -153,7 +153,7 @@ class LivePanel(Panel):
             raise
         self._store.put(live_goes=None)
         try:
-            about = await self._live.ask("begin", admission=order.admission, token=token)
+            about = await self._live.ask("begin", clearance=order.clearance, token=token)
         except MidairError as wrong:
             await self._over(str(wrong))
             raise

@@ -86,7 +86,7 @@ class CheckExposure(Arguments):
 class PlayNow(Arguments):
     """Play a checked drive, after the button was held."""
 
-    admission: int
+    clearance: int
     loop: bool = False
     """Play until STOP, without a re-recording; a drive that is solved meanwhile is played from the next pass.
 
@@ -247,16 +247,16 @@ class PlayPanel:
         """Arm and play; answers when it is over, which a loop is after a STOP or an error."""
         self._busy()
         self._seen(page)
-        if order.admission not in self._checked:
+        if order.clearance not in self._checked:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
-        self.newest, stops, number, stamp = "", self.lease.stops, order.admission, None
+        self.newest, stops, number, stamp = "", self.lease.stops, order.clearance, None
         # A person answered for the drive that was checked, not for a louder one.
         up_to = self._store.state["exposure"]["excess_db"] + 0.01 if order.loop else inf
         while True:
             check, room = self._checked[number]
             self.check_same_air(room)
             if order.loop and check.take.startswith(DRAWN) and not check.follow:
-                how = {"admission": number, "output": "", "masked": False, "loop": True}
+                how = {"clearance": number, "output": "", "masked": False, "loop": True}
                 return await self._sound(page, check.take, "play", **how)
             if not order.loop:
                 del self._checked[number]
@@ -280,13 +280,13 @@ class PlayPanel:
                 raise StoppedError("play: stopped on request")
             self._seen(page)
             how = {"output": "", "masked": False, "waits": True, "keep": True}
-            await self._sound(page, check.take, "play", admission=number, **how)
+            await self._sound(page, check.take, "play", clearance=number, **how)
 
     async def _once(self, page: Page, take: str, number: int) -> dict[str, Any]:
         """Play a checked drive, and replace the re-recording beside it if the array is virtual."""
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
-        how = {"admission": number, "output": str(partial), "masked": False, "waits": True}
+        how = {"clearance": number, "output": str(partial), "masked": False, "waits": True}
         report = await self._sound(page, take, "play", **how)
         if report.get("output") and partial.exists():
             partial.replace(output)
@@ -320,7 +320,7 @@ class PlayPanel:
         self._experimenter()
         found = await self.admit_trial(path, share, room=room)
         page = self._experimenter()
-        order = {"admission": found["number"], "output": "", "masked": masked, "participant": participant}
+        order = {"clearance": found["number"], "output": "", "masked": masked, "participant": participant}
         report = await self._sound(page, path.name, "play", **order)
         if report.get("gap"):
             raise SilentFramesError(

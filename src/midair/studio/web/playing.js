@@ -81,7 +81,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
   });
   const measured = make("p.quiet"),
     hot = heatWarning(link, "hot-play");
-  let admission = 0,
+  let clearance = 0,
     checks = 0,
     looping = false,
     timer = 0;
@@ -149,7 +149,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       verdict.textContent = "the exposure could not be checked";
       return;
     }
-    admission = found.number;
+    clearance = found.number;
     measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent =
       found.outcome === "exceeded"
@@ -183,7 +183,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         ),
       ),
     );
-    hold.disabled = !admission || !link.controls;
+    hold.disabled = !clearance || !link.controls;
     refused.replaceChildren();
     if (!found.refused) return;
     const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
@@ -251,7 +251,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     if (looping)
       verdict.textContent =
         "Loops until STOP. Close this to change settings and Solve: the new drive is played from its next pass.";
-    const report = await tried(link.order("play", "play", { admission, loop: looping }));
+    const report = await tried(link.order("play", "play", { clearance, loop: looping }));
     looping = false;
     if (!dialog.open) tried(link.order("play", "unfollow"));
     off();

@@ -1330,7 +1330,7 @@ export default class Draw {
           ? "SIMULATED: playing in a loop; change the pattern meanwhile, Esc ends it"
           : "playing …",
       );
-      const report = await link.order("play", "play", { admission: found.number, loop });
+      const report = await link.order("play", "play", { clearance: found.number, loop });
       say(
         `SIMULATED: played ${report.frames ?? "all"} frames on the virtual array. ${found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}` : found.verdict}`,
       );

@@ -515,7 +515,7 @@ export default class Live {
       plays = live?.state === "plays",
       controls = this.link.controls;
     this.check.disabled = !controls || !idle || !playable(player);
-    this.hold.disabled = this.check.disabled || !this.admission;
+    this.hold.disabled = this.check.disabled || !this.clearance;
     this.running.hidden = idle;
     for (const part of [this.form, this.check, this.hold]) part.hidden = !idle;
     this.share.disabled = !controls || !plays;
@@ -568,7 +568,7 @@ export default class Live {
   _air({ temperature, humidity }) {
     const before = this.aired;
     this.aired = `${temperature} ${humidity}`;
-    if (before !== undefined && before !== this.aired && this.admission) this._unchecked();
+    if (before !== undefined && before !== this.aired && this.clearance) this._unchecked();
     else if (this.keeps) this.control();
   }
   _say(words, className = "quiet") {
@@ -576,13 +576,13 @@ export default class Live {
     this.verdict.className = className;
   }
   _unchecked() {
-    this.admission = 0;
+    this.clearance = 0;
     this.refused.replaceChildren();
     this._say("settings changed: check the exposure again");
     this.control();
   }
   async _check() {
-    this.admission = 0;
+    this.clearance = 0;
     this._say("checking …");
     const asked = JSON.stringify([this.given, this.aired]);
     const found = await tried(this.link.order("live", "check", this.given));
@@ -594,7 +594,7 @@ export default class Live {
       this._say("the exposure could not be checked", "bad");
       return;
     }
-    this.admission = found.number;
+    this.clearance = found.number;
     this._say(
       found.refused || spoken(found.verdict),
       found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good",
@@ -630,13 +630,13 @@ export default class Live {
     this.control();
   }
   async _begin() {
-    const admission = this.admission;
-    this.admission = 0;
+    const clearance = this.clearance;
+    this.clearance = 0;
     this.given.override = "";
     if (this.frozen) this.freeze();
     this.track = null;
     this.hold.blur();
-    await tried(this.link.order("live", "begin", { admission }));
+    await tried(this.link.order("live", "begin", { clearance }));
   }
   async _about(about) {
     if (!about || !this.keeps) return;
