@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1872,
     "settings streaming .": 2739,
-    "physics": 3197,
+    "physics": 3209,
     "recordings targets correct evaluate": 4062,
     "calibration": 3102,
     "solvers": 4302,

@@ -177,6 +177,10 @@ class Exposure:
         return f"<Exposure {len(self.level)} frames, {self.repeats} times, {self.verdict()}>"
 
 
+_RUN = 8192
+"""Frames whose moments are in memory at once."""
+
+
 def exposure(
     drive: Drive,
     profile: ExposureProfile,
@@ -203,28 +207,33 @@ def exposure(
     sound = SoundInTime.of(drive, profile, airs, steps, alone=alone)
     # Each run: frames in the order of their sound, -1 for silence. The first ones only sound beside others.
     silence = np.full(sound.lead, -1)
-    run = np.concatenate([silence, np.arange(drive.frames), silence if ends else silence[:0]])
+    run = np.concatenate([silence, np.arange(drive.frames), silence if ends else silence[:0]])[earlier:]
+    runs = [run[first : first + _RUN + sound.lead] for first in range(0, len(run) - sound.lead, _RUN)]
     # With repeats, the first frames also sound beside the last ones.
-    runs = [run[earlier:]] + [np.arange(-sound.lead, sound.lead) % drive.frames] * (repeats > 1 and sound.lead > 0)
+    runs += [np.arange(-sound.lead, sound.lead) % drive.frames] * (repeats > 1 and sound.lead > 0)
+    duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
+    level = np.zeros((drive.frames, len(profile.places)))
+    loudest = np.zeros(level.shape, np.int8)
     # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as threads:
-        found = [sound.measure(run, threads.map) for run in runs]
-    frames, amplitude, air = (np.concatenate(each) for each in zip(*found, strict=True))
-    # The silence after a drive counts as its last frame.
-    frames = np.where(frames < 0, drive.frames - 1, frames)
-    level, loudest = np.zeros((2, drive.frames, len(profile.places)))
-    for place in range(len(profile.places)):
-        rising = np.argsort(amplitude[:, place], kind="stable")
-        level[frames[rising], place], loudest[frames[rising], place] = amplitude[rising, place], air[rising, place]
-    level = sound_level(level)
+        for run in runs:
+            frames, amplitude, air = sound.measure(run, threads.map, level.max(axis=0))
+            # The silence after a drive counts as its last frame.
+            frames[frames < 0] = drive.frames - 1
+            for place in range(len(profile.places)):
+                rising = np.argsort(amplitude[:, place], kind="stable")
+                rising = rising[amplitude[rising, place] > level[frames[rising], place]]
+                level[frames[rising], place] = amplitude[rising, place]
+                loudest[frames[rising], place] = air[rising, place]
+    for first in range(0, len(level), _RUN):
+        level[first : first + _RUN] = sound_level(level[first : first + _RUN])
     # The palm's limit is not enforced: the first, the middle and the last air suffice. The coldest distorts most.
     few = airs[:: max(1, len(airs) // 2)]
-    duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
     return Exposure(
         profile=profile,
         level=level[earlier:],
         airs=airs,
-        air=loudest[earlier:].astype(np.int8),
+        air=loudest[earlier:],
         rate=drive.rate,
         repeats=repeats,
         nonlinearity=_nonlinearity(drive, profile, airs[0], level),
