@@ -93,7 +93,7 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
     # What would be let through by its levels, and sounds above the limit.
     second = replace(drive, phase=phase[1:2], level=told[1:2])
     assert exposure(second, PROFILE).excess < 0
-    with pytest.raises(ExposureError, match="exceeded"):
+    with pytest.raises(ExposureError, match="too loud"):
         check_exposure(second, Loud(ARRAY), CHOICES)
 
 
@@ -221,7 +221,7 @@ def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, k
         found = measure_exposure(drive, ARRAY, PROFILE, room=stated)
         assert found.level[0, 0] > true - 0.5
         if known.startswith("the"):
-            assert exposure(drive, PROFILE).level[0, 0] < true - 1
+            assert exposure(drive, PROFILE, alone=True).level[0, 0] < true - 1
 
 
 @pytest.mark.long
@@ -230,7 +230,7 @@ def test_the_loudest_air_is_named():
     colder = (Acoustics(), Acoustics(medium=Medium.at(temperature=22.0)))
     found = measure_exposure(hiding(colder, warm, ear + np.array([0.04, -0.04, 0.04])), ARRAY, PROFILE)
     assert found.loudest_air.degrees == pytest.approx(29.5, abs=2.5)
-    assert f"in air of {found.loudest_air.degrees:.0f} °C" in found.verdict()
+    assert f"in air of {found.loudest_air.degrees:.0f} °C" in found.where
     stated = check_exposure(focus(), Loud(ARRAY), replace(WEAKER, room=Medium.at(temperature=22.0))).exposure
     assert [round(each.medium.degrees) for each in stated.airs][:: len(stated.airs) - 1] == [20, 24]
     assert stated.measured_in.startswith("20 to 24 °C")
@@ -288,7 +288,8 @@ def test_a_stream_finds_what_the_check_of_the_whole_drive_finds(own, repeats):
     made = streamed(drive, [90, 350, 351, 700], repeats=repeats)
     found, whole = made.clearance(), check_exposure(drive, Loud(ARRAY), CHOICES, repeats=repeats)
     assert (found.outcome, found.repeats) == (whole.outcome, repeats)
-    np.testing.assert_allclose(found.exposure.level, whole.exposure.level, atol=0.02)
+    # Moments that cannot be the loudest of a part are not searched.
+    np.testing.assert_allclose(found.exposure.peak, whole.exposure.peak, atol=0.02)
     np.testing.assert_allclose(found.exposure.duty, whole.exposure.duty, rtol=0.2 if own else 1e-9)
     assert found.exposure.warming == pytest.approx(whole.exposure.warming, rel=0.01)
     assert found.exposure.pressure == pytest.approx(whole.exposure.pressure, rel=0.02)
@@ -388,7 +389,7 @@ def test_the_pressure_left_after_attenuation_is_reported():
     assert felt_pressure_text(exposure(focus(), PROFILE)) == ""
     kept = check_exposure(focus(level=0.01), Loud(ARRAY), CHOICES)
     assert "felt" not in kept.verdict()
-    with pytest.raises(ExposureError, match=r"--attenuate \(-3\d\.\d dB, and nothing will be felt\)"):
+    with pytest.raises(ExposureError, match=r"--attenuate plays it weaker \(-3\d\.\d dB, and nothing will be felt\)"):
         check_exposure(focus(), Loud(ARRAY), CHOICES)
 
 
@@ -410,7 +411,7 @@ def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
     """Four places per frame, twice while they are copied: 64 bytes per frame, in any air."""
     array = TransducerArray(position=np.array([[0, 0, 0], [0.01, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
     points = tuple(replace(place, reach=0.0, limit=170.0) for place in PROFILE.places)
-    choices, frames = ExposureChoices(profile=replace(PROFILE, places=points, duty=1.0)), 80_000
+    choices, frames = ExposureChoices(profile=replace(PROFILE, places=points, duty=1.0)), 160_000
     drive = Drive(
         phase=LazyFrames(lambda first, last: np.zeros((last - first, 2)), (frames, 2)),
         level=LazyFrames(lambda first, last: np.ones(last - first), (frames,)),

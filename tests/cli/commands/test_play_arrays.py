@@ -150,8 +150,7 @@ def test_exposure_prints_and_draws(capsys):
     assert run(["exposure", "loud.drive.h5"]) == 0
     page = " ".join(capsys.readouterr().out.split())
     assert "left ear" in page
-    assert "exceeded" in page
-    assert "thin" in page
+    assert "too loud" in page
     assert Path("loud.exposure.png").stat().st_size > 10_000
     assert run(["exposure", "loud.drive.h5"]) == 1
     assert "--force" in said(capsys)[0]
@@ -456,7 +455,7 @@ def test_the_strength_in_a_file_changes_no_exposure(capsys):
         answers.append(json.loads(capsys.readouterr().out))
     assert answers[0]["places"] == answers[1]["places"]
     assert answers[1]["file_transducer_pa_m"] == pytest.approx(1e-6)
-    assert run(["exposure", "claims.drive.h5", *EMULATOR]) == 0
+    assert run(["exposure", "claims.drive.h5", *EMULATOR, "--all"]) == 0
     page = " ".join(capsys.readouterr().out.split())
     assert "the file states 1e-06 Pa m, which is ignored" in page
 

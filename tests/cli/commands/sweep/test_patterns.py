@@ -108,7 +108,6 @@ def test_recordings_under_settings(take, capsys, one_line):
     said = capsys.readouterr()
     assert "80/80" in said.err
     assert "SIMULATED" in said.out
-    assert "method=glide height=200mm" in said.out
     assert run(["sweep", "report", "r.sweep", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert [trial["variant"] for trial in answer["trials"]] == [
