@@ -47,7 +47,7 @@ def solve_and_show(sweep: Sweep, folder: Path, *, scheduler: str | None, workers
         err().print("midair: stopped; the results so far are stored; run the same command again to resume")
         return 130
     show_report(load_sweep(folder))
-    out().print(f"Next: midair sweep report {folder}")
+    out().print(f"Next: midair sweep report {folder}", soft_wrap=True)
     return 0
 
 

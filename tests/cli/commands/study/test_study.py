@@ -338,13 +338,13 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     said = [line for line in capsys.readouterr().out.splitlines() if "midair study run" in line]
     assert len(said) == 2
     for number, line in enumerate(said, start=1):
-        words = shlex.split(line.partition(": midair study ")[2])
+        words = shlex.split(line.partition("midair study ")[2])
         monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
         assert study(*words) == 0, line
         if number == 1:
             (tmp_path / "s" / "sessions" / "sub-01.jsonl").unlink()
     capsys.readouterr()
-    assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
+    assert study(*shlex.split(said[0].partition("midair study ")[2])) == 0
     assert "participant 1 has already finished" in capsys.readouterr().out
 
 

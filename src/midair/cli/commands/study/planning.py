@@ -157,15 +157,15 @@ def _print_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     there = shlex.quote(str(path))
     drives = any(one.kind == "drive" for one in design.stimuli)
     if drives and not gathered:
-        out().print(f"Next: midair study run {there} --simulate")
+        out().print(f"Next: midair study run {there} --simulate", soft_wrap=True)
         return
     if any(one.kind in ("picture", "sound") for one in design.stimuli):
-        out().print(f"Next: midair studio {shlex.quote(str(path.parent))}")
+        out().print(f"Next: midair studio {shlex.quote(str(path.parent))}", soft_wrap=True)
         return
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
-    out().print(f"Next: midair study run {there} --participant 1{array}")
-    out().print(f"To simulate participants: midair study run {there} --simulate")
+    out().print(f"Next: midair study run {there} --participant 1{array}", soft_wrap=True)
+    out().print(f"To simulate participants: midair study run {there} --simulate", soft_wrap=True)
 
 
 def power_command(
