@@ -50,8 +50,12 @@ _UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\b
 """A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
 _STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)"
 _FACTOR = r"(?:\s*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?!\s*[a-zµ]))"
-_RATE = re.compile(r"(?i)\b(?:fs|sampl\w*[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED + _FACTOR)
-_STEP = re.compile(r"(?i)\b(?:sampl\w* (?:interval|period)|delta_x|increment|time interval)" + _STATED + _FACTOR)
+_RATE = re.compile(
+    r"(?i)\b(?:fs|(?:samples?|sampled|sampling)[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED + _FACTOR
+)
+_STEP = re.compile(
+    r"(?i)\b(?:(?:samples?|sampled|sampling) (?:interval|period)|delta_x|increment|time interval)" + _STATED + _FACTOR
+)
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
 
 
