@@ -217,7 +217,7 @@ def exposure(
     # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as threads:
         for run in runs:
-            frames, amplitude, air = sound.measure(run, threads.map, level.max(axis=0))
+            frames, amplitude, air = sound.measure(run, threads.map)
             # The silence after a drive counts as its last frame.
             frames[frames < 0] = drive.frames - 1
             for place in range(len(profile.places)):

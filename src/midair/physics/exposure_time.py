@@ -274,12 +274,9 @@ class SoundInTime:
         lead = 1 + ceil((max(spread) + 2 * SLOT) * drive.rate) if spread else 0
         return cls(drive=drive, steps=steps, searches=searches, each=each, lead=lead)
 
-    def measure(
-        self, run: Frames, mapped: Callable[..., Iterable[Any]], known: Array
-    ) -> tuple[Frames, Array, NDArray[np.int8]]:
+    def measure(self, run: Frames, mapped: Callable[..., Iterable[Any]]) -> tuple[Frames, Array, NDArray[np.int8]]:
         """The frames of a run after its first `lead`, (frame,); amplitude and loudest air at each place, each
         (frame, place), in Pa. `mapped` is `map`, of several threads. A frame of -1 is silence.
-        Moments between frames that cannot be louder than what is `known` at each place, in Pa, are left out.
         """
         cores = os.cpu_count() or 1
         # The frame before the first one is measured to bound what sounds between them.
@@ -292,7 +289,7 @@ class SoundInTime:
             pairs = np.maximum(amplitude[:-1], amplitude[1:])
             amplitude, air, excess, change, level = (each[1:] for each in (amplitude, air, excess, change, level))
             places = [place for place, each in enumerate(self.each) if isinstance(each, PlaceInTime)]
-            others = partial(self._other_moments, run[1:], pairs, excess, change, level, known)
+            others = partial(self._other_moments, run[1:], pairs, excess, change, level)
             for place, (found, loudest) in zip(places, mapped(others, places), strict=True):
                 louder = found > amplitude[:, place]
                 amplitude[louder, place], air[louder, place] = found[louder], loudest[louder]
@@ -321,7 +318,7 @@ class SoundInTime:
         return tuple(np.concatenate(each) for each in zip(*found, strict=True))
 
     def _other_moments(
-        self, run: Frames, pairs: Array, excess: Array, change: Array, level: Array, known: Array, place: int
+        self, run: Frames, pairs: Array, excess: Array, change: Array, level: Array, place: int
     ) -> tuple[Array, Array]:
         """Amplitude and air of the moments that can be the loudest of all at one place, each (frame,)."""
         space, rate = Workspace(), self.drive.rate
@@ -329,7 +326,7 @@ class SoundInTime:
         timed = place_in_time(search, rate)
         hidden, rough = (0.02 + HIDDEN * rate) * change, ROUGH * rate * (rate / 4000) ** 0.5 * change
         found, air, bound = np.zeros(len(pairs)), np.zeros(len(pairs)), pairs + excess[:, place] + hidden
-        loudest, firsts = pairs.max(initial=known[place]), np.arange(0, len(pairs), _FEW)
+        loudest, firsts = pairs.max(initial=0.0), np.arange(0, len(pairs), _FEW)
 
         def parts_of(own: slice) -> Single:
             parts, _ = self._parts(run[own.start : own.stop + self._reach], space)
