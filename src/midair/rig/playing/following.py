@@ -47,7 +47,7 @@ class FollowRules:
     """Longest time since the newest pose, in s."""
     fade: float = 0.007
     """Time in s over which sound fades, and rises again."""
-    block: float = 4e-3
+    block: float = 8e-3
     """Time in s for which frames are steered at once; phases are linear within it."""
     fit: bool = True
     """Whether phases are also fitted to the palm, a thousand times a second; phases are linear between."""
