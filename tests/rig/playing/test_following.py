@@ -342,7 +342,8 @@ def test_steered_frames_are_weakened_to_the_profile_and_refused_outside_the_box(
     assert cleared.outcome in ("kept", "attenuated")
     strong = clear_followed(replace(drive, level=np.ones(8)), Loud, settings, GRID, samples=16)
     assert strong.verdict().startswith("attenuated: within the limit: 1")
-    assert -1 < strong.exposure.excess <= 0
+    # Below the limit by less than a step of the intensity.
+    assert -20 * np.log10(1 + 1 / (255 * strong.level)) < strong.exposure.excess <= 0
     # All transducers in phase at an ear: far above the limit.
     ear = np.array(profile.places[0].position)
     loud = replace(drive, phase=np.tile(focus_phase(array, ear), (8, 1)))
