@@ -41,6 +41,9 @@ ATTEMPTS = 3
 ALIVE = 0.5
 """Seconds for which the lease lasts after the last "alive" message of the page in control."""
 
+SOUNDLESS = 10.0
+"""The same for the virtual array, which makes no sound: a page may be hidden, or draw slowly."""
+
 
 class SolveForm(Arguments):
     """Settings of a drive; None means the default of the mode."""
@@ -347,7 +350,7 @@ class PlayPanel:
             raise StoppedError("play: stopped on request")
         self._busy()
         page = self._store.pages.get(self._store.control.holder)
-        if page is None or not page.visible or time.monotonic() - page.last_alive > ALIVE:
+        if page is None or not self._watches(page):
             raise DeviceStateError(
                 "play: expected the experimenter's page to be visible, it is hidden or closed; show it"
             )
@@ -357,7 +360,7 @@ class PlayPanel:
         """Arm for a page, run a request of the player, and disarm in any case."""
         self._controls = page.number
         self._waits.clear()
-        token = self.lease.arm(lasts=ALIVE)
+        token = self.lease.arm(lasts=self._patience)
         self._show(state="plays", take=what, done=0, total=0, said="", loop=order.get("loop", False))
         try:
             report = await self._player.ask(do, token=token, **order)
@@ -386,7 +389,7 @@ class PlayPanel:
             await self._open()
             raise
         self._controls = page.number
-        return self.lease.arm(lasts=ALIVE)
+        return self.lease.arm(lasts=self._patience)
 
     async def take_back(self, said: str) -> None:
         """Open the array again after the process that borrowed it has ended."""
@@ -411,8 +414,17 @@ class PlayPanel:
         self._waits.clear()
         self._show(hot="" if self._state["hot"] else text, waits=waits, emitting=False)
 
+    @property
+    def _patience(self) -> float:
+        return SOUNDLESS if self._state["device"] == "virtual" else ALIVE
+
+    def _watches(self, page: Page) -> bool:
+        """Whether a page is shown to a person, as far as the array needs it."""
+        here = time.monotonic() - page.last_alive <= self._patience
+        return here and (page.visible or self._state["device"] == "virtual")
+
     def _seen(self, page: Page) -> None:
-        if not page.visible or time.monotonic() - page.last_alive > ALIVE:
+        if not self._watches(page):
             raise DeviceStateError("play: expected the page to be visible, it is hidden or does not respond; show it")
 
     def stop(self, _: Page, __: Arguments) -> bool:
@@ -448,8 +460,8 @@ class PlayPanel:
         """Renew the lease for the page in control while it is visible."""
         if page.number != self._controls or page.number != self._store.control.holder:
             return
-        if page.visible:
-            self.lease.renew(lasts=ALIVE)
+        if self._watches(page):
+            self.lease.renew(lasts=self._patience)
         elif self.lease.armed:
             self.lease.stop()
 
