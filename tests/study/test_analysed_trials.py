@@ -96,7 +96,7 @@ def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
     assert people == {"sub-01", "sub-07", "sub-08"}
     study_app(["analyse", str(folder.path), "--draws", "20", "--json"], result_action="return_value")
     report = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
-    assert f"3 participant(s), {len(analysed)} answers analysed" in report["Participants"]["words"]
+    assert f"3 participants, {len(analysed)} answers analysed" in report["Participants"]["words"]
     rows = report["Thresholds of adaptive blocks"]["table"]
     counts = {row["participant"]: row["trials"] for row in rows}
     assert {who for who, many in counts.items() if many} == people

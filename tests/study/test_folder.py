@@ -130,7 +130,7 @@ def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     assert said.count("made again without the participant") == 3
     changed = {os.path.relpath(name, tmp_path) for name in before if name in after and before[name] != after[name]}
     assert changed == {"bids/participants.tsv", "table.csv", "s/report.html"}
-    assert b"2 participant(s)" in after[str(tmp_path / "s" / "report.html")]
+    assert b"2 participants" in after[str(tmp_path / "s" / "report.html")]
     assert set(read_csv(tmp_path / "table.csv")["participant"]) == {"sub-01", "sub-03"}
     assert set(read_bids(tmp_path / "bids")["participant"]) == {"sub-01", "sub-03"}
     kept = [line for line in before[str(tmp_path / "table.csv")].splitlines() if not line.startswith(b"sub-02")]
@@ -146,7 +146,7 @@ def test_the_number_stays_unused_and_the_study_continues(study, capsys):
     assert midair(["study", "run", "s", "--simulate"]) == 0
     assert not study.log(2).exists()
     assert midair(["study", "analyse", "s", "--draws", "20"]) == 0
-    assert "2 participant(s)" in capsys.readouterr().out
+    assert "2 participants" in capsys.readouterr().out
 
 
 def test_unknown_participants_and_unconfirmed_withdrawals_are_refused(study, tmp_path, capsys):

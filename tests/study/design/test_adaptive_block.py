@@ -229,7 +229,7 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     ]
     data = data_of_answers(answers, plan.design.analysis, thresholds=table)
     found = {one.title: one.words for one in analyse(data, draws=20).findings}
-    assert found["Participants"].startswith("SIMULATED: no person was asked. 2 participant(s), 210 answers")
+    assert found["Participants"].startswith("SIMULATED: no person was asked. 2 participants, 210 answers")
     assert found["Thresholds of adaptive blocks"].startswith("Median of 2 thresholds")
     assert excluded_participants(plan, sessions)[["participant", "rule"]].values.tolist() == [
         ["sub-02", "unfinished"],

@@ -232,7 +232,7 @@ def test_participants_that_the_plan_excludes_are_named():
     excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
     data = data_of_columns(choices(people=2), **NAMES)
     words = found(analyse(replace(data, excluded=excluded), draws=50), "Participants").words
-    assert words.startswith("2 participant(s), 48 answers analysed")
+    assert words.startswith("2 participants, 48 answers analysed")
     assert "The plan excludes c." in words
 
 
@@ -334,7 +334,7 @@ def test_rows_of_other_programs_that_are_no_trials_are_left_out_and_counted(tmp_
         "3 of 9 rows are left out, since slider is empty there.",
     )
     words = found(analyse(data, draws=10), "Participants").words
-    assert words.startswith("4 participant(s), 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
+    assert words.startswith("4 participants, 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
 
 
 def test_usual_columns_of_other_programs_are_found(tmp_path):

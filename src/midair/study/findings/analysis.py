@@ -9,6 +9,7 @@ import numpy as np
 from pandas import DataFrame
 
 from midair.errors import InputError
+from midair.model.provenance import counted
 from midair.progress import report_progress
 from midair.study.findings.choice_findings import (
     Choices,
@@ -173,7 +174,7 @@ def _participants_finding(data: StudyData) -> Finding:
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
     answers = [data.choices, data.other_choices, data.ratings, data.others]
     many = sum(len(part) for part in answers if part is not None) if data.analysed is None else data.analysed
-    words = f"{len(people)} participant(s), {many} answers analysed"
+    words = f"{counted(len(people), 'participant')}, {many} answers analysed"
     words += (
         f", {data.left_out} answers left out (familiarisation, checks, exclusions by the plan)."
         if data.left_out

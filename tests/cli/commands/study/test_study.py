@@ -46,7 +46,7 @@ def test_ten_simulated_participants_from_plan_to_report(done, capsys):
     assert len(anova["table"]) == 7
     assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
     page = (done / "report.html").read_text(encoding="utf-8")
-    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in page
+    assert "SIMULATED: no person was asked. 10 participants, 1080 answers analysed, 240" in page
     assert "Identification: plain" in page
     assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
     assert "surface:object:rated" in page
