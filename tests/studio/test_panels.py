@@ -191,6 +191,7 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     turn = page.page.evaluate("studio.link.state.session.step.turn")
     page.page.get_by_label("How old are you?").fill("31")
     page.page.keyboard.press("Tab")
+    page.until(HEEDED)
     page.page.keyboard.press("Enter")
     page.until("document.querySelector('#question')?.innerText.startsWith('How tired')")
     # After a double click, the second click must not answer the second question.
@@ -200,14 +201,17 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     assert "got one to an earlier question" in page.page.evaluate(again)
     assert page.page.locator("#next").is_disabled()
     # The slider has the focus: Enter does nothing before it was moved.
+    page.until(HEEDED)
     page.page.keyboard.press("Enter")
     page.page.keyboard.press("ArrowRight")
     page.page.keyboard.press("Enter")
     for _ in range(2):
         page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
+        page.until(HEEDED)
         page.page.keyboard.press("Enter")
         page.until("document.querySelector('.participant').innerText.startsWith('It comes now.')")
-        page.until("studio.link.state.session.step.kind === 'ask'", timeout=60)
+        page.until("studio.link.state.session.step.kind === 'ask' && !!document.querySelector('#question')", timeout=60)
+        page.until(HEEDED)
         page.page.keyboard.press("1")
         page.until("studio.link.state.session.step.kind !== 'ask'")
     page.until("studio.link.state.session.step.kind === 'done'")
@@ -247,6 +251,7 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
             question = step["question"]
             page.until(f"document.querySelector('#question')?.innerText === {json.dumps(question['text'])}")
             asked.append(question["kind"])
+            page.until(HEEDED)
             assert not page.page.locator("#jobs").is_visible(), "jobs belong to the experimenter's page"
             if question["kind"] == "slider":
                 page.page.keyboard.press("ArrowRight")
@@ -259,6 +264,7 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
                 page.page.keyboard.press("Enter")
         else:
             page.until("!studio.link.state.session.busy && !!document.querySelector('#next')")
+            page.until(HEEDED)
             page.page.keyboard.press("Enter")
         page.until(f"studio.link.state.session.step.turn !== {step['turn']}", timeout=120)
     assert set(asked) == set(QUESTIONS)
