@@ -196,8 +196,8 @@ def test_a_recording_that_plays_on_emulated_units_is(case, request):
     record("virtual:towel", 4.0, path="take.h5")
     python = [sys.executable, "-c"]
     busy = [subprocess.Popen([*python, "while True: pass"]) for _ in range(2 if case == "starved" else 0)]
-    words = "play take.h5 --rate 500Hz --jobs 1 --placement one.toml --drive b.drive.h5 --override-exposure A --all --device"
-    player = [*python, "from midair.cli import main; main()", *words.split(), f"autd3:{tap.address}"]
+    words = "play take.h5 --rate 500Hz --jobs 1 --placement one.toml --drive b.drive.h5 --override-exposure A --all"
+    player = [*python, "from midair.cli import main; main()", *words.split(), "--device", f"autd3:{tap.address}"]
     with subprocess.Popen(player, stdout=-1, stderr=-1, text=True) as playing:
         if case != "starved":
             wait_until(Path("state/played.jsonl").exists)
