@@ -174,12 +174,8 @@ def _participants_finding(data: StudyData) -> Finding:
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
     answers = [data.choices, data.other_choices, data.ratings, data.others]
     many = sum(len(part) for part in answers if part is not None) if data.analysed is None else data.analysed
-    words = f"{counted(len(people), 'participant')}, {many} answers analysed"
-    words += (
-        f", {data.left_out} answers left out (familiarisation, checks, exclusions by the plan)."
-        if data.left_out
-        else "."
-    )
+    left = f", {data.left_out} answers left out (familiarisation, checks, exclusions by the plan)"
+    words = f"{counted(len(people), 'participant')}, {many} answers analysed{left if data.left_out else ''}."
     words = " ".join([words, *data.notes])
     if data.excluded is not None:
         out = sorted(set(data.excluded["participant"].tolist()))
