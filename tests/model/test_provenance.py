@@ -168,16 +168,7 @@ ORDINARY = {
 ORDINARY["Solution"] = solution(ORDINARY["Drive"])
 """One ordinary object of each data class."""
 
-SIMULATED = {
-    "AmplitudeFrames",
-    "ArrayCalibration",
-    "Calibration",
-    "Drive",
-    "PressureFrames",
-    "Provenance",
-    "Recording",
-    "Solution",
-}
+STAGES = "AmplitudeFrames ArrayCalibration Calibration Drive PressureFrames Provenance Recording Solution"
 
 BUSY = Provenance(
     source=LONG,
@@ -235,7 +226,7 @@ def test_a_repr_has_the_main_figures_with_units():
 
 
 def test_simulated_data_are_marked():
-    assert {name for name, noun in ORDINARY.items() if "SIMULATED" in repr(noun)} == set(SIMULATED)
+    assert {name for name, noun in ORDINARY.items() if "SIMULATED" in repr(noun)} == set(STAGES.split())
 
 
 def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
