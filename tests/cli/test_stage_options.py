@@ -61,7 +61,7 @@ def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, caps
     found = steps("out.h5")
     assert found["stage"]["speed_m_s"][0] == pytest.approx(0.05, rel=0.02)
     assert found["record"]["stroke_m"] == pytest.approx(0.06)
-    assert run(["info", "out.h5"]) == 0
+    assert run(["info", "out.h5", "--all"]) == 0
     shown = capsys.readouterr().out
     assert "stroke " in shown
     assert " stamps" in shown

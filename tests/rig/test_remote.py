@@ -371,9 +371,9 @@ def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_tim
         elif force < 1:
             ask(client, "play", file="tap.toml", repeats=0)
             found = ask(client, "parameter", file="tap.toml", name="force", value=20.0)
-            assert "weaken it with --attenuate" in found["error"]
+            assert "--attenuate plays it weaker" in found["error"]
             assert state(client)["playing"] == "tap.toml"
             assert 0 < max(intensity for _, _, intensity, _ in frames_on(tap)) < 5
         else:
-            assert "weaken it with --attenuate" in loaded["error"]
+            assert "--attenuate plays it weaker" in loaded["error"]
             assert np.isnan(times[0])

@@ -11,7 +11,7 @@ from midair.devices import device_lock, make_state_folder, state_folder
 from midair.errors import FileError, HeldError
 
 HOLDER = """
-import os, sys, time
+import fcntl, os, sys, time  # The other user may not read the folders of this Python.
 from midair.devices import device_lock
 if len(sys.argv) > 2:
     os.environ["MIDAIR_STATE"] = sys.argv[2]

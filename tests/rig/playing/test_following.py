@@ -227,7 +227,7 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
         if before is not None and end is not None:
             count = frames.stop - frames.start
             share = (np.arange(count) + 1)[:, None] / count
-            phase = drive.phase[frames] + before + share * (end - before) + beside
+            phase = share * (end - before) + before + drive.phase[frames] + beside  # rounded as the product is
             moved = replace(drive, phase=phase, level=drive.level[frames])
             for number, exact in enumerate(phase_bytes(moved, drive.array.count // 249), frames.start):
                 if (got := sent.get(first + number * period)) is not None:
