@@ -39,6 +39,7 @@ from midair.rig.playing.following import (
     tracker_name,
 )
 from midair.settings import Settings
+from midair.solvers import one_blas_thread
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 GRID = ControlGrid(rows=4, columns=4, pitch=5e-3)
@@ -209,6 +210,7 @@ def steered(monkeypatch) -> list:
     return blocks
 
 
+@one_blas_thread()
 def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int, *, fitted: bool = False) -> int:
     """Count the frames of the wire; each equals the phases for the predicted palm, linear since the block before."""
     aims, before, found = aims_of(drive, GRID), None, 0
@@ -227,7 +229,7 @@ def assert_bytes(sent: dict, blocks: list, drive: Drive, period: int, first: int
         if before is not None and end is not None:
             count = frames.stop - frames.start
             share = (np.arange(count) + 1)[:, None] / count
-            phase = share * (end - before) + before + drive.phase[frames] + beside  # rounded as the product is
+            phase = share * (end - before) + before + drive.phase[frames] + beside
             moved = replace(drive, phase=phase, level=drive.level[frames])
             for number, exact in enumerate(phase_bytes(moved, drive.array.count // 249), frames.start):
                 if (got := sent.get(first + number * period)) is not None:
