@@ -115,7 +115,7 @@ def test_a_flipped_bit_is_one_clear_error(name, path, solution, tmp_path):
     path.write_bytes(data)
     with pytest.raises(BrokenFileError) as caught:
         read(path)
-    assert str(caught.value) == f"{path}: {dataset}: damaged, its checksum does not match; use a copy of the file"
+    assert str(caught.value) == f"{path}: {dataset}: damaged, its checksum does not match; use a copy"
 
 
 def test_refuses_a_newer_format(path):

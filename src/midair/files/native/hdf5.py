@@ -60,6 +60,8 @@ def open_hdf5(path: Path) -> "Generator[h5py.File]":
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as wrong:
+        if "truncated file" in str(wrong):
+            raise BrokenFileError(f"{path}: damaged, its end is missing; use a copy") from wrong
         # HDF5 opens a file twice in a program only with the same locks; xarray and h5netcdf open it with HDF5's own.
         if "file locking" not in str(wrong):
             raise
@@ -292,9 +294,7 @@ def _rows(dataset: "h5py.Dataset", first: int, last: int, path: Path) -> np.ndar
     except OSError as wrong:
         if wrong.errno:
             raise
-        raise BrokenFileError(
-            f"{path}: {dataset.name}: damaged, its checksum does not match; use a copy of the file"
-        ) from wrong
+        raise BrokenFileError(f"{path}: {dataset.name}: damaged, its checksum does not match; use a copy") from wrong
 
 
 def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
