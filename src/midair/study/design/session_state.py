@@ -224,9 +224,10 @@ def unfinished_sessions(sessions: Sequence[SessionState]) -> dict[str, str]:
 
 
 def session_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ...]:
-    """Sentences on people who agreed to take part, whose session was stopped, and whose session is not finished."""
+    """Sentences on the questions, and on people who agreed to take part, were stopped, or have not finished."""
     people = [one for one in sessions if any(given.by != "model" for given in one.answers.values()) or one.stops]
-    notes: list[str] = []
+    asked = ", ".join(f"{one.name} ({one.text})" for one in plan.design.questions if one.name not in plan.design.form)
+    notes = [f"Questions: {asked}."] if asked else []
     if plan.design.consent and people:
         words = sha256(plan.design.consent.encode()).hexdigest()
         agreed = sum(words in one.consents for one in people)
