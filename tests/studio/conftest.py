@@ -159,8 +159,9 @@ class Look:
                 if "destroyed" not in str(wrong) and "not defined" not in str(wrong):
                     raise
             time.sleep(0.05)
-        state = self.page.evaluate("JSON.stringify(globalThis.studio?.link.state ?? {}).slice(0, 3000)")
-        raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
+        shown = self.page.evaluate("document.body.innerText.slice(0, 1000)")
+        state = self.page.evaluate("JSON.stringify(globalThis.studio?.link.state ?? {}).slice(0, 1000)")
+        raise AssertionError(f"{script}: not within {timeout} s; {self.wrong}; {shown}; {state}")
 
     def serious(self):
         """Serious findings of axe on accessibility, with the elements."""

@@ -200,8 +200,7 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     )
     assert "got one to an earlier question" in page.page.evaluate(again)
     assert page.page.locator("#next").is_disabled()
-    # The slider has the focus: Enter does nothing before it was moved.
-    page.until(HEEDED)
+    page.until(HEEDED)  # the slider has the focus: Enter does nothing before it was moved
     page.page.keyboard.press("Enter")
     page.page.keyboard.press("ArrowRight")
     page.page.keyboard.press("Enter")
@@ -265,7 +264,7 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
         else:
             page.until("!studio.link.state.session.busy && !!document.querySelector('#next')")
             page.until(HEEDED)
-            page.page.keyboard.press("Enter")
+            page.page.locator("#next").press("Enter")  # a consent has no focus
         page.until(f"studio.link.state.session.step.turn !== {step['turn']}", timeout=120)
     assert set(asked) == set(QUESTIONS)
     assert {"text", "picture", "sound"} == set(page.page.evaluate("media"))
