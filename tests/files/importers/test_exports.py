@@ -6,7 +6,7 @@ The forms were made from documentation and from excerpts of public files; no fil
 import numpy as np
 import pytest
 
-from midair.errors import InputError
+from midair.errors import BrokenFileError, InputError
 from midair.files import open_take
 from midair.recordings import Mending
 
@@ -53,6 +53,8 @@ SIGNALS = '# OpenSignals\n# {"x": {"column": ["nSeq", "DI", "CH1"], "sampling ra
 ODF = "%OpenBCI Raw EXG Data\n%Number of channels = 1\n%Sample Rate = 1000 Hz\n"
 LECROY = "LECROYWS104,0,Waveform\nSegments,1,SegmentSize,300\nSegment,TrigTime,TimeSinceSegment1\n#1,24-Feb-2016,0\n"
 ACTIGRAPH = "---- Data File Created By ActiGraph GT3X+ date format M/d/yyyy at 30 Hz ----\nSerial Number: N\n----\n"
+INSTEK = "Format,2.0B\nMemory Length,300\nSource,CH1\nVertical Units,V\nSampling Period,1.0E-03\nWaveform Data,\n"
+ACQ = "graph1.acq\n1 msec/sample\n1 channels\nForce\nVolts\n"
 DAYS = stamps("2025-05-01T12:00:{:06.3f}Z")
 
 FORMS = {
@@ -127,8 +129,31 @@ FORMS = {
     "ActiGraph": (ACTIGRAPH + "Accelerometer X,Accelerometer Y\n" + rows(f(A), f(B)), "rate"),
     "Siglent": ("Record Length,Analog:300\nSample Rate,1000.0\nSecond,Volt\n" + rows(f(T), f(A)), "read V"),
     "Hantek": ("nr,time,ch1\n" + rows(COUNT, f(T, "{:g}"), f(A)), "read"),
+    # And ten more.
+    "LabChart": (
+        "Interval=\t0.001 s\nChannelTitle=\tForce\tEMG\nRange=\t10.000 V\t5.000 mV\n"
+        + rows(f(T), f(A), f(B), sep="\t"),
+        "read",
+    ),
+    "AcqKnowledge": (ACQ + "CH1\t\n300\t\n" + rows(f(A), sep="\t", end="\t\n"), "read"),
+    "Empatica": (rows(*[[str(EPOCH), "1000.0", *f(values, "{:.6f}")] for values in (A, B)], sep=", "), "read"),
+    "Shimmer": (
+        '"sep=\t"\nS_Timestamp_Unix_CAL\tS_Accel_LN_X_CAL\t\nms\tm/(s^2)\t\n'
+        + rows(f(1e3 * (EPOCH + T), "{:.3f}"), f(A), sep="\t", end="\t\n"),
+        "read",
+    ),
+    "Xsens": (
+        "// Update Rate: 1000.0Hz\nPacketCounter\tSampleTimeFine\tAcc_X\n"
+        + rows([str(23593 + i) for i in range(300)], [""] * 300, f(A), sep="\t"),
+        "read",
+    ),
+    "Delsys": ("X[s],EMG 1 [V],X[s],EMG 2 [V]\n" + rows(f(T), f(A), f(T), f(B)), "read V"),
+    "GW Instek": (INSTEK + rows(f(A), end=",\n"), "read V"),
+    "Power Profiler": ("Timestamp(ms),Current(uA)\n" + rows(f(1e3 * T, "{:.3f}"), f(A)), "read"),
+    "Tera Term": (rows(stamps("[2025-05-01 12:00:{:06.3f}]"), f(A), sep=" "), "read"),
+    "Yokogawa": ('"Header Size",10\n"Model Name","DLM2000"\n\n' + rows([""] * 300, f(A), end=",\n"), "refused"),
 }
-"""Text, what comes (read, a question for the rate, or mend), and the unit or scale that the text states."""
+"""Text, what comes (read, a question for the rate, mend, or refused), and the unit or scale that the text states."""
 
 
 def tone(take):
@@ -145,13 +170,18 @@ def opened(path, stated, **given):
     return open_take(path, **{"channels": ["0"], **unit, **given})
 
 
-def test_a_known_tone_comes_back_from_forty_forms_or_one_fact_is_asked(tmp_path):
+def test_a_known_tone_comes_back_from_fifty_forms_or_one_fact_is_asked(tmp_path):
     wrong, came = {}, []
     for name, (text, expected) in FORMS.items():
         path = tmp_path / ("a.lvm" if name == "LabVIEW" else "a.csv")
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
         result, *stated = expected.split()
         given = {"rate": {"rate": 1000.0}, "mend": {"mending": Mending()}}.get(result, {})
+        if result == "refused":
+            with pytest.raises(BrokenFileError, match="expected a number, got"):
+                opened(path, stated)
+            came.append(result)
+            continue
         level = {"10000": 5000, "count": 150}.get(stated[0], 0.5) if stated else 0.5
         try:
             if given:
@@ -166,7 +196,7 @@ def test_a_known_tone_comes_back_from_forty_forms_or_one_fact_is_asked(tmp_path)
         except (AssertionError, InputError, OSError) as fault:
             wrong[name] = str(fault)[:300]
     assert wrong == {}
-    assert (came[:30].count("read"), came.count("read"), len(came)) == (26, 35, 40)
+    assert (came[:30].count("read"), came[:40].count("read"), came.count("read"), len(came)) == (26, 35, 44, 50)
 
 
 @pytest.mark.parametrize(
@@ -208,6 +238,20 @@ def test_options_decide_how_a_text_is_read(text, given, names, unit, tmp_path):
     take = open_take(tmp_path / "a.csv", **given)
     assert f"Columns: {names}" in take.report[1].replace(" [V]", "").replace(" [mV]", "")
     assert take.recording.unit == unit
+
+
+def test_a_column_without_a_name_that_increases_evenly_is_reported(tmp_path):
+    (tmp_path / "a.csv").write_text(rows(f(T), f(A)))
+    take = open_take(tmp_path / "a.csv", rate=1000.0, unit="V", channels=["0"])
+    assert "column 1 increases evenly, as a time or a counter does (--time)" in take.report[1]
+    assert open_take(tmp_path / "a.csv", time="0", unit="V").recording.frames == 300
+
+
+@pytest.mark.parametrize("after", ["Waveform Data", "1000 points"])
+def test_a_rate_ends_where_its_line_does(after, tmp_path):
+    """Before, a step of 1.0E-03 above a line of text gave 1 Hz."""
+    (tmp_path / "a.csv").write_text(f"Sampling Period,1.0E-03\n{after},\n" + rows(f(A), end=",\n"))
+    assert open_take(tmp_path / "a.csv", unit="V").recording.rate == 1000
 
 
 def test_the_report_states_how_a_text_was_read(tmp_path):

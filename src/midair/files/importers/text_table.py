@@ -44,18 +44,22 @@ _TIME = re.compile(
     r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?",
     re.IGNORECASE,
 )
-_MONITOR = re.compile(r"(\d\d:\d\d:\d\d[.,]\d+) -> ")
+_MONITOR = re.compile(r"\[?(?:[\d-]{10} )?(\d\d:\d\d:\d\d[.,]\d+)(?:\]| ->) ")
+"""Time of a line of a serial monitor: ``12:34:56.789 -> `` of Arduino, ``[2025-05-01 12:34:56.789] `` of Tera Term."""
 _LABEL = re.compile(r"([A-Za-z_][\w .]*)[:=]\s*([^\s:=]+)")
 _UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\bin (\S{1,5})$")
 """A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
-_STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+(\d[\d.]*(?:e[+-]?\d+)?)(?!,?\d)"
-_FACTOR = r"(?:\s*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?!\s*[a-zµ]))"
+_STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+((?>\d[\d.]*(?:e[+-]?\d+)?))(?!,?\d)"
+_FACTOR = r"(?:[ \t]*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?![ \t]*[a-zµ]))"
 _RATE = re.compile(
-    r"(?i)\b(?:fs|(?:samples?|sampled|sampling)[ _-]?(?:rate|freq\w*)|frame[ _-]?rate)" + _STATED + _FACTOR
+    r"(?i)\b(?:fs|(?:samples?|sampled|sampling)[ _-]?(?:rate|freq\w*)|(?:frame|update)[ _-]?rate)" + _STATED + _FACTOR
 )
 _STEP = re.compile(
-    r"(?i)\b(?:(?:samples?|sampled|sampling) (?:interval|period)|delta_x|increment|time interval)" + _STATED + _FACTOR
+    r"(?i)\b(?:(?:samples?|sampled|sampling) (?:interval|period)|delta_x|increment|time interval|interval(?==))"
+    + _STATED
+    + _FACTOR
 )
+_PER_SAMPLE = re.compile(r"(?im)^(\d[\d.]*) ([mu]?)sec/sample\b")
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
 
 
@@ -118,6 +122,8 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
         names, body = _labelled(body, path)
     _check_widths(body, columns[-1] + 1, path)
     rate, unit = _facts(comments, head, body, columns, decimal)
+    if any(_PER_SAMPLE.match(row.fields[0]) for row in head) and str(len(body) - 1) in body[0].fields:
+        body = body[1:]  # AcqKnowledge counts the rows in the first of them
     named = list(names) or [""] * len(columns)
     units = units or [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
     kept, stamps, left = _converted(body, columns, named, decimal, path, gaps=given.mending is not None)
@@ -127,7 +133,7 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
         first, values = next(iter(kept.items()))
         timed = stamps is not None or any(map(is_clock, names)) or is_clock(f"t [{units[first]}]")
         counts = named[first].lower() in WORDS["counters"] or units[first].lower() == "sequence"
-        if not timed and rate and not names and np.allclose(np.diff(values), 1 / rate, rtol=1e-2):
+        if not timed and rate and not named[first] and np.allclose(np.diff(values), 1 / rate, rtol=1e-2):
             stamps = kept.pop(first)
             left.append("the first one is the time in s")
         elif counts and given.time is None and (counted := _counted(values)) is not None:
@@ -137,6 +143,14 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
                 stamps = counted / every
     if not kept:
         raise BrokenFileError(f"{path}: expected rows of numbers, got none")
+    top = np.stack([each[:2] for each in kept.values()], axis=1)
+    if not (names or rate) and len(body) > 2 and (top == top[:, :1]).all() and top[0, 0] > 1e9 > 1e5 > top[1, 0] > 0:
+        # Of Empatica.
+        rate, kept = float(top[1, 0]), {i: each[2:] for i, each in kept.items()}
+        left.append("the first two rows hold the date and the rate")
+    for i, each in kept.items():
+        if len(each) > 3 and not is_clock(named[i]) and not is_clock(f"t [{units[i]}]") and _even(each):
+            left.append(f"{_column(i, columns, named)} increases evenly, as a time or a counter does (--time)")
     spelled = next((name for name, sign in SEPARATORS.items() if sign == separator), repr(separator))
     said = [encoding, "one column" if separator == _ONE_COLUMN else f"separator {spelled}", f"decimal {decimal}"]
     said += [f"numbers from line {body[0].line} on", *([f"units in line {unit_line}"] if unit_line else [])]
@@ -266,13 +280,16 @@ def _names(
     stated = [row for row in head if row.line == given.unit_row]
     if given.unit_row and not stated:
         raise InputError(f"{path}: unit_row: expected a line before the numbers in line {line}, got {given.unit_row}")
+    titles = [row.fields[1:] for row in head if row.fields[0].lower() == "channeltitle="]  # of LabChart
+    if titles and len(titles[0]) == len(columns) - 1:
+        return ("", *titles[0]), [], 0
     wide = [row for row in head if len(row.fields) > columns[-1] and row not in stated]
-    if given.unit_row is None and wide and all(_is_unit(wide[-1].fields[i], alone=len(wide) == 1) for i in columns):
+    if given.unit_row is None and wide and _are_units([wide[-1].fields[i] for i in columns], alone=len(wide) == 1):
         stated = [wide[-1]]
         wide = wide[:-1] or wide
     listed = [row.fields for row in head if row.fields[0].lower() == "y_unit_label"]  # of LabVIEW
     units = [(fields[i] if 0 < i < len(fields) else "") for fields in listed[-1:] for i in columns]
-    units = [row.fields[i].strip("[]() ") for row in stated for i in columns] or units
+    units = [_bare(row.fields[i]) for row in stated for i in columns] or units
     found = _row_of_names(wide[-1].fields, "", columns) if wide else ()
     found = found or tuple(row.fields[i] for row in stated for i in columns)
     last = [field for row in head[-1:] for field in row.fields if field]
@@ -295,11 +312,22 @@ def _row_of_names(row: str | list[str], separator: str, columns: Sequence[int]) 
     return found if fits and not _RATE.search(" ".join(found)) and (row is fields or len(found) > 1) else ()
 
 
-def _is_unit(field: str, *, alone: bool) -> bool:
-    """True for a unit; without a row of names above it, a letter such as a or c is a name."""
-    plain = field.strip("[]() ")
-    known = known_unit(plain)[0] is not None or is_clock(f"t [{plain}]")
-    return known or (not alone and (plain.lower() in WORDS["quantities"] or field[0] + field[-1] in ("()", "[]")))
+def _are_units(fields: Sequence[str], *, alone: bool) -> bool:
+    """True for units, or any text after one of time; without a row of names above it, a letter such as a is a name."""
+    plain = list(map(_bare, fields))
+    if not alone and len(fields) > 1 and is_clock(f"t [{plain[0]}]") and not any(map(is_number, fields)):
+        return True
+    return all(
+        known_unit(unit)[0] is not None
+        or is_clock(f"t [{unit}]")
+        or (not alone and (unit.lower() in WORDS["quantities"] or field[:1] + field[-1:] in ("()", "[]")))
+        for unit, field in zip(plain, fields, strict=True)
+    )
+
+
+def _bare(unit: str) -> str:
+    """A unit without the brackets around it."""
+    return re.sub(r"^[\[(]\s*(.*?)\s*[\])]$", r"\1", unit)
 
 
 def _labelled(body: Sequence[_Row], path: Path) -> tuple[tuple[str, ...], list[_Row]]:
@@ -330,11 +358,12 @@ def _facts(
     pairs = [f"{name} {value}" for one, two in pairwise(rows) for name, value in zip(one, two, strict=False)]
     text = "\n".join([*comments, *map(" ".join, rows), *pairs])
     text = text.replace(",", ".") if decimal == "comma" else text
+    text = _PER_SAMPLE.sub(r"sampling period: \1 \2s", text)  # of AcqKnowledge
     large, small = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}, {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
     rates = {float(value) * large.get(factor.lower(), np.nan) for value, factor in _RATE.findall(text)}
     steps = {float(value) * small.get(factor.lower(), np.nan) for value, factor in _STEP.findall(text)} - {0.0}
     found = {float(f"{rate:.9g}") for rate in (*rates, *(1 / step for step in steps))}
-    units = set(_VERTICAL.findall(text))
+    units = {unit for unit in _VERTICAL.findall(text) if known_unit(unit)[0] or unit.lower() in WORDS["quantities"]}
     return found.pop() if len(found) == 1 else None, units.pop() if len(units) == 1 else ""
 
 
@@ -347,7 +376,7 @@ def _converted(
     total, timed = np.zeros(len(body)), False
     for i, column in enumerate(columns):
         fields = [row.fields[column] for row in body]
-        where = f"column {names[i]!r}" if names[i] else f"column {column + 1}"
+        where = _column(i, columns, names)
         times = [one.groupdict() for one in map(_TIME.fullmatch, fields[:1]) if one and (one["m"] or one["date"])]
         if times:
             times += [
@@ -368,6 +397,15 @@ def _converted(
                 left.append(f"{where} started again at 2^32")
     midnight = np.concatenate([[0], np.cumsum(np.diff(total) < -43_200)])
     return kept, total + 86_400.0 * midnight if timed else None, left
+
+
+def _column(i: int, columns: Sequence[int], names: Sequence[str]) -> str:
+    return f"column {names[i]!r}" if names[i] else f"column {columns[i] + 1}"
+
+
+def _even(values: Array) -> bool:
+    steps = np.diff(values)
+    return bool(steps[0] > 0 and np.ptp(steps) <= 1e-3 * steps[0])
 
 
 def _seconds(times: Sequence[Mapping[str, str | None]]) -> Array:
