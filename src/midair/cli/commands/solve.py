@@ -45,9 +45,8 @@ def solve_command(
     options.refuse_idle_palm()
     transducers = rig.transducers_of(device, None if placement is None else files.load_placement(placement))
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
-    pressure = rig.pressure_to_solve(source, settings, options.start_at, options.duration, lead=options.lead)
-    # Mistakes in the options come first.
     may_write(target, force, ".drive.h5")
+    pressure = rig.pressure_to_solve(source, settings, options.start_at, options.duration, lead=options.lead)
     transducers, settings, pressure = with_array_calibration(
         options.array_calibration, transducers, settings, pressure, device=device
     )
