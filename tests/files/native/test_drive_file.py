@@ -104,7 +104,10 @@ def test_a_stored_drive_is_what_the_units_play(tmp_path):
         np.testing.assert_array_equal(phase_bytes(again, 1), phase_bytes(drive, 1))
         np.testing.assert_array_equal(intensity_bytes(again, 1), intensity_bytes(drive, 1))
         np.testing.assert_array_equal(phase_bytes(again, 1)[70:200], phase_bytes(drive, 1)[70:200])
-    assert (tmp_path / "a.drive.h5").stat().st_size < (phase.nbytes + level.nbytes) / 7
+    # Deflate finds little in the noise of a random walk, whose steps need 4 of the 8 bits.
+    with h5py.File(tmp_path / "a.drive.h5") as file:
+        for name, whole in (("phase_step", phase), ("level_step", level)):
+            assert file[name].id.get_storage_size() < whole.nbytes / 8
 
 
 def test_phases_of_other_boards_are_not_rounded(tmp_path):
