@@ -19,7 +19,7 @@ def foreign(shape, **says):
 
 def test_facts_in_the_file_need_no_options(path):
     sensor = SensorGrid(rows=1, columns=3)
-    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).resolve(ImportOptions(), path)
+    seen = foreign((5, 3), rate=10.0, units=3 * ("V",), sensor=sensor).resolve(ImportOptions(), path)
     assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
     assert seen.report == ()
 
@@ -51,7 +51,7 @@ def test_channels_are_chosen_by_name_or_number_in_any_order(path):
 
 @pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
 def test_refuses_missing_or_repeated_channels(channels, path):
-    file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
+    file = foreign((3, 4), rate=10.0, units=4 * ("V",), names=("a", "b", "c", "d"))
     with pytest.raises(ShapeError, match=r"expected (a channel by name|different channels)"):
         file.resolve(ImportOptions(channels=channels), path)
 
@@ -60,7 +60,9 @@ def test_a_chosen_channel_reports_repeated_rows(path):
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(50, 2))
     samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
-    seen = ImportedData(samples=samples, form="bin", rate=10.0, unit="V").resolve(ImportOptions(channels=("0",)), path)
+    seen = ImportedData(samples=samples, form="bin", rate=10.0, units=samples.shape[1] * ("V",)).resolve(
+        ImportOptions(channels=("0",)), path
+    )
     assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
 
 
@@ -72,7 +74,7 @@ def test_a_scale_makes_pressure_of_any_number(path):
     )
     assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
     with pytest.raises(MismatchError, match="the file states Pa"):
-        foreign((3, 1), rate=10.0, unit="Pa").resolve(ImportOptions(scale=2.0), path)
+        foreign((3, 1), rate=10.0, units=1 * ("Pa",)).resolve(ImportOptions(scale=2.0), path)
     with pytest.raises(MismatchError, match="leave the unit out"):
         ImportOptions(scale=2.0, unit="V")
     for scale in (0.0, np.nan):
@@ -83,7 +85,7 @@ def test_a_scale_makes_pressure_of_any_number(path):
 def test_gaps_are_refused_or_filled_and_reported(path):
     samples = np.ones((200, 16))
     samples[50:53, 2] = np.nan
-    file = ImportedData(samples=samples, form="bin", rate=1000.0, unit="V")
+    file = ImportedData(samples=samples, form="bin", rate=1000.0, units=samples.shape[1] * ("V",))
     with pytest.raises(NonFiniteError, match="midair import --mend"):
         file.resolve(ImportOptions(), path)
     seen = file.resolve(ImportOptions(mending=Mending(longest=5e-3)), path)

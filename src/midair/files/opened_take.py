@@ -104,12 +104,11 @@ class ImportedData:
     """Fixed rate that the file states, in Hz, where stamps may have jitter."""
     missing: int = 0
     """Number of frames that are NaN, because their rows are missing."""
-    unit: Unit | None = None
     sensor: SensorGrid | None = None
     names: tuple[str, ...] = ()
     """Channel names."""
     units: tuple[str, ...] = ()
-    """Unit of each channel as the file states it, where it has these instead of `unit`; "" for none."""
+    """Unit of each channel as the file states it, "" for none; () if it states none."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
     """Notes on the experiment, from the file or its name."""
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
@@ -217,7 +216,7 @@ class ImportedData:
 
     def _unit(self, given: ImportOptions, path: Path) -> Unit:
         texts = sorted(set(self.units))
-        known: set[Unit | None] = {known_unit(text)[0] for text in texts} or {self.unit}
+        known: set[Unit | None] = {known_unit(text)[0] for text in texts} or {None}
         alike = len(self.units) == np.prod(self.samples.shape[1:]) and given.scale is None and None not in known
         if len(known) > 1 or (len(texts) > 1 and not alike):
             got = ", ".join(text or "none" for text in texts)
@@ -266,8 +265,8 @@ class ImportedData:
         raise ShapeError(
             f"{path}: the file has {channels} channels{named} and does not state their layout",
             parameters={
-                "sensor": "sensor=SensorGrid(rows=..., columns=..., pitch=...)",
                 "channels": "channels=(...) to choose some",
+                "sensor": "sensor=SensorGrid(rows=..., columns=..., pitch=...)",
             },
         )
 

@@ -192,7 +192,7 @@ def test_a_file_of_other_content_is_refused(tmp_path, text, told):
 def test_reads_every_dialect_alike(text, tmp_path):
     table = read_table(text, tmp_path)
     assert table.names == ("a", "b", "c")
-    np.testing.assert_array_equal(table.values, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(table.samples, [[1, 2, 3], [4, 5, 6]])
 
 
 @pytest.mark.parametrize(

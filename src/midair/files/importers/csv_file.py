@@ -3,10 +3,6 @@
 FabricSlide (Wang et al. 2022, doi 10.3389/fnbot.2022.808222): a robot arm slides a capacitive finger with 16 taxels
 over fabrics and gratings. Columns: timestamp in ms, two proximity readings, channel1 to channel16 in raw counts, at
 about 35.6 Hz. File names are material_F<force set-point>_V<velocity>mmps_<repeat>.
-
-Cluster Haptic Texture Dataset (Eguchi et al., arXiv 2407.16206): time in s and acceleration X, Y, Z in g, or force in
-N, at 6 kHz with uneven times. File names are <texture>_<direction>_<speed>_<force>_<repeat>. LMT Haptic Texture
-Database: one number a line; only its file names are known here, <material>_<motion>_<axis>_<train or test><number>.
 """
 
 import os
@@ -20,8 +16,8 @@ from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
 from midair.files.atomic import atomic_file, write_file
 from midair.files.importers.header import header_of, own_take
-from midair.files.importers.text_table import WORDS, decoded, read_table
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
+from midair.files.importers.text_table import decoded, read_table
+from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.files.text_files import read_text, without_formulas
 from midair.model import PalmPath, Recording, SensorGrid
 from midair.streaming import blocks
@@ -55,40 +51,27 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     if text.startswith(MARK):
         return _own(text, path, given)
     table = read_table(text, path, given, encoding=encoding)
-    found = ImportedData(
-        samples=table.values,
-        form="CSV",
-        stamps=table.stamps,
-        nominal=table.rate,
-        names=table.names,
-        units=table.units,
-        report=table.report,
-    )
     if table.names == FABRICSLIDE:
         layout = {} if given.sensor else {"layout": _LAYOUT}
         return replace(
-            found,
-            samples=table.values[:, [0, *range(3, 19)]],
+            table,
+            samples=table.samples[:, [0, *range(3, 19)]],
             form="CSV of FabricSlide",
-            unit="count",
             names=("time [ms]", *FABRICSLIDE[3:]),
-            units=(),
+            units=("ms", *16 * ["count"]),
             sensor=SensorGrid(name="CPM-finger of FabricSlide"),
-            notes={**_named(path)[0], **layout},
+            notes={**_notes(path), **layout},
             settings={"left_out": FABRICSLIDE[1:3]},
             report=("Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
         ).resolve(given, path)
-    notes, report = _named(path)
-    if table.names in _CLUSTER and notes:
-        given = replace(given, rate=given.rate or 6000.0)
-    return replace(found, notes=notes, report=(*report, *table.report)).resolve(given, path)
+    return table.resolve(given, path)
 
 
 def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
     first, _, rest = text.partition("\n")
     if not text.endswith("\n"):
         raise BrokenFileError(f"{path}: expected a line end at the end, got a truncated line; copy the file again")
-    return own_take(first.removeprefix(MARK), read_table(rest, path).values[:, 1:], given, path)
+    return own_take(first.removeprefix(MARK), read_table(rest, path).samples[:, 1:], given, path)
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)
@@ -104,21 +87,14 @@ _LAYOUT = (
     "channels, 11 mm apart as in the paper's sensor, was assumed."
 )
 
-
-_CLUSTER = (("time", "X", "Y", "Z"), ("time", "force"))
-"""Column names of acceleration and force of the Cluster Haptic Texture Dataset."""
-
-_AFTER = {"speed": " mm/s", "force": ", unit not stated"}
+_FABRIC = re.compile(r"(?P<material>[^_]+)_F(?P<force>\d+)_V(?P<speed>-?\d+)mmps_(?P<repeat>\d+)")
 
 
-def _named(path: Path) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Notes from the name of a file of a public set, and a sentence that says so."""
-    for title, name in WORDS["sets"].items():
-        if found := re.fullmatch(name, path.stem):
-            notes = {key: each + _AFTER.get(key, "") for key, each in found.groupdict().items() if each}
-            said = ", ".join(f"{key} {each}" for key, each in notes.items())
-            return {"set": title, **notes}, (f"Named as a file of the {title}: {said}.",)
-    return {}, ()
+def _notes(path: Path) -> dict[str, str]:
+    """Notes from the name of a file of FabricSlide."""
+    found = _FABRIC.fullmatch(path.stem)
+    after = {"speed": " mm/s", "force": ", unit not stated"}
+    return {key: each + after.get(key, "") for key, each in found.groupdict().items()} if found else {}
 
 
 NAMES = ("time", "x", "y", "z", "nx", "ny", "nz", "dx", "dy", "dz", "confidence")
@@ -134,7 +110,7 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
     table = read_table(read_text(path, "a table of poses"), Path(path))
     if table.names != NAMES:
         raise BrokenFileError(f"{path}: expected the columns {','.join(NAMES)}, got {','.join(table.names) or 'none'}")
-    rows = table.values.copy()
+    rows = table.samples.copy()
     rows[:, 4:7], rows[:, 7:10] = _unit(rows[:, 4:7]), _unit(rows[:, 7:10])
     try:
         return PalmPath.from_rows(rows)

@@ -11,17 +11,15 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError, NonFiniteError
-from midair.files.opened_take import Decimal, ImportOptions
+from midair.files.opened_take import Decimal, ImportedData, ImportOptions
 from midair.model import known_unit
 from midair.progress import report_progress
 from midair.recordings import is_clock
@@ -63,24 +61,6 @@ _PER_SAMPLE = re.compile(r"(?im)^(\d[\d.]*) ([mu]?)sec/sample\b")
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TextTable:
-    """Columns of numbers."""
-
-    names: tuple[str, ...]
-    """Column names without surrounding spaces; () if the text has none."""
-    units: tuple[str, ...]
-    """Unit of each column, from its name, a row of units or a note, "" for none; () if the text states none."""
-    values: NDArray[np.float64]
-    """Shape (row, column); gaps are NaN."""
-    stamps: Array | None
-    """Time of each row in s, from times of day, a counter at the stated rate, or a first column without a name."""
-    rate: float | None
-    """Rate that the lines before the numbers state, in Hz."""
-    report: tuple[str, ...]
-    """How the text was read: a sentence on the text, and one on the columns."""
-
-
 class _Row(NamedTuple):
     line: int
     fields: list[str]
@@ -100,9 +80,10 @@ def decoded(data: bytes) -> tuple[str, str]:
         return data.decode("cp1252"), "Windows-1252"
 
 
-def read_table(text: str, path: Path, given: ImportOptions | None = None, *, encoding: str = "UTF-8") -> TextTable:
-    """Read the numbers of a text, with the names and units of their columns.
+def read_table(text: str, path: Path, given: ImportOptions | None = None, *, encoding: str = "UTF-8") -> ImportedData:
+    """Read the numbers of a text, shape (row, column), with names and units of their columns, stamps and rate.
 
+    Stamps come from times of day, a counter at the stated rate, or a first column without a name.
     With mending, fields that are empty, NaN, infinite or marked as overflow become NaN; otherwise they raise
     NonFiniteError. Raises BrokenFileError if the text has no such table, and InputError if two readings of it fit.
     """
@@ -155,12 +136,13 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
     said = [encoding, "one column" if separator == _ONE_COLUMN else f"separator {spelled}", f"decimal {decimal}"]
     said += [f"numbers from line {body[0].line} on", *([f"units in line {unit_line}"] if unit_line else [])]
     shown = [(named[i] or str(columns[i] + 1)) + (f" [{units[i]}]" if unit_line and units[i] else "") for i in kept]
-    return TextTable(
+    return ImportedData(
+        samples=np.stack(list(kept.values()), axis=1),
+        form="CSV",
+        stamps=stamps,
+        nominal=rate,
         names=tuple(named[i] for i in kept) if names else (),
         units=tuple(units[i] for i in kept) if any(units) else (),
-        values=np.stack(list(kept.values()), axis=1),
-        stamps=stamps,
-        rate=rate,
         report=(f"Text read as {', '.join(said)}.", "; ".join([f"Columns: {', '.join(shown[:20])}", *left]) + "."),
     )
 
