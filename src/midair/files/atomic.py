@@ -1,6 +1,5 @@
 """Atomic writing and locks of files and folders, and conversion of parser errors into one clear message."""
 
-import errno
 import os
 import secrets
 import shutil
@@ -76,17 +75,6 @@ def _warn(wrong: OSError, what: Path | str) -> None:
 def _warn_once(text: str) -> None:
     # Python's own "once" starts again whenever a library changes the warning filters.
     warnings.warn(text, NoLocksWarning, stacklevel=1)
-
-
-SYSTEM_FAILURES = frozenset(
-    getattr(errno, name)
-    for name in (
-        *("EACCES", "EAGAIN", "EBUSY", "EDQUOT", "EIO", "EMFILE", "ENFILE", "ENODEV", "ENOENT", "ENOLCK", "ENOSPC"),
-        *("ENOSYS", "ENOTCONN", "ENXIO", "EPERM", "EROFS", "ESTALE", "ETIMEDOUT", "ETXTBSY"),
-    )
-    if hasattr(errno, name)
-)
-"""Error numbers of faults outside the file: disk, network, permissions, locks."""
 
 
 def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
@@ -246,8 +234,9 @@ def parse_errors(path: Path | str, expected: str) -> Generator[None]:
             f"{path}: needs more memory than available ({reason(wrong)}); cut it, or use a computer with more"
         ) from wrong
     except Exception as wrong:
-        if isinstance(wrong, OSError) and wrong.errno in SYSTEM_FAILURES:
-            raise BrokenFileError(f"{path}: cannot be read: {os.strerror(wrong.errno or 0)}") from wrong
+        # A parser that seeks to a wrong place gets EINVAL: the file is damaged, not the disk.
+        if isinstance(wrong, OSError) and wrong.errno not in (None, EINVAL):
+            raise BrokenFileError(f"{path}: cannot be read: {os.strerror(wrong.errno)}") from wrong
         raise BrokenFileError(
             f"{path}: expected {expected}, got a damaged or foreign file ({reason(wrong)})"
         ) from wrong

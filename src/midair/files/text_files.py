@@ -7,7 +7,7 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from midair.errors import BrokenFileError, MissingFileError
@@ -110,15 +110,16 @@ def toml_of(text: str) -> dict[str, Any]:
     """Parse TOML; raises ValueError if it is invalid or nested too deeply."""
     if _DEEP_KEY.search(text):
         raise ValueError("dotted keys that are nested too deeply")
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise ValueError("values that are nested too deeply") from None
+    return _shallow(tomllib.loads, text)
 
 
 def json_of(text: str | bytes) -> Any:
     """Parse JSON; raises ValueError if it is invalid or nested too deeply."""
+    return _shallow(json.loads, text)
+
+
+def _shallow(parse: Callable[[Any], Any], text: str | bytes) -> Any:
     try:
-        return json.loads(text)
+        return parse(text)
     except RecursionError:
         raise ValueError("values that are nested too deeply") from None

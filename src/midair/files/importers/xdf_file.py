@@ -7,6 +7,7 @@ lost samples for jitter.
 import logging
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         units=tuple(unit for _, unit in channels),
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
         settings={"stream": _first(info, "name"), "nominal_hz": _first(info, "nominal_srate")},
-        report=tuple(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)),
+        report=tuple(dict.fromkeys(f"pyxdf: {one.getMessage().splitlines()[0][:160]}" for one in messages)),
     ).resolve(given, path)
 
 
@@ -69,19 +70,14 @@ def _first(info: Mapping[str, Any], name: str) -> str:
 
 
 @contextmanager
-def _captured_log(name: str) -> Generator[list[str]]:
+def _captured_log(name: str) -> Generator[list[logging.LogRecord]]:
     """Collect the warnings and errors of a logger instead of printing them."""
-    messages: list[str] = []
-
-    class Collector(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            messages.append(record.getMessage().splitlines()[0][:160])
-
-    logger, collector = logging.getLogger(name), Collector(logging.WARNING)
+    logger, collector = logging.getLogger(name), BufferingHandler(1_000_000)
+    collector.setLevel(logging.WARNING)
     spreads, logger.propagate = logger.propagate, False
     logger.addHandler(collector)
     try:
-        yield messages
+        yield collector.buffer
     finally:
         logger.removeHandler(collector)
         logger.propagate = spreads

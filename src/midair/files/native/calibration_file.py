@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.hdf5 import (
-    check_kind,
-    kind_of,
-    new_file,
-    read_group,
-    signature,
-    stored_group,
-    write_group,
-)
+from midair.files.native.hdf5 import check_kind, kind_of, new_file, read_group, signature, stored_group, write_group
 from midair.files.native.provenance_json import from_json
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import array_from, array_values, sensor_from, sensor_values

@@ -28,15 +28,7 @@ from midair.files.native.hdf5 import (
 from midair.files.native.provenance_json import from_json, to_json
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import array_from, array_values, check_time, time_values
-from midair.model import (
-    Acoustics,
-    AmplitudeFrames,
-    ControlGrid,
-    Drive,
-    Medium,
-    Solution,
-    Status,
-)
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Solution, Status
 from midair.progress import report_progress
 from midair.streaming import LazyFrames, block_ranges, blocks, each_frame
 

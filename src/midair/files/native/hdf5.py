@@ -154,21 +154,19 @@ def check_format(version: object, path: Path) -> None:
 
 def stored_dataset(group: "h5py.Group", name: str) -> "h5py.Dataset":
     """The dataset `name` of a group; raises BrokenFileError if there is none."""
-    import h5py
-
-    item = group.get(name)
-    if not isinstance(item, h5py.Dataset):
-        raise BrokenFileError(f"expected a dataset {name}, got {'nothing' if item is None else item!r}")
-    return item
+    return _item(group, name, "Dataset")
 
 
 def stored_group(group: "h5py.Group", name: str) -> "h5py.Group":
     """The group `name` in a group; raises BrokenFileError if there is none."""
+    return _item(group, name, "Group")
+
+
+def _item(group: "h5py.Group", name: str, kind: str) -> Any:
     import h5py
 
-    item = group.get(name)
-    if not isinstance(item, h5py.Group):
-        raise BrokenFileError(f"expected a group {name}, got {'nothing' if item is None else item!r}")
+    if not isinstance(item := group.get(name), getattr(h5py, kind)):
+        raise BrokenFileError(f"expected a {kind.lower()} {name}, got {'nothing' if item is None else item!r}")
     return item
 
 
@@ -262,14 +260,7 @@ def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
     raise BrokenFileError(f"{path}: expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
 
-def _dataset(
-    group: "h5py.Group",
-    entry: Entry,
-    unit: str,
-    path: Path,
-    *,
-    streamed: bool,
-) -> "np.ndarray | LazyFrames":
+def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | LazyFrames":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
     spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"

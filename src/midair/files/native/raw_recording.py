@@ -23,13 +23,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
-from midair.files.native.hdf5 import (
-    new_file,
-    open_hdf5,
-    stored_group,
-    write_frames,
-    write_group,
-)
+from midair.files.native.hdf5 import new_file, open_hdf5, stored_group, write_frames, write_group
 from midair.files.native.journal import event_values, name_event_kinds, stage_values
 from midair.files.native.schema import PLAYED, TABLE, time_values
 from midair.model import Event, StageStamp

@@ -21,15 +21,7 @@ from midair.files.native.journal import (
 )
 from midair.files.native.provenance_json import from_json
 from midair.files.native.raw_recording import complete, open_file
-from midair.files.native.schema import (
-    PLAYED,
-    array_from,
-    check_time,
-    sensor_from,
-    sensor_values,
-    single,
-    time_values,
-)
+from midair.files.native.schema import PLAYED, array_from, check_time, sensor_from, sensor_values, single, time_values
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import (
     Calibration,
