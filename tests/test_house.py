@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4062,
     "calibration": 3102,
     "solvers": 4302,
-    "files": 4938,
+    "files": 4880,
     "devices": 7927,
     "rig": 9038,
     "patterns datasets": 1767,

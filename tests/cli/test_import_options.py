@@ -68,7 +68,7 @@ def test_a_stated_peak_of_the_field_is_a_nominal_calibration(capsys):
 def test_an_accelerometer_needs_a_stated_scale(capsys):
     Path("imu.csv").write_text("time_ms, accel_x, accel_y,\n0,1,2,\n10,3,5,\n20,4,5,\n", encoding="utf-8")
     assert run(["import", "imu.csv", "a.h5", "--channels", "accel_y"]) == 1
-    assert "--scale 2Pa, the pressure of the value 1" in capsys.readouterr().err
+    assert "--scale 1Pa, the pressure of the value 1" in capsys.readouterr().err
     assert run(["import", "imu.csv", "a.h5", "--channels", "accel_y", "--scale", "2Pa"]) == 0
     np.testing.assert_array_equal(load("a.h5").samples.ravel(), [4, 10, 10])
     assert load("a.h5").rate == 100

@@ -485,6 +485,39 @@ def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
     assert page.wrong == []
 
 
+def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
+    """The questions and proposals are those of `midair import` on a terminal; all else is folded away."""
+    bare, whole = tmp_path / "bare.csv", tmp_path / "whole.csv"
+    wave = np.sin(np.arange(200) / 3)
+    bare.write_text("x,y\n" + "".join(f"{each:.6f},{-each:.6f}\n" for each in wave))
+    whole.write_text("time [s],x [V]\n" + "".join(f"{i / 1000},{each:.6f}\n" for i, each in enumerate(wave)))
+    page = look(studio_at())
+    page.until("studio.room?.add && !studio.room.add.disabled")
+    page.page.locator("input[type=file]").set_input_files(bare)
+    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    shown = "[...document.querySelectorAll('#import .field')].filter((one) => one.checkVisibility())"
+    names = (
+        shown
+        + ".map((one) => `${one.querySelector('label').textContent} ${one.lastElementChild.previousSibling.value}`)"
+    )
+    assert page.page.evaluate(names) == ["Rate 1000Hz", "Unit V", "Scale ", "Channels 0", "Layout "]
+    page.page.get_by_role("textbox", name="Rate").fill("")
+    page.page.get_by_role("textbox", name="Rate").press("Tab")
+    assert "frame rate" in page.until("document.querySelector('#import-wrong').textContent")
+    page.page.get_by_role("textbox", name="Rate").fill("2kHz")
+    page.page.get_by_role("textbox", name="Rate").press("Tab")
+    page.until("!document.querySelector('#import .main').disabled")
+    assert "--rate=2kHz --channels=0" in page.page.locator("#import pre").inner_text()
+    if kept := os.environ.get("MIDAIR_PICTURES"):
+        page.page.screenshot(path=f"{kept}/import-asks.png")
+    page.page.locator("#import").get_by_role("button", name="Cancel").click()
+    page.page.locator("input[type=file]").set_input_files(whole)
+    page.until("document.querySelector('#import-title').textContent.includes('whole')", timeout=60)
+    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    assert page.page.evaluate(names) == []
+    assert page.page.get_by_text("The file states all that is needed.").is_visible()
+
+
 def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
     studio, noise = studio_at(), np.random.default_rng(1).normal(size=(400, 4, 4))
     for name in ("denim", "wool"):

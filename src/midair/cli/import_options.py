@@ -107,7 +107,7 @@ TYPED: Mapping[str, str] = MappingProxyType(
     {
         "rate": "--rate 1000Hz",
         "unit": "--unit V, count or Pa",
-        "scale": "--scale 2Pa, the pressure of the value 1",
+        "scale": "--scale 1Pa, the pressure of the value 1",
         "sensor": "--layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
         "channels": "--channels 0 to choose one",
         "transpose": "--transpose if its last axis is time",

@@ -1,6 +1,7 @@
 """Import of files of other programs: the command `midair import` with the options of a form, and a preview of it."""
 
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,6 +30,10 @@ class ImportForm(Arguments):
     sensitivity: Text = ""
     peak: Text = ""
     rate: Text = ""
+    time: Text = ""
+    field: Text = ""
+    decimal: Literal["", "point", "comma"] = ""
+    mend: Text = ""
     channels: Text = ""
     layout: Text = ""
     resample: Text = ""
@@ -56,12 +61,25 @@ OPTIONS = tuple(name for name in ImportForm.model_fields if name not in ("file",
 def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) -> dict[str, Any]:
     """Run `midair import` on a file; returns its figures and notes, and the course of the strongest channel.
 
-    Raises InputError with the message of the command.
+    If the file lacks facts, it returns these with the answers that the command proposes (`asked`), and its message
+    (`said`). Raises InputError with another message of the command.
     """
     source, target, words = order
     progress("importing", 0, 1)
-    said = run_command("import", source, target, "--force", "--json", *words)
+    try:
+        said = run_command("import", source, target, "--force", "--json", *words)
+    except InputError as wrong:
+        if not (facts := asked(str(wrong))):
+            raise
+        return {"asked": facts, "said": str(wrong)}
     return {**json.loads(said), "course": _course(target)}
+
+
+def asked(said: str) -> dict[str, str]:
+    """Options of the form that a message advises to give; the first of each advice with its value, others with ""."""
+    advice = [re.findall(r"--(\w+) ([^\s,;]+)", each) for each in re.findall(r"; give ([^;]*)", said)]
+    found = {name: "" if place else value for each in advice for place, (name, value) in enumerate(each)}
+    return {name: value for name, value in found.items() if name in OPTIONS}
 
 
 def run_command(*words: str) -> str:

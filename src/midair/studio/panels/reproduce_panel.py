@@ -267,6 +267,8 @@ class ReproducePanel(Panel):
         stem = re.sub(r"-\d+$", "", source.stem)  # the number of the upload
         target = self._takes.folder.free(stem, ".h5") if order.save else source.with_suffix(".preview.h5")
         made = await self._reading.result(f"importing {name}", run_import, (str(source), str(target), words))
+        if "asked" in made:
+            return made
         command = shlex.join(["midair", "import", name, *([target.name] if order.save else []), *words])
         if order.save:
             self._context.show_takes()

@@ -1,57 +1,36 @@
-/* Import a file of another program: what it does not state, a preview, and the take; the words
-    of `midair import`. */
+/* Import a file of another program: questions on what it does not state, as `midair import` asks
+    them, a preview, and the take. */
 
 import { choice, field, make, openModal, rows } from "/web/dom.js";
 
-const NONE = [["", "not given"]],
-  WORDS = (...words) => words.map(word => [word, word]);
+const pick = (none, ...words) => choice([["", none], ...words.map(word => [word, word])], "");
 const FIELDS = [
   [
     "unit",
     "Unit",
     "of the samples, where the file does not state it",
-    choice([...NONE, ...WORDS("V", "count", "Pa")], ""),
+    pick("not given", "V", "count", "Pa"),
   ],
   ["scale", "Scale", "pressure of the value 1 (full scale), such as 30Pa", "30Pa"],
   ["peak", "Peak", "pressure of the largest change of any channel, such as 30Pa", ""],
   ["sensitivity", "Sensitivity", "of every channel, such as 20mV/Pa", ""],
   ["rate", "Rate", "frames per second, where the file does not state it, such as 1kHz", ""],
+  ["time", "Time", "column of time stamps, by name or number; none to ignore them", ""],
+  ["field", "Field", "which of several to read: a stream, a group, an array such as S.data", ""],
+  ["decimal", "Decimal", "sign of decimals in a text", pick("as found", "point", "comma")],
+  ["mend", "Mend", "fills gaps up to this length, such as 20ms", ""],
   ["channels", "Channels", "to read, by name or number from 0, such as 0 or 3,2,1,0", ""],
   ["layout", "Layout", "rows, columns and pitch of the cells, such as 4x4:11mm", ""],
   [
     "footprint",
     "Footprint",
     "makes a field from one channel: a shape that moves over the sensor",
-    choice([["", "none"], ...WORDS("circle", "square", "line")], ""),
+    pick("none", "circle", "square", "line"),
   ],
   ["size", "Size", "of the footprint", "20mm"],
   ["speed", "Speed", "of the footprint; negative reverses it, 0mm/s keeps it in place", "50mm/s"],
-  [
-    "path",
-    "Path",
-    "direction of the footprint",
-    choice(
-      [
-        ["", "x"],
-        ["y", "y"],
-        ["diagonal", "diagonal"],
-      ],
-      "",
-    ),
-  ],
-  [
-    "turn",
-    "Turn",
-    "when the footprint has left the sensor",
-    choice(
-      [
-        ["", "stop"],
-        ["back", "back"],
-        ["again", "again"],
-      ],
-      "",
-    ),
-  ],
+  ["path", "Path", "direction of the footprint", pick("x", "y", "diagonal")],
+  ["turn", "Turn", "when the footprint has left the sensor", pick("stop", "back", "again")],
   ["resample", "Resample", "to this rate, such as 1kHz", ""],
 ];
 
@@ -79,15 +58,21 @@ export function pictureOf(course, seconds) {
   return svg;
 }
 
-/** Ask what a file does not state, show what comes of it, and import it; resolves to the name of
-    the take, or "". */
+const SOUND = ["scale", "footprint", "size", "speed"];
+
+/** Ask what a file does not state, with proposed answers, show what comes of it, and import it;
+    resolves to the name of the take, or "". */
 export function importFile(link, file) {
   const dialog = document.getElementById("import"),
     wave = /\.(wav|rf64|flac|aiff?|ogg|mp3)$/.test(file),
     inputs = {};
   const said = make("div", { role: "status", id: "import-said" }),
     wrong = make("p.bad", { role: "alert", id: "import-wrong" });
-  const parts = FIELDS.map(([name, label, about, control]) => {
+  const parts = {},
+    questions = make("div"),
+    more = make("details", {}, make("summary", {}, "More options")),
+    told = make("p.quiet", {}, "");
+  for (const [name, label, about, control] of FIELDS) {
     const input =
       control instanceof Node
         ? control.cloneNode(true)
@@ -102,10 +87,10 @@ export function importFile(link, file) {
           : control;
     input.addEventListener("change", () => show());
     inputs[name] = input;
-    const made = field(label, input, about);
-    made.append(make("small.quiet", { "aria-hidden": true }, about));
-    return made;
-  });
+    parts[name] = field(label, input, about);
+    parts[name].append(make("small.quiet", { "aria-hidden": true }, about));
+    (wave && SOUND.includes(name) ? questions : more).append(parts[name]);
+  }
   const take = make(
     "button.main",
     {
@@ -116,16 +101,20 @@ export function importFile(link, file) {
     },
     "Import",
   );
-  let asked = 0;
+  let orders = 0;
   async function bring(save) {
     const given = Object.fromEntries(
         Object.entries(inputs).map(([name, input]) => [name, input.value.trim()]),
       ),
-      mine = (asked += 1);
+      mine = (orders += 1);
     take.disabled = true;
     try {
       const made = await link.order("reproduce", "import", { file, save, ...given });
-      if (mine !== asked) return;
+      if (mine !== orders) return;
+      if (made.asked) {
+        ask(made);
+        return;
+      }
       if (save) {
         dialog.close(made.take);
         return;
@@ -134,14 +123,27 @@ export function importFile(link, file) {
       take.disabled = false;
       preview(made);
     } catch (error) {
-      if (mine === asked) {
+      if (mine === orders) {
         wrong.textContent = error.message;
         said.replaceChildren();
       }
     }
   }
+  /** Show the questions, each with its proposed answer, and what comes of these. */
+  function ask({ asked, said: message }) {
+    const news = Object.entries(asked).filter(([name]) => !questions.contains(parts[name]));
+    for (const [name, proposed] of news) {
+      questions.append(parts[name]);
+      inputs[name].value ||= proposed;
+    }
+    if (news.length) show();
+    else wrong.textContent = message;
+  }
   function preview({ course, frames, rate_hz: rate, sensor, unit, range, notes, command }) {
     const svg = pictureOf(course, frames / rate);
+    told.textContent = questions.childElementCount
+      ? "The file states the rest."
+      : "The file states all that is needed.";
     said.replaceChildren(
       svg,
       rows([
@@ -162,7 +164,7 @@ export function importFile(link, file) {
     make(
       "div.import",
       {},
-      make("div.column", {}, ...parts),
+      make("div.column", {}, questions, told, more),
       make("div.column", {}, make("h3", {}, "Preview"), wrong, said),
     ),
     make(
