@@ -142,7 +142,7 @@ def test_advice_is_in_the_words_of_the_command_line(tmp_path):
         says.append(str(refused.value))
     assert "--rate 1000Hz" in says[0]
     assert "--unit V, count or Pa" in says[1]
-    assert "--scale 2Pa" in says[1]
+    assert "--scale 1Pa" in says[1]
     assert "--layout ROWSxCOLUMNS:PITCH" in says[2]
     assert "--channels 0 " in says[2]
     assert not any("=" in text.split(";")[-1] or "SensorGrid" in text for text in says)
@@ -163,5 +163,5 @@ def test_a_terminal_is_asked_for_what_the_file_lacks(monkeypatch, capsys):
     monkeypatch.setattr(answers, "isatty", lambda: False)
     assert run(["import", "five.csv", "six.h5"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    for part in ("frame rate; give --rate 1000Hz;", "the unit of its samples; give --unit V", "give --layout"):
+    for part in ("frame rate; give --rate 1000Hz;", "the unit of its samples; give --unit V", "give --channels 0"):
         assert part in line

@@ -61,8 +61,7 @@ OPTIONS = tuple(name for name in ImportForm.model_fields if name not in ("file",
 def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) -> dict[str, Any]:
     """Run `midair import` on a file; returns its figures and notes, and the course of the strongest channel.
 
-    If the file lacks facts, it returns these with the answers that the command proposes (`asked`), and its message
-    (`said`). Raises InputError with another message of the command.
+    Facts that the file lacks are returned with the answers that the command proposes; other messages raise InputError.
     """
     source, target, words = order
     progress("importing", 0, 1)
