@@ -1,9 +1,17 @@
+import os
+import re
+import subprocess
+import sys
+import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from midair.cli import run
 from midair.errors import DeviceError, InputError, MismatchError
+from midair.files import load
 from midair.rig.names.sensor_names import source_sensor
 
 
@@ -166,3 +174,44 @@ def test_stamps_that_jump_are_one_event_and_no_drift(options, lsl_sender):
     assert jump.first <= 3000
     # A jump would also be in the times; a busy machine delays the correction of the clocks by a few milliseconds.
     assert np.ptp([block.host_time - block.first / 1000 for block in blocks]) < 0.15
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_the_program_for_a_flexitac_sends_its_frames(tmp_path):
+    """12 x 32 bytes at 85 Hz: 10 Hz on one cell and the sync word inside a frame come back."""
+    page = Path(__file__).parents[3] / "docs" / "build-a-sensor.md"
+    (program,) = re.findall(
+        r"```python\n(import time\nimport pylsl.*?)```", page.read_text(encoding="utf-8"), re.DOTALL
+    )
+    sensor, port = os.openpty()
+    stop, rng = threading.Event(), np.random.default_rng(0)
+
+    def send():
+        begun = time.monotonic()
+        for number in range(10_000):
+            frame = rng.integers(0, 3, (12, 32)).astype(np.uint8)
+            frame[3, 7], frame[5, :2] = round(128 + 100 * np.sin(2 * np.pi * 10 * number / 85)), (0xAA, 0x55)
+            os.write(sensor, b"\xaa\x55" + frame.tobytes())
+            if stop.wait(max(0, begun + (number + 1) / 85 - time.monotonic())):
+                return
+
+    name = f"FlexiTac{os.getpid()}"
+    program = program.replace("/dev/ttyUSB0", os.ttyname(port)).replace('"FlexiTac"', f'"{name}"')
+    sender = subprocess.Popen([sys.executable, "-c", program])
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        source = f"lsl:{name}?rows=12&columns=32&search=60&timeout=20"
+        assert run(["record", source, str(tmp_path / "press.h5"), "--duration", "4s"]) == 0
+    finally:
+        sender.kill()
+        sender.wait()
+        stop.set()
+        thread.join()
+    recording = load(tmp_path / "press.h5")
+    assert recording.sensor.shape == (12, 32)
+    assert recording.rate == pytest.approx(85, rel=0.02)
+    assert (recording.samples[:, 5, :2] == (0xAA, 0x55)).all()
+    spectrum = np.abs(np.fft.rfft(recording.samples[:, 3, 7] - 128))
+    assert spectrum.argmax() * recording.rate / recording.frames == pytest.approx(10, abs=0.3)
