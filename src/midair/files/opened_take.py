@@ -173,6 +173,8 @@ class ImportedData:
         if at:
             found = self._only([i for i in range(self.samples.shape[1]) if i not in at])
             found = replace(found, settings={**self.settings, "columns": found.names})
+            if not found.samples.size:
+                raise ShapeError(f"{path}: expected a channel beside the time, got none. {' '.join(self.report)}")
         if stamps is None and at:
             place, *at = at
             stamps, clock = self.samples[:, place], self.names[place] if self.names else str(place)

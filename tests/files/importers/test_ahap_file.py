@@ -110,3 +110,8 @@ def test_a_file_without_haptic_events_is_refused(entries, pattern):
 def test_a_very_long_effect_is_refused_before_rendering(pattern):
     with pytest.raises(BrokenFileError, match="up to 600 s"):
         load(pattern(event("HapticContinuous", 0.0, duration=1e9)), scale=1.0)
+
+
+def test_events_that_overlap_are_reported(pattern):
+    both = pattern(*[event("HapticContinuous", 0, duration=0.1, HapticIntensity=0.8)] * 2)
+    assert any("together they reach 1.6 of full intensity" in text for text in open_take(both, scale=10.0).report)

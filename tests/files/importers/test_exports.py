@@ -212,6 +212,8 @@ def test_a_known_tone_comes_back_from_fifty_forms_or_one_fact_is_asked(tmp_path)
         ("time,a\n0.1,1\n0.2,2\n", {"separator": "dash"}, "separator: expected tab"),
         ("time,a\n0.1,1\n0.2,2\n", {"skip": -1}, "lines from 0 on"),
         ("time,a\n0.1,1\n0.2,2\n", {"time": "b"}, "expected a channel by name"),
+        ("time,a [mV]\ns,V\n0.1,1\n0.2,2\n", {}, r"one unit of column 'a \[mV\]', got V in line 2"),
+        ("time [s],a\n0.1,0x10\n0.2,0x11\n0.3,0x12\n", {}, "a channel beside the time, got none.*'a' has no numbers"),
     ],
 )
 def test_two_readings_or_wrong_options_are_refused(text, given, said, tmp_path):
@@ -238,6 +240,12 @@ def test_options_decide_how_a_text_is_read(text, given, names, unit, tmp_path):
     take = open_take(tmp_path / "a.csv", **given)
     assert f"Columns: {names}" in take.report[1].replace(" [V]", "").replace(" [mV]", "")
     assert take.recording.unit == unit
+
+
+@pytest.mark.parametrize("mark", ["'", "’", "\xa0", "\u202f"])
+def test_thousands_and_minus_as_people_write_them(mark, tmp_path):
+    (tmp_path / "a.csv").write_text(f"t [s];a [mV]\n0;1{mark}234,5\n0,5;\u22122{mark}000,25\n", encoding="utf-8")
+    assert open_take(tmp_path / "a.csv").recording.samples.ravel() == pytest.approx([1.2345, -2.00025])
 
 
 def test_a_column_without_a_name_that_increases_evenly_is_reported(tmp_path):

@@ -66,6 +66,8 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     report = [
         f"Rendered at {rate:g} Hz; sharpness 0 to 1 was taken as {low:g} to {high:g} Hz, which Apple does not state."
     ]
+    if (peak := np.abs(wave).max()) > 1:
+        report.append(f"Events overlap: together they reach {peak:.3g} of full intensity, which a phone would limit.")
     if len(haptic) < len(events):
         report.append(f"{len(events) - len(haptic)} events of sound were left out.")
     found = ImportedData(

@@ -57,6 +57,8 @@ _STEP = re.compile(
     + _STATED
     + _FACTOR
 )
+_GROUPS = re.compile(r"(?<=\d)['\u2019\xa0\u202f](?=\d{3}(?!\d))")
+"""Apostrophe or narrow space between thousands."""
 _PER_SAMPLE = re.compile(r"(?im)^(\d[\d.]*) ([mu]?)sec/sample\b")
 _VERTICAL = re.compile(r"\bvertical units?[ ,:]+(\S+)", re.IGNORECASE)
 
@@ -106,7 +108,11 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
     if any(_PER_SAMPLE.match(row.fields[0]) for row in head) and str(len(body) - 1) in body[0].fields:
         body = body[1:]  # AcqKnowledge counts the rows in the first of them
     named = list(names) or [""] * len(columns)
-    units = units or [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
+    own = [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
+    units = units or own
+    for name, one, two in zip(named, own, units, strict=True) if given.unit_row is None else ():
+        if known_unit(one)[0] and known_unit(two)[0] and known_unit(one) != known_unit(two):
+            raise InputError(f"{path}: expected one unit of column {name!r}, got {two} in line {unit_line}")
     kept, stamps, left = _converted(body, columns, named, decimal, path, gaps=given.mending is not None)
     if skipped := [str(i + 1) for i in range(columns[-1]) if i not in columns]:
         left.append(f"without numbers in the second half of the rows, and left out: {', '.join(skipped)}")
@@ -114,7 +120,7 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
         first, values = next(iter(kept.items()))
         timed = stamps is not None or any(map(is_clock, names)) or is_clock(f"t [{units[first]}]")
         counts = named[first].lower() in WORDS["counters"] or units[first].lower() == "sequence"
-        if not timed and rate and not named[first] and np.allclose(np.diff(values), 1 / rate, rtol=1e-2):
+        if not (timed or named[first]) and rate and abs(_even_step(values) * rate - 1) < 0.01:
             stamps = kept.pop(first)
             left.append("the first one is the time in s")
         elif counts and given.time is None and (counted := _counted(values)) is not None:
@@ -124,13 +130,11 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
                 stamps = counted / every
     if not kept:
         raise BrokenFileError(f"{path}: expected rows of numbers, got none")
-    top = np.stack([each[:2] for each in kept.values()], axis=1)
-    if not (names or rate) and len(body) > 2 and (top == top[:, :1]).all() and top[0, 0] > 1e9 > 1e5 > top[1, 0] > 0:
-        # Of Empatica.
-        rate, kept = float(top[1, 0]), {i: each[2:] for i, each in kept.items()}
+    if not (names or rate) and (rate := _below_a_date(kept)):
+        kept = {i: each[2:] for i, each in kept.items()}
         left.append("the first two rows hold the date and the rate")
     for i, each in kept.items():
-        if len(each) > 3 and not is_clock(named[i]) and not is_clock(f"t [{units[i]}]") and _even(each):
+        if not is_clock(named[i]) and not is_clock(f"t [{units[i]}]") and _even_step(each):
             left.append(f"{_column(i, columns, named)} increases evenly, as a time or a counter does (--time)")
     spelled = next((name for name, sign in SEPARATORS.items() if sign == separator), repr(separator))
     said = [encoding, "one column" if separator == _ONE_COLUMN else f"separator {spelled}", f"decimal {decimal}"]
@@ -149,6 +153,7 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
 
 def _lines(text: str, given: ImportOptions) -> tuple[list[tuple[int, str]], list[str], str]:
     """Lines with their numbers, without comments and empty ones; the comments; and the separator if it is stated."""
+    text = _GROUPS.sub("", text).replace("\u2212", "-")
     lines = list(enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1))[given.skip :]
     lines = [(number, line) for number, line in lines if line.strip()]
     stated = given.separator or ""
@@ -385,9 +390,17 @@ def _column(i: int, columns: Sequence[int], names: Sequence[str]) -> str:
     return f"column {names[i]!r}" if names[i] else f"column {columns[i] + 1}"
 
 
-def _even(values: Array) -> bool:
-    steps = np.diff(values)
-    return bool(steps[0] > 0 and np.ptp(steps) <= 1e-3 * steps[0])
+def _even_step(values: Array) -> float:
+    """Step of a column that increases evenly, 0 for another."""
+    steps = np.diff(values[np.isfinite(values)])
+    return float(np.median(steps)) if len(steps) > 2 and 0 <= np.ptp(steps) <= 1e-2 * steps[0] else 0.0
+
+
+def _below_a_date(kept: Mapping[int, Array]) -> float | None:
+    """Rate in Hz in the second row, below a date in the first, as Empatica writes them; None for other numbers."""
+    values = np.stack(list(kept.values()), axis=1)
+    top, small = values[:2], len(values) > 2 and np.abs(values[2:]).max() < 1e6
+    return float(top[1, 0]) if small and (top == top[:, :1]).all() and top[0, 0] > 1e9 > 1e5 > top[1, 0] > 0 else None
 
 
 def _seconds(times: Sequence[Mapping[str, str | None]]) -> Array:
