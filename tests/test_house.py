@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4062,
     "calibration": 3102,
     "solvers": 4302,
-    "files": 4880,
+    "files": 4873,
     "devices": 7927,
     "rig": 9038,
     "patterns datasets": 1767,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_640, "benchmarks": 4_500}
+BESIDE = {"tests": 51_690, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -61,14 +61,10 @@ def _locked(handle: int, what: Path | str, *, shared: bool = False) -> bool:
     except OSError as wrong:
         if wrong.errno in _HELD:
             return False
-        _warn(wrong, what)
+        if wrong.errno not in _NONE:
+            raise FileError(f"{what}: cannot be locked: {wrong.strerror}") from wrong
+        _warn_once(f"this disk has no locks ({wrong.strerror}): make sure that no two programs write to the same file")
     return True
-
-
-def _warn(wrong: OSError, what: Path | str) -> None:
-    if wrong.errno not in _NONE:
-        raise FileError(f"{what}: cannot be locked: {wrong.strerror}") from wrong
-    _warn_once(f"this disk has no locks ({wrong.strerror}): make sure that no two programs write to the same file")
 
 
 @cache

@@ -39,7 +39,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     if not os.fspath(path).lower().endswith(CALIBRATION_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {CALIBRATION_SUFFIX} for a calibration")
     with new_file(path) as file:
-        write_calibration(file, calibration)
+        write_group(file, "calibration", calibration_values(calibration))
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
@@ -60,11 +60,6 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
             return read_calibration(stored_group(file, "calibration"), Path(path)) if "calibration" in file else None
         found = kind or "an HDF5 file of another program"
         raise BrokenFileError(f"{path}: expected a midair calibration or recording, got {found}")
-
-
-def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
-    """Write a calibration into a group."""
-    write_group(group, "calibration", calibration_values(calibration))
 
 
 def calibration_values(calibration: Calibration) -> dict[str, Any]:

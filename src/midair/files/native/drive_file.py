@@ -65,8 +65,11 @@ def save_solutions(
         raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
     coming = iter(parts)
     first = next(coming)
-    if target is not None:
-        _check_target(target, first.drive.rate, frames)
+    if target is not None and (target.frames != frames or target.rate != first.drive.rate):
+        raise MismatchError(
+            f"target: expected {frames} frames at {first.drive.rate:g} Hz as in the drive, "
+            f"got {target.frames} at {target.rate:g} Hz; save the target that was solved"
+        )
     values, done = _frame_values(first), first.drive.frames
     # A compressed dataset does not exceed its size in memory.
     room = frames * (sum(each.nbytes for each in values.values()) // done + 8)
@@ -121,13 +124,15 @@ def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
         if ("response_real" in values) != ("response_imag" in values):
             raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
         measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
+        medium = Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values})
+        medium.check_speed(str(path))
         return Solution(
             drive=Drive(
                 phase=finite(values["phase"], "phase"),
                 level=_levels(level, path),
                 rate=values["rate_hz"],
                 array=replace(array_from(values), response=measured),
-                acoustics=_acoustics_from(values, path),
+                acoustics=Acoustics(medium=medium, directivity=values["directivity"]),
                 provenance=from_json(values["provenance"]),
             ),
             error=values["error"],
@@ -175,14 +180,6 @@ _AIR = {
     "air_humidity": "humidity",
 }
 """Names in the file of the attributes of a grid and of the air."""
-
-
-def _check_target(target: AmplitudeFrames, rate: float, frames: int) -> None:
-    if target.frames != frames or target.rate != rate:
-        raise MismatchError(
-            f"target: expected {frames} frames at {rate:g} Hz as in the drive, "
-            f"got {target.frames} at {target.rate:g} Hz; save the target that was solved"
-        )
 
 
 def _drive_values(drive: Drive, frames: int) -> dict[str, Any]:
@@ -243,13 +240,6 @@ def _levels(level: Frames, path: Path) -> NDArray[np.float64]:
         return block
 
     return each_frame(level, checked)
-
-
-def _acoustics_from(values: Mapping[str, Any], path: Path) -> Acoustics:
-    """Air and directivity of a drive."""
-    medium = Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values})
-    medium.check_speed(str(path))
-    return Acoustics(medium=medium, directivity=values["directivity"])
 
 
 def _status_from(codes: np.ndarray, path: Path) -> tuple[Status, ...]:

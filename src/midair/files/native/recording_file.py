@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
-from midair.files.native.calibration_file import read_calibration, write_calibration
+from midair.files.native.calibration_file import calibration_values, read_calibration
 from midair.files.native.hdf5 import check_fits, check_kind, new_file, read_group, signature, stored_group, write_group
 from midair.files.native.journal import (
     event_values,
@@ -72,7 +72,13 @@ def write_recording(
             f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
             "save the pressure of this recording"
         )
-    values = recording_values(recording)
+    values: dict[str, Any] = {
+        **signature("recording", recording.provenance),
+        **time_values(recording.frames, recording.rate),
+        **sensor_values(recording.sensor),
+        "unit": recording.unit,
+        "samples": single(recording.samples),
+    }
     if journal:
         values |= event_values(journal)
     samples = values["samples"]
@@ -81,7 +87,7 @@ def write_recording(
         write_group(file, "recording", values)
         name_event_kinds(file)
         if calibration is not None:
-            write_calibration(file.create_group("calibration"), calibration)
+            write_group(file.create_group("calibration"), "calibration", calibration_values(calibration))
         if pressure is not None:
             band = {} if pressure.band is None else {"band_low_hz": pressure.band[0], "band_high_hz": pressure.band[1]}
             stored = {
@@ -195,17 +201,6 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
             band=None if low is None or high is None else (low, high),
             provenance=from_json(values["provenance"]),
         )
-
-
-def recording_values(recording: Recording) -> dict[str, Any]:
-    """Stored values of a recording."""
-    return {
-        **signature("recording", recording.provenance),
-        **time_values(recording.frames, recording.rate),
-        **sensor_values(recording.sensor),
-        "unit": recording.unit,
-        "samples": single(recording.samples),
-    }
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
