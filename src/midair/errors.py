@@ -63,9 +63,9 @@ class MismatchError(InputError):
 
 
 class ExposureError(InputError):
-    """A drive that exceeds the exposure profile, by `excess` dB if known, and has no override by a named person."""
+    """A drive above the exposure profile by `excess` dB, if known, and no override; `verdict` has no advice."""
 
-    excess = 0.0
+    excess, verdict = 0.0, ""
 
 
 class FileError(MidairError):

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from midair.evaluate import ALL, ALL_MEASURED, Felt, LaboratoryLoss, Place, Verdict
+from midair.evaluate import ALL, ALL_MEASURED, Felt, LaboratoryLoss, Place, Verdict, ways_to_play
 
 FELT = Felt(levels={"soft": 8.0, "stiff": 0.0})
 
@@ -49,6 +49,26 @@ def test_every_line_says_what_is_known_in_words(subtests):
     ] == ("within the limit")
 
 
+def test_ways_to_play_follow_from_scaling_and_none_is_assumed():
+    ways = {way.name: way for way in ways_to_play(FELT, 36.0, source="take.h5")}
+    felt = {name: None if way.felt is None else way.felt.levels["soft"] for name, way in ways.items()}
+    assert felt == {
+        "protect all ears in the room": 8.0 - 2 * 5,
+        "solve for quiet ears": None,
+        "play it weaker": 8.0 - 2 * 36,
+        "answer for it by name": 8.0,
+    }
+    assert ways["protect all ears in the room"].option == "--ear-protection 31dB --attenuate"
+    assert ways["solve for quiet ears"].row == (
+        "solve for quiet ears",
+        "see --plan",
+        "midair solve take.h5 --mode quiet",
+    )
+    solved = ways_to_play(FELT, 20.0, quiet=FELT.at(-20))
+    assert [way.row[1] for way in solved] == ["7 of 10", "0 of 10", "0 of 10", "7 of 10"]
+    assert solved[0].option == "--ear-protection 31dB"
+
+
 @pytest.mark.long
 def test_command_json_report_studio_and_python_print_the_same_lines(tmp_path, monkeypatch, capsys):
     from midair.cli.app import run
@@ -70,6 +90,7 @@ def test_command_json_report_studio_and_python_print_the_same_lines(tmp_path, mo
     lines = json.loads(capsys.readouterr().out)["verdict"]["lines"]
     shown = compare_takes(("take.h5", "take.rerecorded.h5", "kept.npz", "take.drive.h5"), lambda *_: None)
     assert dict(shown["verdict"]) == lines
+    assert lines["ears"].endswith(" dB too loud without protection")
     take = open_take("take.rerecorded.h5")
     settings = Settings.of(take.recording.provenance)
     pair = aligned_pair(pressure_of("take.h5", settings), take, settings)

@@ -146,6 +146,15 @@ def test_a_steady_press_is_below_the_band():
     assert told["text"].startswith("97 % of the power below 20 Hz, the slow press; keep it: ")
 
 
+def test_only_the_named_frames_count():
+    press = np.where(TIME < 2, 12, 0) + 3 * np.sin(2 * np.pi * 100 * TIME)
+    shares = [unreproduced(lowest(press), None, (20.0, 470.0), slice(*part))["below_share"] for part in PARTS]
+    assert shares == pytest.approx([144 / 148.5, 0], abs=1e-3)
+
+
+PARTS = [(0, 2000), (2000, None)]
+
+
 def test_slow_and_fast_waves_are_told_apart():
     signal = np.sin(2 * np.pi * 5 * TIME) + np.sin(2 * np.pi * 50 * TIME) + np.sin(2 * np.pi * 400 * TIME)
     told = unreproduced(lowest(signal), None, (20.0, 300.0))

@@ -120,6 +120,17 @@ def play_pass_with_tail(rig, tail=0.3):
 
 
 @pytest.mark.long
+def test_a_rerecording_states_how_loud_its_drive_is_for_unprotected_ears(drive):
+    skin, found = RIG.skin(), []
+    for profile in (PROFILE, PROFILE.behind(20)):
+        with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+            clearance = check_exposure(drive, array, ExposureChoices(profile=profile))
+            found.append(rerecord(clearance, array, sensor).provenance.last("play")["ears_excess_db"])
+    assert found[0] == pytest.approx(found[1], abs=0.02)
+    assert found[1] == pytest.approx(clearance.exposure.sound_excess + 20, abs=0.02)
+
+
+@pytest.mark.long
 def test_lost_frames_are_an_error(drive):
     array, sensor = real(lost=80)
     with array, sensor, pytest.raises(DeviceError, match="lost frames"):

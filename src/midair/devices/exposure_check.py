@@ -164,7 +164,7 @@ def felt_pressure_text(found: Exposure) -> str:
     least = 2 * HARDLY_FELT
     if found.pressure >= least:
         return ""
-    return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm; of 20 people one feels {least:.2g} Pa"
+    return f"nothing will be felt: {found.pressure:.2g} of the {least:.2g} Pa that one of 20 people feels"
 
 
 def measure_exposure(
@@ -303,7 +303,7 @@ def decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tupl
         f"exposure: {found.verdict()}; --attenuate plays it weaker ({-found.excess:.1f} dB{unfelt}), --ear-protection "
         "counts what everyone in the room wears, --override-exposure NAME takes responsibility"
     )
-    refused.excess = found.excess
+    refused.excess, refused.verdict = found.excess, found.verdict()
     raise refused
 
 

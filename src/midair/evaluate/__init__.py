@@ -30,6 +30,7 @@ from .error_budget import error_by_energy as error_by_energy
 from .error_budget import leak as leak
 from .error_budget import surroundings as surroundings
 from .felt import HARDLY_FELT as HARDLY_FELT
+from .felt import PEOPLE as PEOPLE
 from .felt import Felt as Felt
 from .felt import felt as felt
 from .felt import skin_motion as skin_motion
@@ -45,4 +46,8 @@ from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
 from .spectra import dominant_frequency as dominant_frequency
 from .spectra import spectral_error as spectral_error
+from .verdict import SAME as SAME
+from .verdict import SIMILAR as SIMILAR
 from .verdict import Verdict as Verdict
+from .verdict import Way as Way
+from .verdict import ways_to_play as ways_to_play

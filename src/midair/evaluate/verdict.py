@@ -1,5 +1,6 @@
 """The verdict on a reproduction: at most six lines, in the same words wherever it is shown."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,15 +46,19 @@ class Verdict:
     def of(
         cls, comparison: Comparison, reproduced: PressureFrames, card: PerceptualMetrics | None, **known: Any
     ) -> "Verdict":
-        """Build the verdict from the figures of one reproduction; `known` are further fields of the class."""
-        ratios = comparison.ratios
+        """Build the verdict from the figures of one reproduction; `known` are further fields of the class.
+
+        Ears and the part that is left out are those in the provenance of the reproduction.
+        """
+        ratios, life = comparison.ratios, reproduced.provenance
+        noted: Any = life.last("play").get("ears_excess_db"), life.last("not reproduced").get("text", "")
         return cls(
             felt=felt(reproduced.pressure, reproduced.rate, reproduced.sensor.pitch) if card is None else card.felt,
             fidelity=ratios.get(f"{TOUCHED}, without noise", ratios[TOUCHED])[0],
             spectrum=None if card is None else card.figure("SPQI").overall,
             place=comparison.place,
             gain=comparison.gain,
-            **known,
+            **dict(zip(("excess", "left_out"), noted, strict=True)) | known,
         )
 
     def rows(self) -> list[tuple[str, str]]:
@@ -93,3 +98,41 @@ class Verdict:
     def __str__(self) -> str:
         width = max(len(name) for name, _ in self.rows()) + 2
         return "\n".join(f"{name:{width}}{text}" for name, text in self.rows())
+
+
+PROTECTION = 31.0
+"""Attenuation in dB of the ear protection in the list of ways; a person states that of their own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """What a person may do about a drive that is too loud for the ears."""
+
+    name: str
+    felt: Felt | None
+    """By how many people it is then felt; None if that needs another solve."""
+    option: str
+    """Command, or option of `midair play`."""
+
+    @property
+    def row(self) -> tuple[str, str, str]:
+        """Name, people and option as text."""
+        return self.name, "see --plan" if self.felt is None else f"{self.felt.people[0]} of 10", self.option
+
+
+def ways_to_play(
+    felt: Felt, excess: float, *, source: object = "RECORDING", quiet: Felt | None = None
+) -> Sequence[Way]:
+    """List what a person may do about a drive that is `excess` dB too loud; nothing is chosen or assumed.
+
+    Radiation pressure goes with the square of sound. `source` names the recording in commands; `quiet` is the touch of
+    the mode quiet, if it was solved.
+    """
+    weaker, protected = felt.at(-2 * excess), felt.at(-2 * max(excess - PROTECTION, 0))
+    protect = f"--ear-protection {PROTECTION:g}dB" + " --attenuate" * (excess > PROTECTION)
+    return (
+        Way(name="protect all ears in the room", felt=protected, option=protect),
+        Way(name="solve for quiet ears", felt=quiet, option=f"midair solve {source} --mode quiet"),
+        Way(name="play it weaker", felt=weaker, option="--attenuate"),
+        Way(name="answer for it by name", felt=felt, option="--override-exposure NAME"),
+    )

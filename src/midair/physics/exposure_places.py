@@ -63,6 +63,8 @@ class ExposureProfile:
     """Highest estimated warming of the palm in K: from 35 °C to the 41 °C of IEC 60601-1 for parts on skin."""
     hours: float = 24.0
     """Longest exposure of a person a day for which the source states the limits, in hours."""
+    protection: float = 0.0
+    """Attenuation of ear protection in dB, as stated by the user, by which the enforced limits are higher."""
 
     def under(self, limit: float) -> "ExposureProfile":
         """The profile with the same limit in dB at all enforced places."""
@@ -82,7 +84,7 @@ class ExposureProfile:
         places = tuple(
             replace(place, limit=place.limit + attenuation) if place.enforced else place for place in self.places
         )
-        return replace(self, name=name, places=places)
+        return replace(self, name=name, places=places, protection=attenuation)
 
     @property
     def nearest(self) -> tuple[int, Place]:

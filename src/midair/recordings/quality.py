@@ -138,19 +138,22 @@ def _is_white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDAr
     return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))
 
 
-LEAST = 0.05
+LEAST = 0.1
 """Smallest share of the power that is reported."""
 
 
-def unreproduced(recording: Recording, calibration: Calibration | None, band: Band) -> dict[str, Setting]:
-    """Share of the pressure's power, and rms of the strongest cell in Pa, for each part that is not reproduced.
+def unreproduced(
+    recording: Recording, calibration: Calibration | None, band: Band, frames: slice = slice(None)
+) -> dict[str, Setting]:
+    """Share of the power of pressure in some frames, and rms of the strongest cell in Pa, for each part left out.
 
     Parts are frequencies below the band with the mean, those above it, and dead cells, whose power is taken to be that
     of their neighbours; `text` describes those above `LEAST`, and what would reproduce them. Frequencies that the
     calibration does not hold, or at which the sensor has less than a tenth of its response in the band, are left out.
     """
-    frequency, density = welch(recording.samples, recording.rate, resolution=1.0)
-    density, mean = (each.reshape(-1, recording.sensor.count) for each in (density, recording.samples.mean(axis=0)))
+    samples = recording.samples[frames]
+    frequency, density = welch(samples, recording.rate, resolution=1.0)
+    density, mean = (each.reshape(-1, recording.sensor.count) for each in (density, samples.mean(axis=0)))
     size, first = np.ones(density.shape), 0.0
     if calibration is not None:
         first = float(calibration.frequency[0])

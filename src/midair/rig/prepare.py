@@ -22,12 +22,19 @@ def pressure_of(
 ) -> PressureFrames:
     """Calibrated pressure of a part of a take, `start` and `duration` in s.
 
-    Raises InputError if the part is not in the take.
+    Its provenance states what the band leaves out of this part. Raises InputError if the part is not in the take.
     """
     opened = take if isinstance(take, OpenedTake) else open_take(take)
     # Cut after calibration, so that filters leave no edges.
     pressure = calibrated_pressure(opened.recording, opened.calibration, settings)
-    return pressure if start == 0 and duration is None else pressure.cut(start, duration)
+    part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
+    first, last = (
+        start * opened.recording.rate,
+        None if duration is None else (start + duration) * opened.recording.rate,
+    )
+    frames = slice(round(first), last if last is None else round(last))
+    told = unreproduced(opened.recording, opened.calibration, settings.calibration.band, frames)
+    return replace(part, provenance=part.provenance.then("not reproduced", told))
 
 
 def pressure_to_solve(
@@ -38,15 +45,9 @@ def pressure_to_solve(
     *,
     lead: float | None = None,
 ) -> PressureFrames:
-    """`pressure_of` with `lead` s before and after it, by default those that the settings need.
-
-    Its provenance states what a drive of the whole take does not reproduce.
-    """
+    """`pressure_of` with `lead` s before and after it, by default those that the settings need."""
     check_frame_rate(settings.target.rate)
-    opened = take if isinstance(take, OpenedTake) else open_take(take)
-    part = pressure_of(opened, settings, start, duration)
-    told = unreproduced(opened.recording, opened.calibration, settings.calibration.band)
-    part = replace(part, provenance=part.provenance.then("not reproduced", told))
+    part = pressure_of(take, settings, start, duration)
     return add_lead(part, required_lead(settings) if lead is None else lead)
 
 

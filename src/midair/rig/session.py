@@ -266,7 +266,10 @@ class Session:
             samples = read_frames(sensor, round((lasted + tail) * sensor.rate))
         finally:
             sensor.stop()
+        found = clearance.exposure
+        ears = round(found.sound_excess + found.profile.protection, 2) if np.isfinite(found.sound_excess) else None
         played = {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate, "silencer": report.silencer}
+        played |= {"ears_excess_db": ears}
         life = replace(drive.provenance, source=f"{array.name} heard by {sensor.name}")
         provenance = life.then("play", played, simulated=sensor.simulated)
         return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)

@@ -40,7 +40,11 @@ def make(name, level=0.008, frames=20, rate=1000.0, array=ARRAY):
 
 
 def said(capsys):
-    return [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    return said_of(capsys.readouterr())
+
+
+def said_of(captured):
+    return [line for line in captured.err.splitlines() if line.startswith("midair: ")]
 
 
 @pytest.mark.long
@@ -467,8 +471,34 @@ def test_a_drive_too_weak_to_feel_is_reported(capsys):
     assert "and nothing will be felt), --ear-protection counts" in said(capsys)[0]
     assert run(["play", focus, *EMULATOR, "--attenuate"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "nothing will be felt: at most" in shown
+    assert re.search(r"nothing will be felt: \S+ of the \S+ Pa that one of 20 people feels", shown)
     assert "felt by about 0 of 10 people" in shown or "felt by" not in shown
+
+
+@pytest.mark.long
+def test_a_refusal_prints_four_ways_and_a_plan_what_quiet_ears_give(capsys):
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.6s"]) == 0
+    part = ["--start-at", "0.5s", "--duration", "20ms", "--set", "target.grid={rows=6,columns=6,pitch=0.011}"]
+    assert run(["solve", "take.h5", *part, "--mode", "quick"]) == 0
+    capsys.readouterr()
+    assert run(["play", "take.drive.h5", *EMULATOR]) == 1
+    refused = capsys.readouterr()
+    assert re.fullmatch(r"midair: not played: \d+\.\d dB too loud: .* dB at the .*, limit 110 dB", said_of(refused)[0])
+    names = ["protect all ears in the room", "solve for quiet ears", "play it weaker", "answer for it by name"]
+    ways = {name: line for line in refused.out.splitlines() for name in names if line.startswith(name)}
+    assert list(ways) == names
+    assert "see --plan" in ways[names[1]]
+    before = set(Path().iterdir())
+    assert run(["play", "--plan", "take.h5", *part, "--mode", "quick"]) == 0
+    planned = capsys.readouterr().out
+    assert planned.startswith("SIMULATED  nothing was played; ")
+    assert re.search(r"solve for quiet ears +\d+ of 10 +midair solve take.h5 --mode quiet\n", planned)
+    # The same figures as in the refusal, and nothing was written.
+    for name in (names[0], *names[2:]):
+        assert re.sub(" +", " ", ways[name]) in re.sub(" +", " ", planned)
+    assert set(Path().iterdir()) == before
+    assert run(["play", "--plan", "take.drive.h5"]) == 1
+    assert "expected a recording" in said(capsys)[0]
 
 
 @pytest.mark.long

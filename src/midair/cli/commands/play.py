@@ -9,14 +9,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from midair import devices, files, rig
-from midair.cli.console import print_grid, print_note, progress_bars
+from midair.cli.console import print_answer, print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
 from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, print_table, reserved
 from midair.errors import ExposureError, InputError
-from midair.model import Acoustics, Drive, Progress
+from midair.evaluate import Felt, ways_to_play
+from midair.model import Acoustics, Drive, Medium, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pressure_level import band_of, level_of
+from midair.settings import Settings
 from midair.table import Details, Line
 
 
@@ -43,6 +45,7 @@ def play_command(
     stop_input: StopInput = None,
     solve: PlayTakeOptions | None = None,
     drive: Path | None = None,
+    plan: bool = False,
 ) -> int | None:
     """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
 
@@ -62,6 +65,8 @@ def play_command(
         Correct the phases for the air of the room, exactly at the centre of the control points; needs --temperature.
     drive
         Drive of a recording to write, NAME.drive.h5, the same as by midair solve.
+    plan
+        Play nothing: solve a recording, also for quiet ears, and print by how many people each way to play it is felt.
 
     Examples
     --------
@@ -69,6 +74,7 @@ def play_command(
     $ midair play take.drive.h5 --device autd3
     $ midair play circle.toml
     $ midair play take.h5 --duration 0.1s --mode quick --drive felt.drive.h5
+    $ midair play --plan take.h5
     """
     room = room or RoomOptions()
     medium = room.medium()
@@ -84,6 +90,10 @@ def play_command(
     solved = pattern or source.name.lower().endswith(files.DRIVE_SUFFIX)
     if solved and (given := solve.given() or "--drive" * (drive is not None)):
         raise InputError(f"{given}: only for a recording; {source} is already solved and is played whole")
+    if plan:
+        if solved:
+            raise InputError(f"--plan: expected a recording, got {source}, which is solved; name its recording")
+        return _print_plan(source, solve, settings)
     if pattern:
         with TemporaryDirectory() as folder:
             drawn = _drawn_into(Path(folder), source, settings)
@@ -119,18 +129,16 @@ def play_command(
                     source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings
                 )
             except ExposureError as refused:
-                _print_ways(source, refused.excess)
-                raise
+                if not _print_ways(source, refused.excess):
+                    raise
+                raise ExposureError(f"not played: {refused.verdict}") from refused
         else:
             if correct_air:
                 raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
             if drive is not None:
                 may_write(drive, force, files.DRIVE_SUFFIX)
             solve.refuse_idle_palm()
-            solving = solve.settings()
-            if medium is not None:
-                like = replace(medium, alpha=solving.acoustics.medium.alpha)
-                solving = solving.but(acoustics=replace(solving.acoustics, medium=like))
+            solving = _solving(solve, medium)
             pressure = rig.pressure_to_solve(source, solving, solve.start_at, solve.duration, lead=solve.lead)
             if device == "virtual":
                 height, band = solving.target.grid.height, solving.calibration.band
@@ -217,22 +225,47 @@ class _Shown(rig.PlayObserver):
         self._bar(done, total)
 
 
-def _print_ways(source: Path, excess: float) -> None:
-    """Print what a person may do about a refused drive, `excess` dB too loud, and by how many it is then felt."""
+def _print_ways(source: Path, excess: float) -> bool:
+    """Print what a person may do about a refused drive, `excess` dB too loud, and who feels it; False if unknown."""
     solution, target = files.load_solution(source, streamed=True), files.load_target(source, streamed=True)
     if not excess or target is None:
-        return
+        return False
     whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
-    # Radiation pressure goes with the square of sound. The best protectors attenuate about 31 dB.
-    weaker, protected = whole.at(-2 * excess), whole.at(-2 * max(excess - 31, 0))
-    ways = [
-        ("protect all ears in the room", protected, "--ear-protection 31dB" + " --attenuate" * (excess > 31)),
-        ("play it weaker", weaker, "--attenuate"),
-        ("answer for it by name", whole, "--override-exposure NAME"),
-    ]
-    rows = [(way, f"{found.people[0]} of 10", option) for way, found, option in ways]
-    quiet = ("solve for quiet ears", "?", "midair budget RECORDING --trade 110dB")
-    print_grid(("what you can do", "felt by", "option"), [*rows, quiet])
+    original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
+    ways = ways_to_play(whole, excess, source=original if original.exists() else "RECORDING")
+    print_grid(_WAYS, [way.row for way in ways])
+    return True
+
+
+def _solving(options: PlayTakeOptions, medium: Medium | None) -> Settings:
+    """Settings of a solve, for the stated air of the room."""
+    made = options.settings()
+    if medium is None:
+        return made
+    like = replace(medium, alpha=made.acoustics.medium.alpha)
+    return made.but(acoustics=replace(made.acoustics, medium=like))
+
+
+_WAYS = ("what you can do", "felt by", "option")
+
+
+def _print_plan(source: Path, solve: PlayTakeOptions, settings: rig.PlaySettings) -> None:
+    """Solve a recording as it is and for quiet ears, and print by how many people each way to play it is felt."""
+    array, found, loud = rig.transducers_of(settings.device, settings.placement), list[Felt](), 0.0
+    answer, limits = "", settings.exposure
+    modes = {"solve": solve, "solve for quiet ears": replace(solve, mode="quiet", settings_file=None)}
+    with TemporaryDirectory() as folder, progress_bars() as stage:
+        for name, options in modes.items():
+            own, path = _solving(options, limits.room), Path(folder) / f"{name}.drive.h5"
+            pressure = rig.pressure_to_solve(source, own, options.start_at, options.duration, lead=options.lead)
+            target, solution = rig.solve_to_file(pressure, array, own, path, progress=stage(name))
+            found.append(felt_of_drive(solution, target, level_of(solution, target, band=band_of(target))))
+            if not answer:
+                sound = devices.measure_exposure(solution.drive, array, limits.profile, room=limits.room)
+                answer, loud = f"nothing was played; {sound.verdict()}", sound.excess
+    print_answer(answer, simulated=True)
+    if loud > 0:
+        print_grid(_WAYS, [way.row for way in ways_to_play(found[0], loud, source=source, quiet=found[1])])
 
 
 def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:
