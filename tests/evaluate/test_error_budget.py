@@ -32,7 +32,8 @@ def made():
             leak=Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=10.0),
         ),
     ]
-    return budget(original, outputs, strength=0.1, kept=0.9)
+    life = Provenance().then("not reproduced", {"text": "a tenth"})
+    return budget(replace(original, provenance=life), outputs, strength=0.1)
 
 
 def test_alone_and_so_far_by_hand(made):
@@ -53,9 +54,20 @@ def test_json_has_every_stage_and_no_infinity(made):
     plain = made.plain()
     assert [stage["stage"] for stage in plain["stages"]] == ["first", "second"]
     assert plain["stages"][1]["leak"] == 0.5
-    assert plain["kept_in_band"] == 0.9
+    assert plain["left_out"] == "a tenth"
     assert "Infinity" not in json.dumps(plain) + json.dumps(perfect.plain())
-    assert replace(made, kept=None).plain()["kept_in_band"] is None
+    assert plain["losses_db"] == pytest.approx({"first": 40.0, "second": 3.0}, abs=0.05)
+
+
+def test_distortion_that_a_later_stage_cancels_costs_nothing():
+    clean, pushed = frames((100, 1)), frames((100, 1), (210, 0.3))
+    field, sensor = (frames((100, 1), (330, amplitude)) for amplitude in (0.01, 0.1))
+    steps = {"beforehand": pushed, "mapping": pushed, "field": field, "sensor": sensor}
+    outputs = [StageOutput(name=name, what="", pressure=each) for name, each in steps.items()]
+    losses = [(stage.name, round(loss)) for stage, loss in budget(clean, outputs, strength=0.1).losses()]
+    assert losses == [("field", 20), ("sensor", 20)]
+    perfect = budget(clean, [StageOutput(name="only", what="", pressure=clean)], strength=0.1).losses()
+    assert [(stage.name, loss) for stage, loss in perfect] == [("only", 0.0)]
 
 
 def test_faint_frames_are_weighted_by_their_power():

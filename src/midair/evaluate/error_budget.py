@@ -297,8 +297,8 @@ class Budget:
 
     stages: tuple[StageLoss, ...]
     """In processing order."""
-    kept: float | None
-    """Part of the recording's power in the band; None if unknown."""
+    left_out: str
+    """Part of the recording that is not reproduced; empty if it is small or unknown."""
     band: Band
     """(low, high) in Hz of signal and distortion."""
     strength: float
@@ -314,12 +314,28 @@ class Budget:
         """Return the line with this name."""
         return next(each for each in self.stages if each.name == name)
 
+    def losses(self) -> list[tuple[StageLoss, float]]:
+        """What stages cost of 60 dB, the largest first; together they leave what the last stage leaves.
+
+        Later stages may cancel distortion: of stages up to the best ratio that follows, the one with the most
+        distortion has the loss, except what is done beforehand.
+        """
+        found, left, stages = list[tuple[StageLoss, float]](), 60.0, list(self.stages)
+        while stages:
+            ratios = [min(each.so_far.distortion_ratio, 60.0) for each in stages]
+            best = int(np.argmax(ratios))
+            some = [each for each in stages[: best + 1] if each.name != "beforehand"] or stages[:1]
+            found.append((min(some, key=lambda each: each.alone.distortion_ratio), left - ratios[best]))
+            left, stages = ratios[best], stages[best + 1 :]
+        return sorted(found, key=lambda each: -each[1])
+
     def plain(self) -> dict[str, object]:
         """Values of the whole budget for JSON."""
         return {
             "simulated": self.simulated,
             "band_hz": list(self.band),
-            "kept_in_band": self.kept,
+            "left_out": self.left_out,
+            "losses_db": {stage.name: loss for stage, loss in self.losses()},
             "strength": self.strength,
             "stages": [stage.plain() for stage in self.stages],
             "palm": None if self.palm is None else self.palm.plain(),
@@ -337,7 +353,6 @@ def budget(
     outputs: Sequence[StageOutput],
     *,
     strength: float,
-    kept: float | None = None,
     band: Band = BAND,
     judged: tuple[float, float] | None = None,
     palm: PalmFidelity | None = None,
@@ -345,8 +360,8 @@ def budget(
     """Compare the output of each stage with its input and with the original.
 
     `original` is the recorded pressure in the band. `outputs` are in processing order, all on the original's cells and
-    with the same start and duration. `strength`, `kept` and `palm` are fields of `Budget`; `band` and `judged`
-    are as in `fidelity`.
+    with the same start and duration. `strength` and `palm` are fields of `Budget`; `band` and `judged` are as
+    in `fidelity`.
     """
     lines: list[StageLoss] = []
     before = original
@@ -359,4 +374,5 @@ def budget(
         lines.append(StageLoss(name=output.name, what=output.what, alone=alone, so_far=so_far, leak=output.leak))
         before = output.pressure
     simulated = original.provenance.simulated or any(each.pressure.provenance.simulated for each in outputs)
-    return Budget(stages=tuple(lines), kept=kept, band=band, strength=strength, simulated=simulated, palm=palm)
+    left_out = str(original.provenance.last("not reproduced").get("text", ""))
+    return Budget(stages=tuple(lines), left_out=left_out, band=band, strength=strength, simulated=simulated, palm=palm)

@@ -90,7 +90,8 @@ def test_budget_as_json_and_as_a_figure(capsys):
     assert run(["budget", "take.h5", "budget.png", *QUICK, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["stages"][0]["stage"] == "mapping"
-    assert 0 < answer["kept_in_band"] <= 1
+    assert "% of the power" in answer["left_out"]
+    assert sum(answer["losses_db"].values()) == pytest.approx(60 - answer["stages"][-1]["sdr_so_far_db"], abs=1e-6)
     assert answer["palm"]["palm"] == "disc of 85 mm"
     assert len(answer["palm"]["sdr_displacement_db"]) == 4
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")

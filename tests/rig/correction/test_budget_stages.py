@@ -7,7 +7,7 @@ from midair.datasets import probe_signal
 from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.pipeline import calibrated_pressure
 from midair.rig import record
-from midair.rig.correction.budget_stages import BudgetPlan, band_power_share, error_budget
+from midair.rig.correction.budget_stages import BudgetPlan, error_budget
 from midair.rig.names.sensor_names import VirtualRig
 from midair.settings import Settings
 
@@ -101,15 +101,6 @@ def test_images_come_with_the_hold_and_less_of_them_at_a_higher_rate(paper, best
 def test_only_the_field_of_the_solver_can_leak(paper):
     assert paper.stage("solver").leak.peak > 0
     assert all(stage.leak is None for stage in paper.stages if stage.name != "solver")
-
-
-def test_share_of_a_recording_in_the_band():
-    take, _ = recording()
-    kept = band_power_share(take, (20.0, 470.0))
-    assert 0.95 < kept <= 1
-    assert band_power_share(take, (200.0, 300.0)) < kept
-    silent = type(take)(samples=np.zeros((300, 4, 4)), rate=1000.0)
-    assert band_power_share(silent, (20.0, 470.0)) is None
 
 
 @pytest.mark.long

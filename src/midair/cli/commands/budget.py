@@ -10,7 +10,7 @@ from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, Seed, Spread, TakeOptions, parse_quantity
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
-from midair.evaluate import RATIOS, Budget, ratio_text
+from midair.evaluate import RATIOS, Budget, StageLoss, ratio_text
 from midair.figures import budget_figure, png_bytes
 from midair.pipeline import required_lead
 from midair.table import Details, Line
@@ -90,9 +90,7 @@ def budget_command(
             rows = list(rig.level_trade(original, plan, levels, stage=stage))
         return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
     with progress_bars() as stage:
-        made = rig.error_budget(
-            original, plan, kept=rig.band_power_share(files.open_take(source).recording, band), stage=stage
-        )
+        made = rig.error_budget(original, plan, stage=stage)
     if figure is not None:
         files.write_file(figure, png_bytes(budget_figure([(source.name, made)])))
     if json:
@@ -120,31 +118,36 @@ def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
 
 
 def print_budget(budget: Budget, figure: Path | None) -> None:
-    """Print a row per stage, and with all lines what each stage is."""
+    """Print a row for each loss, the largest first, and with all lines what each stage is."""
     low, high = budget.band
-    last, worst = budget.stages[-1], min(budget.stages, key=lambda each: each.alone.distortion_ratio)
-    answer = f"{last.so_far.distortion_ratio:.1f} dB on the touched cells; the stage {worst.name} costs most"
+    last, losses = budget.stages[-1], budget.losses()
+    answer = f"{last.so_far.distortion_ratio:.1f} dB on the touched cells; the {losses[0][0].name} costs most"
     print_answer(answer, simulated=budget.simulated)
     rows = [
         (
             each.name,
-            f"{each.alone.distortion_ratio:.1f}" if each.alone.distortion_ratio < 100 else "none",
-            f"{each.so_far.distortion_ratio:.1f}",
+            f"{loss:.1f}",
             f"{each.so_far.gain:.2f}",
             "" if each.leak is None else f"{100 * each.leak.peak:.0f} %",
         )
-        for each in budget.stages
+        for each, loss in losses
+        if loss >= 0.05
     ]
-    print_grid(("stage", "its distortion, dB", "all so far, dB", "gain", "beside the touch"), rows)
-    kept = "" if budget.kept is None else f"{100 * budget.kept:.1f} % of the recording's power lies in the band"
+    print_grid(("stage", "costs, dB", "gain so far", "beside the touch"), rows)
     table: list[Line] = [
         *([] if budget.palm is None else palm_lines(budget.palm)),
         *([] if budget.laboratory is None else laboratory_lines(budget.laboratory)),
-        ("band", f"{low:g} to {high:g} Hz; {kept}".removesuffix("; ")),
+        ("band", f"{low:g} to {high:g} Hz; costs are those of 60 dB"),
+        ("left out", budget.left_out),
         ("figure", str(figure or "")),
-        Details([*((each.name, each.what) for each in budget.stages), ("strength", f"{budget.strength:.3f}")]),
+        Details([*((each.name, _stage_text(each)) for each in budget.stages), ("strength", f"{budget.strength:.3f}")]),
         Details([(name, f"{ratio_text(limits)} dB; {RATIOS[name]}") for name, limits in last.so_far.ratios.items()]),
     ]
     print_table(table, json=False)
     if budget.laboratory is not None:
         print_laboratory(budget.laboratory)
+
+
+def _stage_text(stage: StageLoss) -> str:
+    alone, so_far = (f"{each.distortion_ratio:.1f}" for each in (stage.alone, stage.so_far))
+    return f"{stage.what}; {alone} dB alone, {so_far} dB with all before it"

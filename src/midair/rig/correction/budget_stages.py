@@ -8,7 +8,6 @@ import numpy as np
 from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.devices import SilencerChoice, measure_exposure, silencer_named
-from midair.dsp import band_energy
 from midair.evaluate import Budget, Felt, StageOutput, apply_band_twice, budget, felt, leak
 from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
 from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
@@ -63,17 +62,15 @@ class BudgetPlan:
     """Whether a shift and a turn of the palm in its plane count as distortion."""
 
 
-def error_budget(
-    original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = no_progress
-) -> Budget:
+def error_budget(original: PressureFrames, plan: BudgetPlan, *, stage: Stage = no_progress) -> Budget:
     """Compute the loss of each stage of a reproduction.
 
     Each stage is added to those before it, and everything after it is ideal: targets and fields become pressure on the
     sensor's cells by the exact weights of the gel, and before the hold stage the pressure is band-limited between
     frames. Then follow frame hold, transducers with their own resonance and strength, silencer, and sensor with noise.
 
-    `original` comes from `pipeline.calibrated_pressure`, `kept` from `band_power_share`. `stage` is called with the
-    name of each stage at its start, and returns its progress callback.
+    `original` comes from `pressure_of`, `stage` is called with the name of each stage at its start, and returns its
+    progress callback.
     """
     asked = add_lead(original, plan.lead)
     plan = replace(plan, settings=with_fitted_gain(asked, plan.measured or plan.rig.array, plan.settings))
@@ -89,7 +86,7 @@ def error_budget(
         palm = palm_of_drive(
             asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
         )
-    found = budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+    found = budget(asked, outputs, strength=made.strength(), band=band, judged=part, palm=palm)
     if plan.laboratory is None:
         return found
     loss = laboratory_loss(
@@ -172,16 +169,6 @@ def level_trade(
         # Without a reduced gain, a higher level changes nothing.
         full = row if fitted.target.gain >= (1 - 1e-9) * most.target.gain else None
         yield row
-
-
-def band_power_share(recording: Recording, band: tuple[float, float]) -> float | None:
-    """Share of a recording's power that lies in the band; None for a silent recording.
-
-    It is computed from the sensor's output, since outside the band the sensor is too insensitive to give the pressure.
-    """
-    whole = float(band_energy(recording.samples, recording.rate, (1.0, recording.rate / 2)).sum())
-    part = float(band_energy(recording.samples, recording.rate, (band[0], min(band[1], recording.rate / 2))).sum())
-    return part / whole if whole > 0 else None
 
 
 def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
