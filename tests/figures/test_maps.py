@@ -1,7 +1,11 @@
+import base64
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
-from midair.evaluate import PressedPalm, perceptual_metrics
+from midair.evaluate import perceptual_metrics
 from midair.figures import (
     beam_figure,
     card_figure,
@@ -12,7 +16,7 @@ from midair.figures import (
     spectra_figure,
     traces_figure,
 )
-from midair.figures.maps import PalmPanel, palm_figure, strongest_moment
+from midair.figures.maps import map_source, strongest_moment
 from midair.files import profile_named
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import exposure
@@ -72,11 +76,6 @@ def test_the_card_s_map_holds_its_numbers(tones):
     assert "–" in texts
 
 
-PALM = PressedPalm(
-    wanted=np.ones((7, 7)), delivered=np.where(np.eye(7) > 0, np.nan, 3.0), pitch=5e-3, square=(10e-3, 10e-3)
-)
-
-
 def pressed(rate):
     """A second in which channel 6 is struck at half a second."""
     time = np.arange(int(rate)) / rate
@@ -92,20 +91,13 @@ def test_the_window_lies_around_the_strongest_moment():
     assert begin + 0.1 >= 0.529
 
 
-def test_every_way_has_a_map_and_a_trace_at_its_own_rate():
-    ways = [
-        PalmPanel(name="fast", felt=pressed(4000.0), pressed=PALM),
-        PalmPanel(name="slow", felt=pressed(1000.0), pressed=PALM),
-    ]
-    above, below = palm_figure(pressed(4000.0), ways).subfigs
-    assert [axis.get_title("left") for axis in above.axes[:3]] == ["target", "fast", "slow"]
-    assert len({axis.images[0].get_clim() for axis in above.axes[:3]}) == 1
-    for axis, (_, slower) in zip(below.axes, [(1, 1), (1, 4)], strict=True):
-        original, felt = (line.get_xydata() for line in axis.lines)
-        assert len(felt) == pytest.approx(len(original) / slower, abs=1)
-        # Struck at the same time in both.
-        struck = [line[line[:, 1] > 1, 0].mean() for line in (original, felt)]
-        assert struck[0] == pytest.approx(struck[1], abs=2e-3)
+def test_a_map_of_touch_has_the_last_row_on_top_and_nothing_where_nothing_is():
+    source = map_source(np.array([[0.0, np.nan], [1.0, 5.0]]), 2.0)
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))).convert("RGBA"))
+    assert pixels.shape == (2, 2, 4)
+    assert pixels[1, :, 3].tolist() == [0, 0]
+    assert pixels[0, :, 3].tolist() == [255, 255]
+    assert pixels[0, 1, :3].tolist() == [0x4A, 0x0E, 0x60], "the darkest colour is the top and more"
 
 
 @pytest.mark.long

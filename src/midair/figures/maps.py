@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import cycle
 from typing import TYPE_CHECKING
 
@@ -11,14 +11,14 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import strongest_window, welch
-from midair.evaluate import PerceptualFigure, PerceptualMetrics, PressedPalm
-from midair.figures.style import STYLE, colour_bar, label_axes, legend_above, new_figure, plain_axes
+from midair.evaluate import PerceptualFigure, PerceptualMetrics
+from midair.figures.style import STYLE, colour_bar, data_url, label_axes, legend_above, new_figure, plain_axes
 from midair.model import ControlGrid, Drive, PressureFrames, SensorGrid
 from midair.physics import Exposure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
 
 def traces_figure(original: PressureFrames, reproduced: PressureFrames | None = None) -> Figure:
@@ -222,70 +222,19 @@ def _metric_map(axis: Axes, figure: PerceptualFigure) -> None:
     axis.set_yticks([])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PalmPanel:
-    """One way of playing."""
+def map_source(values: Array, top: float) -> str:
+    """Draw a map of values from 0, which is transparent, to `top`, as the data URL of a PNG with one pixel a value.
 
-    name: str
-    """Title of its map."""
-    felt: PressureFrames
-    """Pressure at the sensor."""
-    pressed: PressedPalm
-    """Pressure on the palm."""
-
-
-def palm_figure(original: PressureFrames, ways: Sequence[PalmPanel], *, window: float = 0.1) -> Figure:
-    """Draw maps of the palm, target first and then each way; below them the strongest cell of each.
-
-    The traces are `window` seconds long, around the strongest moment of the recorded pressure `original`.
+    `values` have the shape (row, column); the last row is on top, since y grows upwards. NaN is transparent.
     """
-    simulated = original.provenance.simulated or any(way.felt.provenance.simulated for way in ways)
-    figure = new_figure(3.0 * (len(ways) + 1) + 0.9, 5.6, simulated=simulated)
-    parts = figure.add_gridspec(2, 1, height_ratios=[1.25, 1])
-    _draw_maps(figure.add_subfigure(parts[0]), ways)
-    _draw_traces(figure.add_subfigure(parts[1]), original, ways, window)
-    return figure
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.image import imsave
 
-
-def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel]) -> None:
-    maps = [("target", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
-    top = max(float(np.nanmax(values)) for _, values in maps) or 1.0
-    axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
-    for axis, (name, values) in zip(axes, maps, strict=True):
-        _draw_palm(axis, values, ways[0].pressed, top)
-        label_axes(axis, title=name, x="x (mm)", y="y (mm)").label_outer()
-    colour_bar(figure, list(axes), "pressure (Pa, rms in the band)")
-
-
-def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float) -> None:
-    from matplotlib.colors import PowerNorm
-    from matplotlib.patches import Rectangle
-
-    rows, columns = values.shape
-    x, y = (0.5e3 * palm.pitch * count for count in (columns, rows))
-    # Leakage may be many times stronger than the target: on a square-root scale both are visible.
-    roots = PowerNorm(0.5, vmin=0, vmax=top)
-    axis.imshow(values, cmap=STYLE.quantity, norm=roots, extent=(-x, x, y, -y), origin="upper")
-    half_x, half_y = (1e3 * half for half in palm.square)
-    axis.add_patch(Rectangle((-half_x, -half_y), 2 * half_x, 2 * half_y, fill=False, edgecolor="white", linestyle="--"))
-
-
-def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[PalmPanel], window: float) -> None:
-    cell, begin = strongest_moment(original, window)
-    axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
-    for axis, way in zip(axes, ways, strict=True):
-        title = f"{way.name}, cell {cell[0] + 1}, {cell[1] + 1}"
-        plain_axes(axis, title=title, x="time (s)", y="pressure (Pa)").label_outer()
-        # The wide line of the original is seen on both sides of the reproduction.
-        for name, frames, colour, wide in (
-            ("original", original, STYLE.original, 2.2),
-            ("re-recorded", way.felt, STYLE.reproduced, 0.9),
-        ):
-            # The rates may differ.
-            part = (frames.time >= begin) & (frames.time <= begin + window)
-            axis.plot(frames.time[part], frames.pressure[part, *cell], color=colour, linewidth=wide, label=name)
-        axis.margins(x=0)
-    axes[0].legend(fontsize=8, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98), borderaxespad=0)
+    share = np.clip(np.nan_to_num(values[::-1]) / top, 0, 1)
+    colours = LinearSegmentedColormap.from_list("touch", STYLE.touch)(share)
+    colours[..., 3] = np.minimum(1, 7 * share)
+    imsave(out := io.BytesIO(), colours, format="png")
+    return data_url(out.getvalue())
 
 
 def strongest_moment(frames: PressureFrames, window: float) -> tuple[tuple[int, int], float]:

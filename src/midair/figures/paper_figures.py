@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.array_types import Array
-from midair.evaluate import ALL, OVERALL, TOUCHED, Budget, LaboratoryLoss
+from midair.evaluate import TOUCHED, Budget
 from midair.figures.maps import draw_map
 from midair.figures.style import STYLE, colour_bar, label_axes, legend_above, new_figure, plain_axes
 from midair.model import ControlGrid, PressureFrames, SensorGrid, Solution
@@ -186,21 +186,6 @@ def budget_figure(budgets: Sequence[tuple[str, Budget]]) -> Figure:
             axis.set_ylim(-0.6, len(names) - 0.4)
             axis.label_outer()
     legend_above(figure, axes[0, 0])
-    return figure
-
-
-def laboratory_figure(found: LaboratoryLoss) -> Figure:
-    """Draw the signal-to-distortion ratio that each uncertainty of a laboratory leaves, alone and all together."""
-    rows = found.rows()
-    figure = new_figure(6.4, 0.28 * len(rows) + 1.0, simulated=True)
-    axis = plain_axes(figure.subplots(), x=f"{OVERALL} (dB)")
-    for place, (name, _, middle, low, high) in zip(range(len(rows))[::-1], rows, strict=True):
-        colour = STYLE.reproduced if name == ALL else STYLE.before
-        axis.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.4, solid_capstyle="butt")
-        axis.plot(middle, place, "o", color=colour, markersize=5)
-    axis.axvline(found.nominal, color=STYLE.original, linewidth=1)
-    names = [f"{name}, {stated}" if stated else name for name, stated, *_ in rows]
-    axis.set_yticks(range(len(rows))[::-1], names, fontsize=8)
     return figure
 
 

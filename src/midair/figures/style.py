@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +34,8 @@ class Style:
     """Original, and what is compared with it."""
     lines: tuple[str, ...] = ("#d55e00", "#56b4e9", "#1b1f24", "#009e73", "#cc79a7", "#e69f00", "#0072b2")
     """Further curves of one figure."""
+    touch: tuple[str, ...] = ("#fff3d6", "#fdc462", "#f06e3e", "#b8225c", "#4a0e60")
+    """Pressure on a drawn hand."""
 
 
 STYLE = Style()
@@ -77,7 +79,7 @@ def legend_above(figure: Figure, axes: Axes) -> None:
     figure.legend(handles, labels, loc="outside upper left", ncols=len(handles), fontsize=8, frameon=False)
 
 
-def colour_bar(figure: Figure | SubFigure, axes: Sequence[Axes], label: str) -> None:
+def colour_bar(figure: Figure, axes: Sequence[Axes], label: str) -> None:
     """Add the colour bar of images that share one scale."""
     bar = figure.colorbar(axes[0].images[0], ax=axes, shrink=0.85, pad=0.02)
     bar.set_label(label, fontsize=9)
@@ -89,6 +91,11 @@ def png_bytes(figure: Figure, *, dpi: int = 130) -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=dpi)
     return out.getvalue()
+
+
+def data_url(png: bytes) -> str:
+    """A PNG as the source of an image in a page that loads nothing."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +111,7 @@ class Picture:
     @property
     def source(self) -> str:
         """The picture as a data URL, for an ``img`` element."""
-        return "data:image/png;base64," + base64.b64encode(self.data).decode()
+        return data_url(self.data)
 
     @property
     def size(self) -> tuple[int, int]:

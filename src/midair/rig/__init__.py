@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .bench.identify import identify_by_tones as identify_by_tones
     from .correction.budget_stages import BudgetPlan as BudgetPlan
     from .correction.budget_stages import LevelTrade as LevelTrade
-    from .correction.budget_stages import band_power_share as band_power_share
     from .correction.budget_stages import error_budget as error_budget
     from .correction.budget_stages import level_trade as level_trade
     from .correction.correction_loop import Loop as Loop
@@ -43,10 +42,8 @@ if TYPE_CHECKING:
     from .correction.iteration import Stage as Stage
     from .correction.iteration import no_progress as no_progress
     from .correction.laboratory import laboratory_of_loop as laboratory_of_loop
-    from .correction.loop_report import FIELD_TITLE as FIELD_TITLE
     from .correction.loop_report import view_of_loop as view_of_loop
     from .correction.loop_report import write_report as write_report
-    from .correction.outcomes import PALM_TITLE as PALM_TITLE
     from .correction.outcomes import Outcome as Outcome
     from .correction.outcomes import comparison_rows as comparison_rows
     from .correction.outcomes import next_step as next_step

@@ -213,8 +213,8 @@ def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[s
     settings = settings_of(solve)
     made = loop(solve.take, settings, "virtual", stage=partial(partial, progress))
     progress("drawing the report", 0, 1)
-    commands = (f"midair loop {Path(solve.take).name}",)
-    write_report(made, Path(path), commands=commands)
+    name = Path(solve.take).name
+    write_report(made, Path(path), source=name, commands=(f"midair loop {name}",))
     last = made.passes[-1].comparison
     return {"report": Path(path).name, "figures": [[n, _figure(v, u)] for n, (v, u) in last.figures().items()]}
 

@@ -17,6 +17,7 @@ from .frame_encoding import metadata as metadata
 from .frame_encoding import pack as pack
 from .frame_encoding import phase_counts as phase_counts
 from .frame_encoding import sections as sections
+from .frame_encoding import size_of as size_of
 from .frame_encoding import unpack as unpack
 from .pages import WEB as WEB
 from .pages import channel_sound as channel_sound

@@ -1,9 +1,11 @@
+import html
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss, PalmFidelity, PressedPalm
 from midair.figures import Picture
 from midair.figures.style import new_figure, png_bytes
 from midair.model import PressureFrames, SensorGrid
@@ -13,6 +15,7 @@ from midair.rig.correction.loop_report import (
     view_of_loop,
     write_report,
 )
+from midair.rig.correction.outcomes import Outcome
 from midair.targets import frames_without_lead
 
 
@@ -34,9 +37,9 @@ def page(loop, tmp_path_factory):
 def test_the_page_is_self_contained(loop, tmp_path):
     page = written(loop, tmp_path)
     assert "Target and reproduced field" in page
-    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert not re.search(r"(src|href)=\"(?!data:|#)", page)
     assert not re.search(r"https?:", page)
-    assert page.count("data:image/png;base64,") == 7
+    assert page.count("data:image/png;base64,") == 6 + 2, "figures, and two maps on the cells"
 
 
 @pytest.mark.long
@@ -62,7 +65,10 @@ def test_the_page_has_all_sections(loop, page):
         "band",
     ):
         assert words in page
-    assert re.search(r"<details><summary><h2>Settings</h2>(?s:.*)numpy", page), "long tables are folded"
+    assert re.search(r"<details><summary>How it was computed (?s:.*)numpy", page), "long tables are folded"
+    text = html.unescape(re.sub(r"<[^>]+>", "", page))
+    for name, line in Outcome.of(loop).verdict.rows():
+        assert name.capitalize() + " " + line in text if name == "felt" else name + line in text
     made = loop.passes[-1].reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     assert f"{100 * made.solution.error[inside].mean():.3g}" in page
@@ -88,17 +94,49 @@ def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     old.write_text("old")
     with pytest.raises(Exception, match="folder"):
         write_report(loop, tmp_path / "nowhere" / "report.html")
-    shown = write_report(loop, old)
+    write_report(loop, old)
     assert "SIMULATED" in old.read_text(encoding="utf-8")
-    assert all(one.source in old.read_text(encoding="utf-8") for one in shown)
     assert list(tmp_path.iterdir()) == [old]
+
+
+@pytest.mark.browser
+def test_the_page_is_small_and_has_the_answer_first(loop, tmp_path, chromium):
+    """At most 2 MB and 4000 px, also with a palm, other outcomes and a laboratory; the view draws once it is opened."""
+    square = PressedPalm(wanted=np.ones((35, 35)), delivered=np.ones((35, 35)), pitch=2.5e-3, square=(27.5e-3, 27.5e-3))
+    skins = {"soft, deep": 12.0, "stiff, deep": 14.5}
+    palm = PalmFidelity(outside=0.01, pressure=9.0, square=11.0, displacement=skins, palm="disc", pressed=square)
+    outcomes = [Outcome.of(loop, palm=palm, name=name) for name in ("the best mode", "the paper's mode")]
+    lab = LaboratoryLoss(
+        nominal=28.0,
+        ratios={ALL: np.linspace(4, 20, 9), ALL_MEASURED: np.linspace(22, 30, 9), "units": np.linspace(9, 15, 9)},
+        stated={"units": "0.5 mm, 0.3 deg", "palm height": "3 mm", "echo": "10 %"},
+        seed=0,
+    )
+    own = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=lab, excess=36.8, option="--gain 1.22"))
+    path = tmp_path / "report.html"
+    write_report(loop, path, source="take.h5", beside=[own, outcomes[1]], laboratory=lab)
+    assert path.stat().st_size < 2e6
+    for width, most in ((1400, 4000), (390, 5000)):
+        opened, wrong = chromium.new_page(viewport={"width": width, "height": 900}), []
+        opened.on("console", lambda said: wrong.append(said.text))  # noqa: B023
+        opened.on("pageerror", lambda error: wrong.append(str(error)))  # noqa: B023
+        opened.goto(path.as_uri())
+        tall, wide, first = opened.evaluate(
+            """() => [document.documentElement.scrollHeight, document.documentElement.scrollWidth,
+                document.querySelector(".message").getBoundingClientRect().bottom]"""
+        )
+        assert (tall <= most, wide <= width, first < 400) == (True, True, True), (width, tall, wide, first)
+        opened.locator("summary").first.click()
+        opened.wait_for_function("document.querySelector('.midair-view canvas').clientWidth > 50")
+        opened.close()
+        assert wrong == []
 
 
 @pytest.mark.browser
 def test_no_table_lies_beyond_the_edge_of_a_telephone(page, chromium):
     """A picture is moved under the finger; words and numbers are not."""
     opened = chromium.new_page(viewport={"width": 390, "height": 900})
-    opened.set_content(page)
+    opened.set_content(page.replace("<details", "<details open"))
     beyond = opened.evaluate(
         """() => [...document.querySelectorAll(".wide:has(table)")]
             .filter(one => one.scrollWidth > one.clientWidth + 1).map(one => one.previousElementSibling.innerText)"""

@@ -14,11 +14,9 @@ from midair.cli.options import Force, Seed, SolveOptions, Time
 from midair.cli.output import print_table
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
-from midair.files import OpenedTake, check_not_recording, save, save_solution, write_file
+from midair.files import OpenedTake, check_not_recording, save, save_solution
 from midair.model import Palm, Progress
 from midair.rig import (
-    FIELD_TITLE,
-    PALM_TITLE,
     Outcome,
     VirtualRig,
     comparison_rows,
@@ -130,15 +128,13 @@ def _write_files(
     laboratory: LaboratoryLoss,
     progress: Progress,
 ) -> None:
-    """Write drive, re-recording, report and pictures of the first mode into the folder."""
+    """Write drive and re-recording of the first mode, and the report, into the folder."""
     loop = outcomes[0].loop
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
     how: Any = {"beside": outcomes, "laboratory": laboratory, "progress": progress}
-    shown = write_report(loop, output / "report.html", commands=(verbosity().line,), **how)
-    for name, title in (("palm.png", PALM_TITLE), ("field.png", FIELD_TITLE)):
-        write_file(output / name, next(each.data for each in shown if each.title == title))
+    write_report(loop, output / "report.html", source=str(output / "stroke.h5"), commands=(verbosity().line,), **how)
 
 
 def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) -> None:
@@ -147,7 +143,7 @@ def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) ->
     print_answer("a touch, recorded, played in midair and recorded again", simulated=True)
     columns = [dict(each.verdict.rows()) for each in outcomes]
     rows = [
-        *((name, *(column[name] for column in columns)) for name in ("felt", "alike", "level")),
+        *((name, *(column.get(name, "") for column in columns)) for name in columns[0] if name != "laboratory"),
         ("beside", *(f"{100 * each.palm.outside:.0f} % of the power" if each.palm else "" for each in outcomes)),
     ]
     print_grid(("", *(each.name for each in outcomes)), rows)

@@ -85,7 +85,7 @@ def loop_command(
     check_passes(corrections, iterate)
     with progress_bars() as stage, opened:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
-        write_report(loop, target, commands=(verbosity().line,), progress=stage("draw"))
+        write_report(loop, target, source=str(source), commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)
 
 

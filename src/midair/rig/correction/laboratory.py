@@ -7,7 +7,6 @@ import scipy
 
 from midair.array_types import Array, Complex
 from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss, Place, fidelity
-from midair.figures import Picture, laboratory_figure, png_bytes
 from midair.files import Laboratory
 from midair.model import (
     Acoustics,
@@ -133,16 +132,6 @@ def laboratory_of_loop(loop: Loop, rig: VirtualRig, *, progress: Progress | None
         band=loop.settings.calibration.band,
         draws=(4, 16),
         progress=progress,
-    )
-
-
-def laboratory_picture(found: LaboratoryLoss) -> Picture:
-    """Figure of the loss, for a report."""
-    return Picture(
-        title="In a laboratory",
-        caption="What each uncertainty of a laboratory leaves of the result, alone and all together: median and 5 to "
-        f"95 % of random draws; the line is the result without them. {found.advice[0].upper()}{found.advice[1:]}.",
-        data=png_bytes(laboratory_figure(found)),
     )
 
 

@@ -2,18 +2,27 @@
 
 import importlib.metadata
 import platform
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from midair.evaluate import (
+    ALL,
+    ALL_MEASURED,
+    PEOPLE,
     RATIOS,
+    SAME,
+    SIMILAR,
     LaboratoryLoss,
     PerceptualMetrics,
+    Verdict,
     printed_error,
     ratio_text,
     relative_error,
+    ways_to_play,
 )
 from midair.figures import (
     Picture,
@@ -22,21 +31,20 @@ from midair.figures import (
     error_figure,
     maps_figure,
     passes_figure,
-    phase_figure,
     png_bytes,
     render_page,
     spectra_figure,
+    strongest_moment,
     traces_figure,
 )
 from midair.files import write_file
-from midair.model import Drive, PressureFrames, Progress
+from midair.model import PressureFrames, Progress
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
-from midair.rig.correction.laboratory import laboratory_picture
-from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_picture
+from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_maps
 from midair.settings import format_setting
 from midair.targets import frames_without_lead
-from midair.view import Sound, ViewData, page_parts, show_comparison, show_drive, with_content_policy
+from midair.view import Sound, ViewData, page_parts, show_comparison, show_drive, size_of, with_content_policy
 
 Row = tuple[str, ...]
 
@@ -45,48 +53,120 @@ def write_report(
     loop: Loop,
     path: Path,
     *,
+    source: str = "RECORDING",
     commands: tuple[str, ...] = (),
     beside: Sequence[Outcome] = (),
     laboratory: LaboratoryLoss | None = None,
     progress: Progress | None = None,
-) -> list[Picture]:
-    """Write the report of a loop as HTML, and return its figures in order.
+) -> None:
+    """Write the report of a loop as HTML.
 
-    `commands` reproduce the result; `beside` holds the outcomes of other settings for the same recording, in the order
-    of the page, the loop's own among them; `progress` is called with (pictures drawn, total pictures).
+    `source` is the name of the recording in commands, `commands` reproduce the result; `beside` holds the outcomes of
+    other settings for the same recording, in the order of the page, the loop's own among them; `progress` is called
+    with (pictures drawn, total pictures).
     """
     outcomes = tuple(beside) or (Outcome.of(loop),)
     own = next(each for each in outcomes if each.loop is loop)
-    # Drawn once, since drawing takes longer than solving.
-    shown = drawn(loop, own.card, progress)
-    palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
-    palms += [] if laboratory is None else [laboratory_picture(laboratory)]
+    (felt, people), *rows = own.verdict.rows()
+    loud = own.verdict.excess if own.verdict.excess is not None and own.verdict.excess > 0 else None
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     watch, life = view_of_loop(loop), loop.passes[-1].felt.provenance
+    listen = show_comparison(loop.original, loop.passes[-1].felt, part=_loudest(loop, 1.0))
     page = render_page(
         "rig/correction/report.html.j2",
         watch=watch,
-        view=page_parts(watch),
+        view=page_parts(watch) | {"sounds": page_parts(listen)["sounds"]},
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
-        verdict=outcomes[0].verdict.rows(),
-        palms=palms,
-        ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
-        side_by_side=comparison_rows(outcomes),
-        pictures=shown,
-        figures=_figures(loop),
+        message=_parts(f"{felt.capitalize()} {people}"),
+        tiles=[(name, _parts(text)) for name, text in rows],
+        palm=palm_maps(outcomes),
+        trace=_trace(loop),
+        laboratory=None if laboratory is None else _laboratory(laboratory),
+        bands=[0.0, 0.0] if laboratory is None else [_scale(laboratory) * each for each in (SIMILAR, SAME)],
+        ways=() if loud is None else ways_to_play(own.verdict.felt, loud, source=source),
+        todo=_todo(own.verdict, laboratory, source),
+        ways_beside=[each.name for each in outcomes] if len(outcomes) > 1 else [],
+        side_by_side=[(name, *values, unit) for name, unit, *values in comparison_rows(outcomes)],
+        pictures=drawn(loop, own.card, progress),
+        figures=[(name, *values, unit) for name, unit, *values in _figures(loop)],
         ratios=[(name, ratio_text(limits), RATIOS[name]) for name, limits in loop.passes[-1].comparison.ratios.items()],
         card=() if own.card is None else own.card.rows(),
-        palm={} if own.palm is None else own.palm.figures(),
+        palm_figures=[(name, f"{value:.3g}", unit) for name, (value, unit) in own.palm.figures().items()]
+        if own.palm
+        else [],
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         rectified=loop.settings.target.mapping == "half-wave",
         settings=[(name, format_setting(name, value)) for name, value in life.last("settings").items()],
         steps=[(step.stage, _settings_text(step.settings)) for step in life.steps if step.stage != "settings"],
         versions=versions(),
         commands=commands,
+        people=PEOPLE,
     )
     write_file(path, with_content_policy(page))
-    return [*palms, *shown]
+
+
+def _parts(text: str) -> list[str]:
+    """Split a line of a verdict into its answer, a mark, and the rest."""
+    return [*re.split(r"(: |; | (?=\())", text, maxsplit=1), "", ""][:3]
+
+
+def _trace(loop: Loop, window: float = 0.1) -> dict[str, Any]:
+    """Curves of the strongest cell around its strongest moment, from 0 to 1000 and downwards from 0 to 100."""
+    original, again = loop.original, loop.passes[-1].felt
+    window = min(window, original.frames / original.rate)
+    cell, begin = strongest_moment(original, window)
+    parts = [(each.time >= begin - 1e-9) & (each.time <= begin + window) for each in (original, again)]
+    values = [each.pressure[part, *cell] for each, part in zip((original, again), parts, strict=True)]
+    low, high = (float(edge([edge(each) for each in values])) for edge in (np.min, np.max))
+    high += (high - low or 1.0) * 1e-3
+    curves = [
+        " ".join(
+            f"{1e3 * (time - begin) / window:.1f},{100 * (high - value) / (high - low):.1f}"
+            for time, value in zip(each.time[part], own, strict=True)
+        )
+        for each, part, own in zip((original, again), parts, values, strict=True)
+    ]
+    steps = (digit * 10.0**power for power in range(-6, 6) for digit in (1, 2, 5))
+    step = next(each for each in steps if (high - low) / each < 5)
+    ticks = step * np.arange(np.ceil(low / step), high / step)
+    return {
+        "cell": [number + 1 for number in cell],
+        "curves": curves,
+        "y": [(100 * (high - each) / (high - low), f"{each:g} Pa") for each in ticks],
+        "x": [(100 * share, f"{begin + share * window:.3f} s") for share in (0.0, 0.5, 1.0)],
+    }
+
+
+def _scale(found: LaboratoryLoss) -> float:
+    """Per cent of the width of a bar that a dB takes."""
+    return 100 / (1.05 * max(found.nominal, SAME + 4, *(high for *_, high in found.rows())))
+
+
+def _laboratory(found: LaboratoryLoss) -> dict[str, Any]:
+    """Bars of what all uncertainties of a laboratory leave, and the table of each."""
+    rows = [("ideal", "nothing is out of place", found.nominal, 0.0, 0.0)]
+    palm = f"palm height {found.stated.get('palm height', '')}, echo {found.stated.get('echo', '')}"
+    units = f"units placed to {found.stated.get('units', '')}"
+    names = {ALL_MEASURED: ("array measured", palm), ALL: ("array not measured", f"{units}, {palm}")}
+    if found.measured:
+        names = {ALL: ("array measured", palm)}
+    ranges = {name: limits for name, _, *limits in found.rows()}
+    rows += [(*names[name], *ranges[name]) for name in names if name in ranges]
+    each = [(name, stated, *(f"{value:.1f}" for value in limits)) for name, stated, *limits in found.rows()]
+    return {"rows": rows, "scale": _scale(found), "each": each}
+
+
+def _todo(verdict: Verdict, laboratory: LaboratoryLoss | None, source: str) -> list[tuple[str, str]]:
+    """What to do next, each with a command."""
+    rows = [("Make it as strong as the original.", f"midair solve {source} {verdict.option}")] if verdict.option else []
+    if laboratory is not None:
+        rows.append((f"{laboratory.advice[0].upper()}{laboratory.advice[1:]}.", ""))
+    if verdict.excess is not None and verdict.excess > 0:
+        rows.append(
+            ("Choose one of the four ways before it is played on a real array.", f"midair play --plan {source}")
+        )
+    return [*rows, ("Open it in the browser: listen, change it, play it again.", "midair studio")]
 
 
 def versions() -> list[Row]:
@@ -136,13 +216,9 @@ def _value_text(value: object) -> str:
     return "default" if value is None else str(value)
 
 
-FIELD_TITLE = "Target and reproduced field"
-"""Title of the picture of the sound field."""
-
-
 def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
     """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
-    count, shown = 7 + (card is not None) + bool(loop.end), list[Picture]()
+    count, shown = 6 + (card is not None) + bool(loop.end), list[Picture]()
     for picture in _pictures(loop, card):
         shown.append(picture)
         if progress is not None:
@@ -179,7 +255,7 @@ def _pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
         ),
     )
     yield Picture(
-        title=FIELD_TITLE,
+        title="Target and reproduced field",
         caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
         f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
         data=png_bytes(
@@ -191,11 +267,6 @@ def _pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
                 sensor=loop.original.sensor,
             )
         ),
-    )
-    yield Picture(
-        title="Phases of the array",
-        caption=f"Phase of each transducer in the same frame ({moment}); {_level_text(solution.drive, frame)}.",
-        data=png_bytes(phase_figure(solution.drive, frame, simulated=simulated)),
     )
     yield Picture(
         title="Spectra of the channels with the highest pressure",
@@ -253,32 +324,27 @@ def strongest_channels(original: PressureFrames) -> list[int]:
     return sorted(int(channel) for channel in np.argsort(power)[::-1][:4])
 
 
-def _level_text(drive: Drive, frame: int) -> str:
-    levels = drive.level[frame]
-    low, high = float(np.min(levels)), float(np.max(levels))
-    return (
-        "all have the same level"
-        if np.isclose(low, high)
-        else f"their levels are {low:.2f} to {high:.2f} of full drive"
-    )
+def view_of_loop(loop: Loop, *, most: int = 700_000) -> ViewData:
+    """Return the view of the strongest part of a loop, in at most `most` bytes: recording, last drive, re-recording."""
+    one = _view(loop, (0.0, 1 / loop.original.rate))
+    return _view(loop, _loudest(loop, most / size_of(one) / loop.original.rate))
 
 
-LONGEST = 4000
-"""Maximum number of frames in the view of a report, about 6 MB."""
+def _view(loop: Loop, part: tuple[float, float]) -> ViewData:
+    return show_comparison(loop.original, loop.passes[-1].felt, sound=_sound(loop, *part), part=part)
 
 
-def view_of_loop(loop: Loop, *, longest: int = LONGEST) -> ViewData:
-    """Return the view of the beginning of a loop: recording, last drive and re-recording."""
-    last = loop.passes[-1]
-    seconds = min(longest, loop.original.frames) / loop.original.rate
-    return show_comparison(loop.original, last.felt, sound=_sound(loop, seconds), part=(0.0, seconds))
+def _loudest(loop: Loop, longest: float) -> tuple[float, float]:
+    """Start and duration of the strongest part of the original, in s."""
+    duration = min(longest, loop.original.frames / loop.original.rate)
+    return strongest_moment(loop.original, duration)[1], duration
 
 
-def _sound(loop: Loop, seconds: float) -> Sound | None:
+def _sound(loop: Loop, start: float, seconds: float) -> Sound | None:
     """Sound of the original's part, without its lead; None where its frames differ from the recording's."""
     made = loop.passes[-1].reproduction
     inside = frames_without_lead(made.target.provenance, made.target.frames, made.target.rate)
     same = np.isclose(loop.original.rate, made.target.rate, rtol=1e-9)
     if not same or inside.stop - inside.start != loop.original.frames:
         return None
-    return show_drive(made.solution, target=made.target, part=(inside.start / made.target.rate, seconds)).sound
+    return show_drive(made.solution, target=made.target, part=(inside.start / made.target.rate + start, seconds)).sound

@@ -1,10 +1,12 @@
-"""Compare the outcomes of loops: a verdict on each, a table, a figure of the palm."""
+"""Compare the outcomes of loops: a verdict on each, a table, maps of the palm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from midair.array_types import Array
 from midair.evaluate import (
     PalmFidelity,
     PerceptualMetrics,
@@ -12,7 +14,8 @@ from midair.evaluate import (
     metrics_or_none,
     ratio_text,
 )
-from midair.figures import PalmPanel, Picture, palm_figure, png_bytes
+from midair.figures import STYLE, map_source
+from midair.model import PressureFrames
 from midair.rig.correction.correction_loop import Loop
 from midair.settings import Settings
 from midair.targets import frames_without_lead
@@ -62,25 +65,41 @@ def next_step(gain: float, settings: Settings | None) -> str:
     return f"--strength {target.strength / np.sqrt(gain):.2g}"
 
 
-PALM_TITLE = "Vibration on a palm"
-"""Title of the picture of a palm."""
+def palm_maps(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Maps of the vibration, target first and then each outcome, on one scale that shows the first two; for a page.
+
+    On a simulated palm if there is one, on the cells of the sensor otherwise. Lengths are in mm.
+    """
+    first, sensor = outcomes[0], outcomes[0].loop.original.sensor
+    pressed = None if first.palm is None else first.palm.pressed
+    if pressed is None:
+        half = [500 * sensor.pitch * count for count in (sensor.columns, sensor.rows)]
+        square, note = half, "Root mean square of the pressure on each cell."
+        maps = [_rms(first.loop.original), *(_rms(each.loop.passes[-1].felt) for each in outcomes)]
+    else:
+        half = [500 * pressed.pitch * count for count in pressed.wanted.shape[::-1]]
+        square = [1e3 * each for each in pressed.square]
+        note = "The vibration at each point of a simulated palm, a disc of 85 mm: root mean square of the pressure."
+        maps = [pressed.wanted, *(each.palm.pressed.delivered for each in outcomes if each.palm and each.palm.pressed)]
+    top = max(float(np.nanmax(each)) for each in maps[:2]) or 1.0
+    names = ["original", *(each.name or "re-recorded" for each in outcomes)]
+    notes = ["as recorded", *(_beside(each) for each in outcomes)]
+    sources = [map_source(each, top) for each in maps]
+    shown = list(zip(names, notes, sources, strict=True))
+    more = float(np.nanmax(maps[-1]))
+    note += f" The darkest colour is {top:.2g} Pa and more, up to {more:.2g} Pa." if more > 1.1 * top else ""
+    return {"maps": shown, "half": half, "square": square, "top": f"{top:.2g}", "note": note, "ramp": STYLE.touch} | {
+        "width": f"{2 * square[0]:.0f}"
+    }
 
 
-def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
-    """Figure of the pressure of each outcome on a palm, and of its strongest cell; None without a simulated palm."""
-    ways = [
-        PalmPanel(name=each.name or "reproduced", felt=each.loop.passes[-1].felt, pressed=each.palm.pressed)
-        for each in outcomes
-        if each.palm is not None and each.palm.pressed is not None
-    ]
-    if not ways:
-        return None
-    return Picture(
-        title=PALM_TITLE,
-        caption="Top: vibration at each point of a palm; the dashed square is the area of the sensor. "
-        "Bottom: the cell with the highest pressure, around its maximum.",
-        data=png_bytes(palm_figure(outcomes[0].loop.original, ways)),
-    )
+def _rms(frames: PressureFrames) -> Array:
+    return np.sqrt((frames.pressure**2).mean(axis=0))
+
+
+def _beside(outcome: Outcome) -> str:
+    alike = dict(outcome.verdict.rows())["alike"].partition(":")[0]
+    return alike if outcome.palm is None else f"{alike}; {100 * outcome.palm.outside:.0f} % of the power beside it"
 
 
 def _figures(outcome: Outcome) -> dict[str, tuple[str, str]]:
