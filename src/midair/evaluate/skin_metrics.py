@@ -110,17 +110,14 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
     unknown = np.full(power.shape, np.nan)
     figures = (
         ("ST-SIM", "", np.nansum(st_sim * weight), st_sim,
-         "1 if waveform and felt spectrum are equal in each 64 ms, after the felt levels are matched; 0 without any "
-         "similarity. A changed waveform lowers it even if skin might not notice."),
+         "1 same waveform and felt spectrum at equal levels, 0 no similarity"),
         ("SPQI", "", np.nansum(spqi * weight), spqi,
-         "1 if the felt spectra are equal, for any waveform, after the felt levels are matched; .5 if the difference "
-         "has a fifth of the original's power, .02 if it has as much power as the original."),
+         "1 same felt spectrum at equal levels, 0.5 similar, 0.02 different"),
         *(("level over the threshold" + end, "dB", each.level, unknown,
-           "Vibration over the detection threshold of half of all people where and when it is strongest: mean of "
-           f"{len(each.levels)} models of skin.") for end, each in zip((_BEFORE, _AFTER), felt_levels, strict=True)),
+           f"strongest place and moment; mean of {len(each.levels)} models of skin")
+          for end, each in zip((_BEFORE, _AFTER), felt_levels, strict=True)),
         ("Pacinian power difference", "dB", apart, np.where(compared, _difference(after, before), np.nan),
-         "Reproduced minus original: above 0 the reproduction feels rougher and stronger than the original, below 0 "
-         f"smoother and weaker; most people do not notice {STEP:g} dB on the palm at 125 Hz."),
+         f"above 0 it feels stronger and rougher than the original; most people do not notice {STEP:g} dB"),
     )  # fmt: skip
     return PerceptualMetrics(
         figures=tuple(
