@@ -11,12 +11,12 @@ from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.place import Place, fit_place
 from midair.evaluate.spectra import dominant_frequency, spectral_error
-from midair.model import PressureFrames
+from midair.model import PressureFrames, Shown
 from midair.validation import check_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
+class Comparison(Shown):
     """Figures of a reproduction; there is no single score."""
 
     delay: float

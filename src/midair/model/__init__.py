@@ -38,6 +38,7 @@ from .recording import Recording as Recording
 from .recording import SensorWiring as SensorWiring
 from .recording import Unit as Unit
 from .recording import known_unit as known_unit
+from .shown import Shown as Shown
 from .stage import Heading as Heading
 from .stage import Place as Place
 from .stage import StageSetup as StageSetup

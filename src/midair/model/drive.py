@@ -12,6 +12,7 @@ from midair.errors import InputError, ShapeError
 from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
 from midair.model.provenance import Provenance, clipped, counted, frames_and_duration, from_source, span, summary
+from midair.model.shown import Shown
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
@@ -21,7 +22,7 @@ length reduces the error; nothing to play."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drive:
+class Drive(Shown):
     """Phase and level of every transducer, frame by frame: q = level exp(j phase)."""
 
     phase: Array
@@ -82,7 +83,7 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solution:
+class Solution(Shown):
     """A drive, with the error and the solver status of each frame."""
 
     drive: Drive

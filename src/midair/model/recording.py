@@ -13,6 +13,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
+from midair.model.shown import Shown
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, one_of, positive
 
@@ -50,7 +51,7 @@ def known_unit(text: str) -> tuple[Unit | None, float]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording:
+class Recording(Shown):
     """Samples of a sensor grid."""
 
     samples: NDArray[np.float64]
@@ -188,7 +189,7 @@ class SensorWiring:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressureFrames:
+class PressureFrames(Shown):
     """Calibrated pressure on the cells of a sensor; signed, since the sensor measures only changes."""
 
     pressure: Array
@@ -241,7 +242,7 @@ class PressureFrames:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AmplitudeFrames:
+class AmplitudeFrames(Shown):
     """Peak sound pressure required at each control point."""
 
     amplitude: Array

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
+from midair.errors import MismatchError
 from midair.evaluate import advance, compare
 from midair.files import open_take, save
 from midair.model import (
@@ -23,6 +24,7 @@ from midair.model import (
 from midair.physics import SKINS, PlaybackChain, Transducers, focus_amplitude, focus_phase
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
 from midair.rig import Session, VirtualRig, aligned_pair, pressure_of, record, rerecord_drive
+from midair.rig.correction.drive_rerecording import compare as compare_played
 from midair.rig.correction.drive_rerecording import palm_of_drive
 from midair.settings import Settings, paper_mode
 from midair.solvers import solve
@@ -227,3 +229,9 @@ def test_a_delay_of_a_perfect_chain_costs_nothing(tmp_path):
         found = compare(pair.original, pair.heard, first=pair.first)
         assert abs(found.delay - delay) < 5e-5
         assert found.waveform_error < 0.002, delay
+
+
+def test_pressures_of_other_durations_are_not_compared():
+    long, short = (PressureFrames(pressure=np.ones((count, 4, 4)), rate=1000.0) for count in (400, 40))
+    with pytest.raises(MismatchError, match=r"expected the original's 0\.4 s, got 0\.04 s; cut\(\) both"):
+        compare_played(long, short)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from midair import evaluate
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.errors import InputError
+from midair.errors import InputError, MismatchError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
 from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFrames, Progress, Provenance, Recording
@@ -191,6 +191,10 @@ def settings_of_rerecording(provenance: Provenance, settings: Settings) -> Setti
     return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
+_APART = 0.1
+"""Difference of two durations in s up to which pressures are compared; a re-recording has a tail."""
+
+
 def compare(
     original: PressureFrames | OpenedTake, reproduced: PressureFrames | OpenedTake | Played
 ) -> evaluate.Comparison:
@@ -211,6 +215,8 @@ def compare(
     ------
     InputError
         If nothing was re-recorded, or the recording has no calibration.
+    MismatchError
+        If two pressures differ by more than a tenth of a second in duration, or by their cells.
     """
     if isinstance(reproduced, Played):
         if reproduced.take is None:
@@ -221,7 +227,12 @@ def compare(
     if isinstance(original, OpenedTake):
         original = calibrated_pressure(original.recording, original.calibration, settings)
     if not isinstance(reproduced, OpenedTake):
-        return evaluate.compare(original, reproduced)
+        found = evaluate.compare(original, reproduced)
+        lasts = [each.frames / each.rate for each in (original, reproduced)]
+        if abs(lasts[0] - lasts[1]) > _APART:
+            expected = f"expected the original's {lasts[0]:g} s, got {lasts[1]:g} s"
+            raise MismatchError(f"reproduced: {expected}; cut() both to the same part")
+        return found
     check_type(original, "original", PressureFrames)
     pair = aligned_pair(resample_pressure(original, settings.target.rate), reproduced, settings)
     return evaluate.compare(pair.original, pair.heard, first=pair.first, noise=pair.noise)
