@@ -21,18 +21,18 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1872,
+    "model": 1896,
     "settings streaming .": 2739,
     "physics": 3209,
-    "recordings targets correct evaluate": 4062,
+    "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4873,
     "devices": 7927,
-    "rig": 9038,
+    "rig": 9110,
     "patterns datasets": 1767,
-    "view figures": 2040,
-    "cli": 6633,
+    "view figures": 2055,
+    "cli": 6664,
     "study": 6383,
     "studio": 6048,
     "sweep": 500,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_690, "benchmarks": 4_500}
+BESIDE = {"tests": 51_855, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
