@@ -86,7 +86,9 @@ class PlaceSearch:
 
     def late(self, points: Array) -> Array:
         """Arrival of each transducer after the first one, shape (point, transducer), in s, in the middle air."""
-        path = np.linalg.norm(points[:, None] - self.array.position, axis=2)
+        # Axis by axis, since vectors of all pairs would take ten times as long.
+        away = (np.subtract.outer(points[:, axis], self.array.position[:, axis]) for axis in range(3))
+        path = np.sqrt(sum(np.square(each, out=each) for each in away))
         speed = self.airs[len(self.airs) // 2].medium.speed
         return np.asarray((path - path.min(axis=1, keepdims=True)) / speed, np.float64)
 
