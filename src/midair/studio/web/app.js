@@ -162,7 +162,6 @@ link.on("control", control => {
       make(
         "button",
         {
-          type: "button",
           title: "This page then only watches",
           onclick: () => tried(link.order("control", "give")),
         },
@@ -171,7 +170,6 @@ link.on("control", control => {
       make(
         "button",
         {
-          type: "button",
           title: "The other page goes on watching",
           onclick: () => tried(link.order("control", "refuse")),
         },
@@ -186,7 +184,6 @@ link.on("control", control => {
       make(
         "button",
         {
-          type: "button",
           id: "take-control",
           title: "Asks the other page first while something plays",
           onclick: async () => {
@@ -212,11 +209,7 @@ function dialogOf(id, title, ...children) {
     make(
       "div.buttons",
       {},
-      make(
-        "button",
-        { type: "button", title: "Back to the panel", onclick: () => dialog.close() },
-        "Close",
-      ),
+      make("button", { title: "Back to the panel", onclick: () => dialog.close() }, "Close"),
     ),
   );
   openModal(dialog, link);
@@ -246,7 +239,6 @@ function showCode(title, commands, python) {
     make(
       "button",
       {
-        type: "button",
         title: "For a terminal or a script",
         onclick: () => navigator.clipboard.writeText(text).then(() => toast("copied")),
       },

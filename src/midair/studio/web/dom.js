@@ -1,10 +1,11 @@
 /* Create DOM elements; text is always inserted as text, never as markup. */
 
-/** make("button.main", {type: "button", onclick}, "Solve", ...) */
+/** make("button.main", {onclick}, "Solve", ...) */
 export function make(what, properties = {}, ...children) {
   const [tag, ...classes] = what.split("."),
     made = document.createElement(tag);
   if (classes.length) made.className = classes.join(" ");
+  if (tag === "button") made.type = "button"; // unless it says otherwise: a form's own would submit
   for (const [name, value] of Object.entries(properties)) {
     if (value === undefined || value === null || value === false) continue;
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
@@ -85,10 +86,36 @@ export function openModal(dialog, link) {
   dialog.append(
     make(
       "button.stop",
-      { type: "button", title: "Silences the array at once", onclick: () => tried(link.stop()) },
+      { title: "Silences the array at once", onclick: () => tried(link.stop()) },
       "STOP ",
       make("kbd", {}, "Esc"),
     ),
   );
   dialog.showModal();
+}
+const HOLD = 600; // ms
+/** Act once a button was held down, by pointer or by Enter or Space. */
+export function whenHeld(button, act) {
+  let timer = 0;
+  const release = () => {
+      button.classList.remove("held");
+      clearTimeout(timer);
+      timer = 0;
+    },
+    press = () => {
+      if (button.disabled || timer) return;
+      button.classList.add("held");
+      timer = setTimeout(() => {
+        release();
+        act();
+      }, HOLD);
+    };
+  button.addEventListener("pointerdown", press);
+  for (const name of ["pointerup", "pointerleave", "pointercancel", "blur", "keyup"])
+    button.addEventListener(name, release);
+  button.addEventListener("keydown", event => {
+    if ((event.key !== " " && event.key !== "Enter") || event.repeat) return;
+    event.preventDefault();
+    press();
+  });
 }

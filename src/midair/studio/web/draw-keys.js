@@ -21,8 +21,7 @@ export class TimeLine {
   constructor(room) {
     this.room = room;
     this.key = 0;
-    const button = (words, id, act, title) =>
-      make("button", { type: "button", id, onclick: act, title }, words);
+    const button = (words, id, act, title) => make("button", { id, onclick: act, title }, words);
     this.adds = button(
       "Add a key",
       "draw-key-add",

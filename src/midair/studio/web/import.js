@@ -94,7 +94,6 @@ export function importFile(link, file) {
   const take = make(
     "button.main",
     {
-      type: "button",
       disabled: true,
       title: "Makes the take that the preview shows",
       onclick: () => bring(true),
@@ -171,11 +170,7 @@ export function importFile(link, file) {
       "div.buttons",
       {},
       take,
-      make(
-        "button",
-        { type: "button", title: "Imports nothing", onclick: () => dialog.close("") },
-        "Cancel",
-      ),
+      make("button", { title: "Imports nothing", onclick: () => dialog.close("") }, "Cancel"),
     ),
   );
   dialog.returnValue = "";

@@ -24,7 +24,7 @@ function mayReplace(link, { files, made, new: settings }) {
   const dialog = document.getElementById("replace"),
     [first, again] = files,
     button = (value, words, title, more = {}) =>
-      make("button", { type: "button", title, onclick: () => dialog.close(value), ...more }, words);
+      make("button", { title, onclick: () => dialog.close(value), ...more }, words);
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
   dialog.replaceChildren(
@@ -88,7 +88,6 @@ function build(link, { number, title }) {
   const cancel = make(
     "button",
     {
-      type: "button",
       "aria-label": `cancel: ${title}`,
       title: "Ends this job; nothing unfinished is kept",
       onclick: () => tried(link.order("jobs", "cancel", { number })),

@@ -1,11 +1,9 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be
     held. */
 
-import { field, make, openModal, tried } from "/web/dom.js";
+import { field, make, openModal, tried, whenHeld } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
 import { heatWarning } from "/web/warnings.js";
-
-const HOLD = 600; // ms
 
 /** `correct`: with phases corrected for the air of the room. */
 export function askToPlay(studio, take, correct = false, solve = undefined) {
@@ -28,7 +26,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     hold = make(
       simulated ? "button.main" : "button.main.hold",
       {
-        type: "button",
         disabled: true,
         id: "hold",
         title: simulated ? "Plays and re-records" : "Hold for 0.6 s",
@@ -83,8 +80,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     hot = heatWarning(link, "hot-play");
   let clearance = 0,
     checks = 0,
-    looping = false,
-    timer = 0;
+    looping = false;
   dialog.replaceChildren(
     make(
       "h2",
@@ -126,11 +122,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       "div.buttons",
       {},
       hold,
-      make(
-        "button",
-        { type: "button", title: "Back to the panel", onclick: () => dialog.close() },
-        "Close",
-      ),
+      make("button", { title: "Back to the panel", onclick: () => dialog.close() }, "Close"),
     ),
     done,
     make(
@@ -194,7 +186,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         make(
           "button",
           {
-            type: "button",
             title: "Plays more weakly, within the limits",
             onclick: () => {
               given.attenuate = true;
@@ -212,7 +203,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         make(
           "button",
           {
-            type: "button",
             title: "Needs your name; wear hearing protection",
             onclick: () => {
               if (name.value.trim()) {
@@ -226,19 +216,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         ),
       ),
     );
-  }
-  function press() {
-    if (hold.disabled || timer) return;
-    hold.classList.add("held");
-    timer = setTimeout(() => {
-      release();
-      play();
-    }, HOLD);
-  }
-  function release() {
-    hold.classList.remove("held");
-    clearTimeout(timer);
-    timer = 0;
   }
   async function play() {
     hold.disabled = true;
@@ -267,7 +244,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         make(
           "button",
           {
-            type: "button",
             id: "play-again",
             title: "Replaces the re-recording",
             onclick: () => {
@@ -282,7 +258,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
               make(
                 "button",
                 {
-                  type: "button",
                   id: "to-compare",
                   title: "Re-recording beside the original",
                   onclick: () => {
@@ -306,18 +281,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
   }
   if (simulated)
     hold.addEventListener("click", play); // no sound: one press is enough
-  else {
-    hold.addEventListener("pointerdown", press);
-    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"])
-      hold.addEventListener(name, release);
-    hold.addEventListener("keydown", event => {
-      if ((event.key === " " || event.key === "Enter") && !event.repeat) {
-        event.preventDefault();
-        press();
-      }
-    });
-    hold.addEventListener("keyup", release);
-  }
+  else whenHeld(hold, play);
   // Pictures pause behind the dialog: the page must send "alive" messages from the same thread.
   studio.room?.transport?.pause();
   dialog.addEventListener(

@@ -36,7 +36,6 @@ export default class Calibrate {
     this.tap = make(
       "button.main",
       {
-        type: "button",
         id: "tap",
         title: "Finds which channel belongs to which cell",
         onclick: () => tried(this.link.order("calibrate", "taps")),
@@ -158,7 +157,6 @@ export default class Calibrate {
         return make(
           `button.cell${due ? ".due" : doubtful ? ".doubtful" : dead ? ".dead" : ""}`,
           {
-            type: "button",
             "aria-pressed": cell === this.channel ? "true" : "false",
             title: "Shows the response of this channel",
             onclick: () => {

@@ -59,7 +59,6 @@ export default class Compare {
     this.compare = make(
       "button",
       {
-        type: "button",
         title: "computes the figures of this drive and its re-recording again",
         onclick: () => tried(this.link.order("compare", "compare", { take: this.name })),
       },
@@ -68,7 +67,6 @@ export default class Compare {
     this.report = make(
       "button",
       {
-        type: "button",
         id: "report",
         title:
           "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare",
@@ -83,7 +81,6 @@ export default class Compare {
     this.budget = make(
       "button",
       {
-        type: "button",
         id: "budget",
         title:
           "error of each stage of the reproduction, simulated for the first second; takes some seconds",
@@ -94,7 +91,6 @@ export default class Compare {
     this.palm = make(
       "button",
       {
-        type: "button",
         id: "palm",
         title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
         onclick: () => tried(this.link.order("compare", "palm", { take: this.name })),
@@ -106,7 +102,6 @@ export default class Compare {
     this.apply = make(
       "button.main",
       {
-        type: "button",
         title: "solves again with the suggested gain, as another drive",
         onclick: () => this._apply(),
       },

@@ -292,11 +292,7 @@ export default class Draw {
 
   _build() {
     const button = (words, id, act, help) =>
-      make(
-        "button",
-        { type: "button", id, onclick: act, title: help, "aria-description": help },
-        words,
-      );
+      make("button", { id, onclick: act, title: help, "aria-description": help }, words);
     this.palette = make("div.buttons.palette");
     this.spots = make("div.buttons");
     this.fileName = make("input", {
@@ -364,7 +360,6 @@ export default class Draw {
     this.play = make(
       "button.main",
       {
-        type: "button",
         id: "draw-play",
         title: "Checks the exposure, then plays",
         onclick: () => this._play(),
@@ -500,7 +495,6 @@ export default class Draw {
       slider = make(
         "button",
         {
-          type: "button",
           id: `${id}-slider`,
           "aria-pressed": slides ? "true" : "false",
           "aria-label": `${label}: slider`,
@@ -554,7 +548,6 @@ export default class Draw {
         make(
           "button",
           {
-            type: "button",
             "aria-pressed": i === this.spot ? "true" : "false",
             title: "Shows the settings of this spot",
             onclick: () => {
@@ -569,7 +562,6 @@ export default class Draw {
       make(
         "button",
         {
-          type: "button",
           id: "draw-add",
           title: "Adds a spot at the centre",
           onclick: () =>
@@ -588,7 +580,6 @@ export default class Draw {
       make(
         "button",
         {
-          type: "button",
           id: "draw-copy",
           title: "Adds a copy 10 mm to the right",
           onclick: () =>
@@ -603,7 +594,6 @@ export default class Draw {
       make(
         "button",
         {
-          type: "button",
           id: "draw-delete",
           title: "Removes the chosen spot",
           disabled: pattern.spot.length < 2,
@@ -692,7 +682,6 @@ export default class Draw {
             make(
               "button",
               {
-                type: "button",
                 id: "draw-corner-add",
                 title: "Adds a corner after the chosen one",
                 onclick: () => this._addCorner(),
@@ -702,7 +691,6 @@ export default class Draw {
             make(
               "button",
               {
-                type: "button",
                 id: "draw-corner-delete",
                 title: "Removes the chosen corner",
                 disabled: many.length <= (name === "points" ? 1 : 3),
@@ -1232,7 +1220,6 @@ export default class Draw {
           make(
             "button",
             {
-              type: "button",
               title: "Replaces the pattern",
               onclick: () =>
                 this.edit(() => {
@@ -1281,7 +1268,7 @@ export default class Draw {
   _mayReplace(files) {
     const dialog = document.getElementById("replace"),
       button = (value, words, more = {}) =>
-        make("button", { type: "button", onclick: () => dialog.close(value), ...more }, words);
+        make("button", { onclick: () => dialog.close(value), ...more }, words);
     dialog.returnValue = "";
     dialog.replaceChildren(
       make("h2", { id: "replace-title" }, `Replace ${files[0]}?`),

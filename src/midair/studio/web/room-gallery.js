@@ -56,22 +56,16 @@ export default class Gallery {
     const film = make(
         "button",
         {
-          type: "button",
           disabled: true,
           "aria-pressed": "false",
           title: "Moves through the frames of the picture",
         },
         "Film",
       ),
-      sound = make(
-        "button",
-        { type: "button", disabled: true, title: "The sum of the cells as sound" },
-        "Listen",
-      );
+      sound = make("button", { disabled: true, title: "The sum of the cells as sound" }, "Listen");
     const use = make(
       "button.main",
       {
-        type: "button",
         title: "Copies it into this folder and opens it",
         onclick: async () => {
           const made = await tried(this.link.order("gallery", "take", { touch: name }));

@@ -18,11 +18,10 @@ import {
   KINDS,
 } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, panel, playable, rows, toast, tried } from "/web/dom.js";
+import { choice, field, make, panel, playable, rows, toast, tried, whenHeld } from "/web/dom.js";
 import { colours } from "/web/take.js";
 
-const KEPT = 60,
-  HOLD = 600; // s, ms
+const KEPT = 60; // s
 const MAPPINGS = [
   ["half-wave", "half-wave"],
   ["slow-bias", "slow bias, 90 ms more"],
@@ -296,7 +295,6 @@ export default class Live {
     this.check = make(
       "button",
       {
-        type: "button",
         id: "live-check",
         title: "Computes the worst case of these settings at ears, bystander and palm",
         onclick: () => this._check(),
@@ -306,7 +304,6 @@ export default class Live {
     this.hold = make(
       "button.main.hold",
       {
-        type: "button",
         id: "hold",
         disabled: true,
         title: "Hold for 0.6 s, after the check of the exposure",
@@ -336,7 +333,6 @@ export default class Live {
     this.end = make(
       "button",
       {
-        type: "button",
         id: "live-end",
         title: "Ends live touch in silence",
         onclick: () => tried(this.link.order("live", "end")),
@@ -424,41 +420,13 @@ export default class Live {
         make("div.side", {}, panels.array, panels.spectrogram),
       ),
     );
-    this._arm();
+    whenHeld(this.hold, () => this._begin());
     this._footer();
     this._live(this.link.state.live);
-  }
-  _arm() {
-    let timer = 0;
-    const { hold } = this,
-      release = () => {
-        hold.classList.remove("held");
-        clearTimeout(timer);
-        timer = 0;
-      };
-    const press = () => {
-      if (hold.disabled || timer) return;
-      hold.classList.add("held");
-      timer = setTimeout(() => {
-        release();
-        this._begin();
-      }, HOLD);
-    };
-    hold.addEventListener("pointerdown", press);
-    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"])
-      hold.addEventListener(name, release);
-    hold.addEventListener("keydown", event => {
-      if ((event.key === " " || event.key === "Enter") && !event.repeat) {
-        event.preventDefault();
-        press();
-      }
-    });
-    hold.addEventListener("keyup", release);
   }
   _footer() {
     const { footer } = this.studio;
     this.freezes = make("button", {
-      type: "button",
       id: "live-freeze",
       title: "Looks at the last minute while live touch goes on: Space",
       onclick: () => this.freeze(),
@@ -466,7 +434,6 @@ export default class Live {
     this.keeps = make(
       "button",
       {
-        type: "button",
         id: "live-keep",
         title: "Stores the last minute as a take: R",
         onclick: () => this.record(),
@@ -499,7 +466,6 @@ export default class Live {
         make(
           "button",
           {
-            type: "button",
             title: "Commands and Python that do the same",
             onclick: () => this._code(),
           },
@@ -610,14 +576,13 @@ export default class Live {
       this.refused.append(
         make(
           "button",
-          { type: "button", onclick: () => again({ attenuate: true, override: "" }) },
+          { onclick: () => again({ attenuate: true, override: "" }) },
           "Attenuate to meet the profile",
         ),
         field("Or play it on your own responsibility", name),
         make(
           "button",
           {
-            type: "button",
             onclick: () => {
               if (name.value.trim()) again({ attenuate: false, override: name.value });
               else name.focus();

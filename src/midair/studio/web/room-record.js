@@ -96,7 +96,6 @@ export default class Record {
     this.big = make(
       "button.main.big",
       {
-        type: "button",
         id: "record",
         title: "Starts a recording, or ends it and keeps the take: R",
         onclick: () => this.record(),
@@ -119,7 +118,6 @@ export default class Record {
     this.again = make(
       "button",
       {
-        type: "button",
         title: "After the cable or the stream is back",
         onclick: () => this._listen(this.link.state.record.sensor),
       },

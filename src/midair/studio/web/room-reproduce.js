@@ -141,7 +141,6 @@ export default class Reproduce {
     this.add = make(
       "button",
       {
-        type: "button",
         title:
           "A recording of this computer, or a project as ZIP of at most 4 GiB; you can also drop it on the page",
         onclick: () => file.click(),
@@ -174,11 +173,7 @@ export default class Reproduce {
       oninput: () => this._found(),
     });
     const own = (words, title, act) =>
-      make(
-        "button",
-        { type: "button", disabled: true, title, "data-help": title, onclick: act },
-        words,
-      );
+      make("button", { disabled: true, title, "data-help": title, onclick: act }, words);
     this.own = [
       own("Rename", "Gives the take and its drives another name or folder", () => this._rename()),
       own("Duplicate", "Copies the take without its drives", () => this._own("duplicate")),
@@ -197,19 +192,17 @@ export default class Reproduce {
     this.solve = make(
       "button.main",
       {
-        type: "button",
         title: "Computes the phases of the transducers for every frame",
         onclick: () => this._solve(),
       },
       "Solve",
     );
-    this.play = make("button", { type: "button", onclick: () => this._play() }, "Play on array");
+    this.play = make("button", { onclick: () => this._play() }, "Play on array");
     this.otherAir = warningBox(
       "other-air",
       make(
         "button",
         {
-          type: "button",
           title: "Turns the phases for the air of now, exact at the centre of the points",
           onclick: () => this._play(true),
         },
@@ -218,7 +211,6 @@ export default class Reproduce {
       make(
         "button",
         {
-          type: "button",
           title: "Solves a new drive for the air of now",
           onclick: () => this._solve(),
         },
@@ -553,11 +545,7 @@ export default class Reproduce {
           "div.buttons",
           {},
           make("button.main", { type: "submit", title }, button),
-          make(
-            "button",
-            { type: "button", title: "Changes nothing", onclick: () => dialog.close() },
-            "Cancel",
-          ),
+          make("button", { title: "Changes nothing", onclick: () => dialog.close() }, "Cancel"),
         ),
       ),
     );
@@ -704,11 +692,7 @@ export default class Reproduce {
         return make(
           "div.mark",
           {},
-          make(
-            "button",
-            { type: "button", title: "Goes to this mark", onclick: () => transport.seek(mark) },
-            at,
-          ),
+          make("button", { title: "Goes to this mark", onclick: () => transport.seek(mark) }, at),
           make("input", {
             type: "text",
             maxLength: 100,
@@ -724,7 +708,6 @@ export default class Reproduce {
           make(
             "button",
             {
-              type: "button",
               "aria-label": `remove the mark at ${at}`,
               title: "Removes this mark",
               onclick: () =>
@@ -818,7 +801,6 @@ export default class Reproduce {
     const undo = make(
       "button",
       {
-        type: "button",
         id: "undo",
         onclick: async () => {
           const take = await tried(this.link.order("reproduce", "restore", { take: folder }));
@@ -964,7 +946,6 @@ export default class Reproduce {
         make(
           "button",
           {
-            type: "button",
             title: "Closes this message",
             onclick: () => this._nothing("choose a take"),
           },
@@ -1094,7 +1075,6 @@ export default class Reproduce {
         make(
           "button",
           {
-            type: "button",
             title: "Commands and Python that do the same",
             onclick: () => this._code(),
           },

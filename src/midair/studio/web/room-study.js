@@ -194,7 +194,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 disabled: !controls,
                 id: "new-study",
                 title: "Draws the order of all trials and solves the drives, which takes a while",
@@ -250,7 +249,6 @@ export default class Study {
                 make(
                   "button.main",
                   {
-                    type: "button",
                     id: "presented",
                     disabled: !controls,
                     title: "Press it when the participant has touched it",
@@ -267,7 +265,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 title: "One question at a time, on this screen",
                 onclick: () => this.studio.go("study", "participant"),
               },
@@ -276,7 +273,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 title: "One question at a time, on a second screen",
                 onclick: () =>
                   open("/#study/participant", "participant", "popup,width=1100,height=760"),
@@ -290,7 +286,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 disabled: !controls,
                 id: "end-session",
                 title: "Answers so far are stored",
@@ -397,7 +392,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 id: "simulate",
                 disabled: !controls || study.participants.some(each => each.done),
                 title:
@@ -409,7 +403,6 @@ export default class Study {
             make(
               "button",
               {
-                type: "button",
                 id: "analyse",
                 disabled: !controls || !study.participants.some(each => each.done),
                 title: "needs an answer",
@@ -464,7 +457,6 @@ export default class Study {
                       make(
                         "button",
                         {
-                          type: "button",
                           disabled: !controls,
                           "data-participant": each.number,
                           title: `Session of participant ${each.number}`,
@@ -529,11 +521,10 @@ export default class Study {
     this.shown = key;
     this.answers = [];
     const main = make("div.participant", { lang: "en" }),
-      next = (words, act) =>
-        make("button.main", { type: "button", id: "next", onclick: act }, words);
+      next = (words, act) => make("button.main", { id: "next", onclick: act }, words);
     const stop = make(
       "button.stop",
-      { type: "button", id: "want-stop", onclick: () => this._stop() },
+      { id: "want-stop", onclick: () => this._stop() },
       "I want to stop ",
       make("kbd", {}, "Esc"),
     );
@@ -658,7 +649,7 @@ export default class Study {
       });
       const next = make(
         "button.main",
-        { type: "button", id: "next", disabled: true, onclick: () => answer(given.value) },
+        { id: "next", disabled: true, onclick: () => answer(given.value) },
         "Next",
       );
       return [
@@ -674,11 +665,7 @@ export default class Study {
       ];
     }
     if (!question.answers.length) {
-      const next = make(
-        "button.main",
-        { type: "button", id: "next", onclick: () => answer(given.value) },
-        "Next",
-      );
+      const next = make("button.main", { id: "next", onclick: () => answer(given.value) }, "Next");
       const given = make("input", {
         ...(question.kind === "text"
           ? { type: "text", maxLength: 1000 }
@@ -691,7 +678,7 @@ export default class Study {
       return [title, given, next];
     }
     this.answers = question.answers.map(text =>
-      make("button", { type: "button", onclick: () => answer(text) }, text),
+      make("button", { onclick: () => answer(text) }, text),
     );
     return [
       make("div", {}, title, ends),

@@ -145,7 +145,6 @@ export function driveButtons(studio, name, figure) {
             return make(
               "button",
               {
-                type: "button",
                 title,
                 "aria-pressed": each.name === name ? "true" : "false",
                 onclick: () => studio.go(studio.name, each.name),

@@ -4,8 +4,7 @@
 import { field, make, openModal, tried } from "/web/dom.js";
 
 const shown = degrees => `${degrees.toFixed(1)} °C`;
-const button = (words, onclick, title, id) =>
-  make("button", { type: "button", onclick, title, id }, words);
+const button = (words, onclick, title, id) => make("button", { onclick, title, id }, words);
 
 /** The warning that the room differs by 1 K from the air that a drive was solved for, or "". */
 export function otherAir({ state: { air } }, solved) {
