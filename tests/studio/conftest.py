@@ -200,13 +200,13 @@ class Look:
 def look(chromium):
     contexts = []
 
-    def open_page(studio, *, link=None, context=None, **how):
+    def open_page(studio, *, link=None, context=None, at="reproduce", **how):
         how = {"viewport": {"width": 1280, "height": 800}} | how
         if context is None:
             context = chromium.new_context(**how)
             contexts.append(context)
         seen = Look(context.new_page(), studio.root)
-        seen.page.goto(link or studio.link)
+        seen.page.goto(f"{link or studio.link}#{at}")
         seen.until("globalThis.studio?.link?.page > 0")
         return seen
 

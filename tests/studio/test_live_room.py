@@ -90,6 +90,7 @@ def test_live_begins_only_in_the_air_of_its_check(talk, studio):
 
 def test_hidden_page_cannot_begin(talk, studio):
     studio.panels["live"]._checked = {3: _request()}
+    studio.playing._show(device="autd3:emulator")
     assert "to be visible" in begin(talk, alive=False)
     assert not studio.playing.lease.armed
 

@@ -10,11 +10,13 @@ from .panel import PanelContext as PanelContext
 from .play_panel import PlayPanel as PlayPanel
 from .record_panel import RecordPanel
 from .reproduce_panel import ReproducePanel
+from .start_panel import StartPanel
 from .study_panel import StudyPanel
 
 PANELS: dict[str, type[Panel]] = {
     each.name: each
     for each in (
+        StartPanel,
         RecordPanel,
         CalibratePanel,
         ReproducePanel,

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from midair.errors import InputError
 from midair.files import atomic_file
+from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import EXPORTS, StudioFolder, pack_folder
 from midair.studio.importing import ImportForm, run_edit, run_import, run_words
 from midair.studio.jobs import StudioJob
@@ -18,7 +19,7 @@ from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.play_panel import SolveForm
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
-from midair.studio.takes_list import NOTES, take_of
+from midair.studio.takes_list import NOTES, SAMPLE, take_of
 from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
 
 
@@ -115,18 +116,24 @@ class ReproducePanel(Panel):
         context.show_takes()
 
     def start(self) -> None:
-        """Make the samples; the first one is shown and solved while the others are computed."""
+        """Make the samples."""
         for thing in ("towel", "brush", "sponge"):
             order = (str(self._takes.samples), thing)
-            self._reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self._context.later(self._made))
+            self._reading.add(
+                f"sample {thing}", make_sample, order, ended=lambda _: self._context.later(self._context.show_takes)
+            )
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
-        """Return the facts of a take."""
+        """Return the facts of a take; the first sample is solved then, so that there is something to play."""
         if self._takes.is_pending(order.take):
             return {"stamp": "first", "written": Notes().model_dump(), **self._context.first.facts}
         notes = self._notes(order)
         data = self._takes.data(order.take)
         found = await self._reading.result(f"reading {order.take}", facts, data)
+        if order.take == SAMPLE + FIRST and not data.drive and not self._sampled:
+            self._sampled = True
+            sample = SolveForm(take=order.take, mode="paper", method="live", level="auto")
+            self._solve(sample, self._request(sample, sample.take), sample.take)
         return {
             "stamp": data.stamp,
             "part": data.drive == self._takes.preview_path(order.take),
@@ -326,15 +333,6 @@ class ReproducePanel(Panel):
             first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
             self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(name, title))
         return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(name, title))
-
-    def _made(self) -> None:
-        """Show a new sample, and solve the first one, so that there is something to show and play at once."""
-        self._context.show_takes()
-        rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.is_pending(row["name"])]
-        if rows and not rows[0]["solved"] and not self._sampled:
-            self._sampled = True
-            sample = SolveForm(take=rows[0]["name"], mode="paper", method="live", level="auto")
-            self._solve(sample, self._request(sample, sample.take), sample.take)
 
     def report(self, _: Page, order: SolveForm) -> dict[str, int]:
         """Run the whole loop on the virtual rig and write its report, as a job."""

@@ -43,7 +43,7 @@ export const studio = {
     const [path, query = ""] = decodeURI(location.hash.slice(1)).split("?"),
       [room, ...rest] = path.split("/");
     return {
-      room: room in ROOMS ? room : "reproduce",
+      room: room in ROOMS ? room : "start",
       take: rest.join("/"),
       time: Number(new URLSearchParams(query).get("t") ?? NaN),
     };

@@ -1,7 +1,7 @@
 /* Import a file of another program: questions on what it does not state, as `midair import` asks
     them, a preview, and the take. */
 
-import { choice, field, make, openModal, rows } from "/web/dom.js";
+import { choice, field, make, openModal, rows, toast } from "/web/dom.js";
 
 const pick = (none, ...words) => choice([["", none], ...words.map(word => [word, word])], "");
 const FIELDS = [
@@ -60,9 +60,26 @@ export function pictureOf(course, seconds) {
 
 const SOUND = ["scale", "footprint", "size", "speed"];
 
+/** Take a file of this computer into the folder, ask what it does not state, and open it. */
+export async function bringFile(studio, file) {
+  if (!file) return;
+  const answer = await fetch("/upload", {
+    method: "POST",
+    body: file,
+    headers: { "x-name": encodeURIComponent(file.name), "x-page": String(studio.link.page) },
+  });
+  const said = await answer.json();
+  if (said.error) {
+    toast(said.error);
+    return;
+  }
+  const take = said.imports ? await importFile(studio.link, said.ok) : said.ok;
+  if (take) studio.go("reproduce", take);
+}
+
 /** Ask what a file does not state, with proposed answers, show what comes of it, and import it;
     resolves to the name of the take, or "". */
-export function importFile(link, file) {
+function importFile(link, file) {
   const dialog = document.getElementById("import"),
     wave = /\.(wav|rf64|flac|aiff?|ogg|mp3)$/.test(file),
     inputs = {};

@@ -10,7 +10,7 @@ import {
 } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
-import { importFile, pictureOf } from "/web/import.js";
+import { bringFile, pictureOf } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
 import {
   TakeView,
@@ -134,7 +134,7 @@ export default class Reproduce {
       hidden: true,
       "aria-label": "a recording from this computer",
       onchange: () => {
-        this._upload(file.files[0]);
+        bringFile(this.studio, file.files[0]);
         file.value = "";
       },
     });
@@ -315,7 +315,7 @@ export default class Reproduce {
       ondragover: event => event.preventDefault(),
       ondrop: event => {
         event.preventDefault();
-        if (this.link.controls) this._upload(event.dataTransfer.files[0]);
+        if (this.link.controls) bringFile(this.studio, event.dataTransfer.files[0]);
       },
     };
     this.studio.main.append(make("div.reproduce", drop, left, ...this.pictures, this.problem));
@@ -1170,21 +1170,6 @@ export default class Reproduce {
   }
   _play(correct = false) {
     askToPlay(this.studio, this.take.name, correct, { take: this.take.name, ...chosen(this.made) });
-  }
-  async _upload(file) {
-    if (!file) return;
-    const answer = await fetch("/upload", {
-      method: "POST",
-      body: file,
-      headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) },
-    });
-    const said = await answer.json();
-    if (said.error) {
-      tried(Promise.reject(new Error(said.error)));
-      return;
-    }
-    const take = said.imports ? await importFile(this.link, said.ok) : said.ok;
-    if (take) this.studio.go("reproduce", take);
   }
   /** Show the code for the drive in view or, without one, for the settings of the form. */
   async _code() {

@@ -1,0 +1,9 @@
+"""Panel Start: three ways to a first touch, and the newest takes."""
+
+from midair.studio.panels.panel import WEB, Panel
+
+
+class StartPanel(Panel):
+    """What a page shows first; it has no requests of its own."""
+
+    name, title, script = "start", "Start", WEB / "room-start.js"
