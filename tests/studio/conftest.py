@@ -206,8 +206,9 @@ def look(chromium):
             context = chromium.new_context(**how)
             contexts.append(context)
         seen = Look(context.new_page(), studio.root)
-        seen.page.goto(f"{link or studio.link}#{at}")
+        seen.page.goto(link or studio.link)
         seen.until("globalThis.studio?.link?.page > 0")
+        seen.go(f"#{at}")
         return seen
 
     yield open_page
