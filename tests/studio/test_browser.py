@@ -143,7 +143,7 @@ def test_every_key_of_the_transport(studio_at, look):
     assert at() == 0
     page.page.evaluate("studio.room.transport.seek(742)")
     page.until("location.hash.includes('t=0.742')")
-    press("Alt+1")
+    press("Alt+2")
     page.until("studio.name === 'record'")
     page.page.go_back()
     page.until("studio.name === 'reproduce' && studio.room?.transport?.frame === 742")
@@ -151,11 +151,11 @@ def test_every_key_of_the_transport(studio_at, look):
     press("?")
     assert page.page.locator("#help tr").count() == told
     press("Escape")
-    rooms = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live")
+    rooms = ("start", "record", "calibrate", "reproduce", "compare", "draw", "study", "live")
     for number, room in enumerate(rooms, start=1):
         press(f"Alt+{number}")
         page.until(f"studio.name === {room!r}")
-    press("Alt+1")
+    press("Alt+2")
     page.until("studio.name === 'record' && studio.room?.big && !studio.room.big.disabled")
     press("r")
     page.until("studio.link.state.record.state === 'recording'")

@@ -17,7 +17,7 @@ export const TABLE = [
   ["+ - 0", "time zoom, all; also the wheel, and a drag over the cells"],
   ["Shift and drag", "over the whole take: choose a part, as I and O do"],
   ["Ctrl Z, Ctrl Shift Z", "undo, redo an edit of a take"],
-  ["Alt 1 … 8", "panels"],
+  ["Alt 1 … 9", "panels"],
   ["?", "this table"],
 ];
 
