@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2055,
     "cli": 6664,
     "study": 6383,
-    "studio": 6048,
+    "studio": 6057,
     "sweep": 500,
     "paper": 480,
 }
