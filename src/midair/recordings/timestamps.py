@@ -270,7 +270,7 @@ def _said(rate: float, used: int, rows: int, frames: int, gaps: Array, time: Arr
 def _rate(measured: float, stated: float | None, tolerance: float = 0.02) -> float:
     """The measured rate; RateError if it contradicts the stated one."""
     if stated is not None and not abs(measured / stated - 1) < tolerance:
-        raise RateError(f"rate: expected about {measured:.6g} Hz from the time stamps, got {stated:g} Hz; leave it out")
+        raise RateError(f"rate: expected about {measured:.6g} Hz from the time stamps, got {stated:g} Hz; correct one")
     return float(f"{measured:.9g}")
 
 
