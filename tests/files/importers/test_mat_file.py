@@ -130,7 +130,7 @@ def test_rate_stamps_and_unit_beside_the_array_count(ending, facts, tmp_path):
         recording = load(path, **said)
         assert recording.rate == pytest.approx(1000, rel=1e-6)
         np.testing.assert_allclose(recording.samples.reshape(60, 16), TONE * (1 if said else 1e-3), atol=1e-12)
-        with pytest.raises(InputError, match="250 Hz; (leave|correct)"):
+        with pytest.raises(InputError, match=r"250 Hz; (leave|correct)"):
             load(path, **said, rate=250.0)
 
 
