@@ -127,6 +127,9 @@ def test_an_invalid_strength_is_refused():
     silent = PressureFrames(pressure=np.zeros((30, 4, 4)), rate=1000.0)
     with pytest.raises(InputError, match="got silence"):
         reproduce(silent, SMALL, Settings().but(strength=0.1))
+    faint = PressureFrames(pressure=np.full((30, 4, 4), 1e-4), rate=1000.0)
+    with pytest.raises(InputError, match="strength: expected a piece that is not nearly silent"):
+        reproduce(faint, SMALL, Settings().but(strength=0.1))
 
 
 def measured():

@@ -25,7 +25,7 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import MEASURED, UNLIKE, Transducers, check_frame_rate, focus_amplitude, level_if_unlike
-from midair.settings import Settings
+from midair.settings import MOST_GAIN, Settings
 from midair.solvers import Cells, Free, QuietPalm, Windows, check_memory, memory_of, one_blas_thread, solve, solve_parts
 from midair.streaming import blocks, read_frames
 from midair.targets import decouple, default_lead, precompensate, precompensate_sound, prepare
@@ -148,7 +148,10 @@ def with_fitted_gain(
         raise InputError("strength: expected a pressure above 0 in some frame, got silence; leave --strength out")
     focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
     # Sound amplitude is proportional to the square root of pressure, and so of gain.
-    return settings.but(gain=(settings.target.strength * focus / peak) ** 2)
+    gain = (settings.target.strength * focus / peak) ** 2
+    if gain > MOST_GAIN:
+        raise InputError(f"strength: expected a piece that is not nearly silent, got one that needs gain {gain:.4g}")
+    return settings.but(gain=gain)
 
 
 def under_ears(drive: Drive, limit: float) -> float:

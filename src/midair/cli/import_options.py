@@ -137,8 +137,10 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
         raise type(wrong)(wrong.message(TYPED)) from wrong
 
 
-def ask_missing(file: File, options: FileOptions, mending: Mending | None, *, ask: bool) -> files.OpenedTake:
-    """Import, and with `ask` on a terminal, ask for each fact that the file lacks; Enter takes the proposed answer."""
+def ask_missing(
+    file: File, options: FileOptions, mending: Mending | None, *, ask: bool, counts: bool
+) -> files.OpenedTake:
+    """Import; with `ask` on a terminal, ask for each missing fact (Enter: the proposal), but not for `counts`."""
     while True:
         try:
             return import_recording(file, options, mending=mending)
@@ -147,6 +149,9 @@ def ask_missing(file: File, options: FileOptions, mending: Mending | None, *, as
             first = cause.args[0] if isinstance(cause, InputError) and not cause.parameters else cause
             facts = first.parameters if isinstance(first, InputError) else {}
             known = next((each for each in _QUESTIONS if each in facts), None)
+            if known == "unit" and counts:
+                options = replace(options, unit="count")
+                continue
             if not ask or known is None or not (sys.stdin.isatty() and err().is_terminal):
                 raise
             question, proposed, parse = _QUESTIONS[known]

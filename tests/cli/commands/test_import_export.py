@@ -58,6 +58,15 @@ def test_chosen_channels_are_exported_as_flac(answer):
     np.testing.assert_allclose(back.samples[:, 0], load("a.h5").samples.reshape(300, 16)[:, [9, 6]], atol=2**-21)
 
 
+def test_a_stated_peak_needs_no_unit(answer):
+    np.savetxt("a.csv", np.sin(np.arange(400) / 3), header="skin")
+    answer("import", "a.csv", "a.h5", "--rate", "1kHz", "--peak", "40Pa", "--footprint", "circle:20mm")
+    take = open_take("a.h5")
+    assert take.recording.unit == "count"
+    pressure = calibrate(take.recording, take.calibration, band=(0, 500)).pressure
+    assert np.abs(pressure).max() == pytest.approx(40, rel=0.05)
+
+
 def test_a_very_short_file_is_imported_with_a_note(answer):
     soundfile.write("a.wav", RNG.normal(size=10) / 9, 16000)
     told = answer("import", "a.wav", "a.h5", "--scale", "30Pa", "--footprint", "circle:20mm")

@@ -98,7 +98,8 @@ def import_command(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending, ask=not json)
+    asked = {"ask": not json, "counts": peak is not None}
+    imported = files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending, **asked)
     credits: list[Line] = []
     if name in SAMPLES:
         imported = replace(imported, recording=with_credits(name, imported.recording))
