@@ -22,17 +22,17 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1896,
-    "settings streaming .": 2739,
-    "physics": 3209,
+    "settings streaming .": 2742,
+    "physics": 3289,
     "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4873,
     "devices": 7927,
-    "rig": 9110,
+    "rig": 9102,
     "patterns datasets": 1767,
     "view figures": 2055,
-    "cli": 6664,
+    "cli": 6670,
     "study": 6383,
     "studio": 6057,
     "sweep": 500,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_891, "benchmarks": 4_500}
+BESIDE = {"tests": 51_952, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -24,7 +24,9 @@ from midair.physics import (
     Transducers,
     array_from_palm,
     cell_weights,
+    echo_matrix,
     middle_of,
+    palm_points,
     transfer_matrix,
     wavenumber,
 )
@@ -184,9 +186,9 @@ class _Stage:
         matrix = transfer_matrix(there, array, acoustics=acoustics)
         if lab.echo:
             turn = np.exp(2j * np.pi * rng.random())
-            matrix = matrix + lab.echo * turn * transfer_matrix(
-                there, _mirrored_twice(array, pose, solved), acoustics=acoustics
-            )
+            skin = palm_points(solved, pitch=points.pitch)
+            area = points.pitch**2 * np.array([0.0, 0.0, 1.0])
+            matrix = matrix + lab.echo * turn * echo_matrix(there, skin, array, area=area, acoustics=acoustics)
         return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
 
     def _array(self, lab: Laboratory, solved: Array, rng: np.random.Generator) -> TransducerArray:
@@ -237,16 +239,6 @@ class _Stage:
             position[its] = (position[its] - middle) @ turn.T + middle + draw[:3]
             normal[its] = normal[its] @ turn.T
         return position, normal
-
-
-def _mirrored_twice(array: TransducerArray, pose: PalmPath, solved: Array) -> TransducerArray:
-    """Images of the transducers in the palm and then in the plane of the array, in the coordinates of the palm."""
-    own = np.array([0.0, 0.0, 1.0])
-    position, normal = array.position, array.normal
-    for place, axis in ((solved, own), (array.position.mean(axis=0), pose.rotation[0].T @ own)):
-        position = position - 2 * np.outer((position - place) @ axis, axis)
-        normal = normal - 2 * np.outer(normal @ axis, axis)
-    return replace(array, position=position, normal=normal)
 
 
 def _pose(lab: Laboratory, solved: Array, rng: np.random.Generator) -> PalmPath:

@@ -1,0 +1,78 @@
+"""The echo between a palm and the face of the array: sound that a rigid palm sends back, and the array again.
+
+Kirchhoff's approximation, there and back: each surface radiates the field that falls on it, as sources of the first
+Rayleigh-Sommerfeld integral, p(x) = 1 / (2 pi) sum p(y) cos (1 / R - j k) exp(j k R) / R dS, with R the distance from y
+to x and cos that of its angle to the surface's normal (Goodman, Introduction to Fourier Optics, 3.4). Further echoes
+are neglected.
+"""
+
+import numpy as np
+
+from midair.array_types import Array, Complex
+from midair.model import Acoustics, TransducerArray
+from midair.physics.propagation import transfer_matrix, wavenumber
+
+PALM = 85e-3
+"""Diameter of a palm in m."""
+
+_ACROSS = 0.6
+"""Distance in wavelengths between the points of the array's face; waves at 50 degrees need .65."""
+
+
+def echo_matrix(
+    points: Array, skin: Array, array: TransducerArray, *, area: Array, acoustics: Acoustics | None = None
+) -> Complex:
+    """The echo at points on a palm from a rigid face of the array, complex, in Pa, shape (point, transducer).
+
+    Times the reflection factor of the face, which is between 0 and 1 with some phase, it adds to `transfer_matrix`.
+
+    `points` (point, 3) and `skin` (skin point, 3), a flat palm that reflects with factor 1, are in m; `area` (3,) is
+    the area of a skin point in m² along the palm's normal. Skin points are at most half a wavelength apart. The face is
+    the smallest rectangle around the transducers, in their plane.
+    """
+    acoustics = acoustics or Acoustics()
+    k = wavenumber(array, acoustics.medium)
+    face, patch = _face(array, 2 * np.pi / k)
+    back, there = _radiated(face, skin, k, area), _radiated(points, face, k, patch)
+    arriving = transfer_matrix(skin, array, acoustics=acoustics).astype(np.complex64)
+    return np.asarray((there @ back) @ arriving, np.complex128)
+
+
+def palm_points(centre: Array, *, pitch: float, diameter: float = PALM) -> Array:
+    """Points of a flat round palm parallel to z = 0, in a square lattice, shape (point, 3), in m."""
+    steps = int(diameter / 2 / pitch)
+    x, y = np.meshgrid(*[np.arange(-steps, steps + 1) * pitch] * 2)
+    inside = np.hypot(x, y) <= diameter / 2
+    return np.stack([x[inside], y[inside], 0 * x[inside]], axis=1) + centre
+
+
+def _face(array: TransducerArray, wavelength: float) -> tuple[Array, Array]:
+    """Points of the array's face (point, 3), and the area of each along the normal (3,)."""
+    middle = array.position.mean(axis=0)
+    _, _, axes = np.linalg.svd(array.position - middle, full_matrices=False)
+    plane, turns = (array.position - middle) @ axes[:2].T, np.radians(np.arange(90))
+    extents = [np.ptp(plane @ _turned(turn), axis=0).prod() for turn in turns]
+    turned = _turned(turns[int(np.argmin(extents))])
+    # Half a transducer more than the outermost positions.
+    low, high = (plane @ turned).min(axis=0) - wavelength / 2, (plane @ turned).max(axis=0) + wavelength / 2
+    counts = np.ceil((high - low) / (_ACROSS * wavelength)).astype(int)
+    sides = (high - low) / counts
+    x, y = np.meshgrid(*[low[axis] + (np.arange(counts[axis]) + 0.5) * sides[axis] for axis in (0, 1)])
+    flat = np.stack([x.ravel(), y.ravel()], axis=1) @ turned.T
+    return middle + flat @ axes[:2], np.prod(sides) * axes[2]
+
+
+def _turned(angle: float) -> Array:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _radiated(to: Array, sources: Array, k: float, area: Array) -> Complex:
+    """Field at points (point, 3) of sources (source, 3) of magnitude 1 on a surface, each of this area (3,)."""
+    # Products of coordinates instead of differences: single precision keeps the phase within 1e-4 rad.
+    square = (to**2).sum(axis=1)[:, None] + (sources**2).sum(axis=1) - 2 * to @ sources.T
+    distance = np.sqrt(square, dtype=np.float32)
+    height = np.abs((to @ area)[:, None] - sources @ area).astype(np.float32)
+    turn, factor = np.float32(k) * distance, height / (np.float32(2 * np.pi) * distance * distance)
+    wave = np.empty(distance.shape, np.complex64)
+    wave.real, wave.imag = np.cos(turn), np.sin(turn)
+    return factor * (1 / distance - np.complex64(1j * k)) * wave
