@@ -4,6 +4,7 @@ Levels are in dB re 20 µPa rms, from the linear field of each frame alone and o
 """
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -205,18 +206,12 @@ def exposure(
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
     sound = SoundInTime.of(drive, profile, airs, steps, alone=alone)
-    # Each run: frames in the order of their sound, -1 for silence. The first ones only sound beside others.
-    silence = np.full(sound.lead, -1)
-    run = np.concatenate([silence, np.arange(drive.frames), silence if ends else silence[:0]])[earlier:]
-    runs = [run[first : first + _RUN + sound.lead] for first in range(0, len(run) - sound.lead, _RUN)]
-    # With repeats, the first frames also sound beside the last ones.
-    runs += [np.arange(-sound.lead, sound.lead) % drive.frames] * (repeats > 1 and sound.lead > 0)
     duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
     level = np.zeros((drive.frames, len(profile.places)))
     loudest = np.zeros(level.shape, np.int8)
     # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as threads:
-        for run in runs:
+        for run in _runs(drive.frames, sound.lead, earlier, ends=ends, repeats=repeats):
             frames, amplitude, air = sound.measure(run, threads.map)
             # The silence after a drive counts as its last frame.
             frames[frames < 0] = drive.frames - 1
@@ -241,6 +236,18 @@ def exposure(
         duty=duty,
         warming=warming,
     )
+
+
+def _runs(frames: int, lead: int, earlier: int, *, ends: bool, repeats: int) -> Iterator[NDArray[np.intp]]:
+    """Frames in the order of their sound, -1 for silence; the first `lead` of each run only sound beside others."""
+    last = frames + lead * ends
+    for first in range(earlier - lead, last - lead, _RUN):
+        run = np.arange(first, min(first + _RUN + lead, last))
+        run[(run < 0) | (run >= frames)] = -1
+        yield run
+    if repeats > 1 and lead > 0:
+        # The first frames also sound beside the last ones.
+        yield np.arange(-lead, lead) % frames
 
 
 def frames_at_once(drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...]) -> int:
