@@ -23,7 +23,7 @@ from midair.devices import measure_exposure
 from midair.files import profile_named
 from midair.model import Drive, Medium
 from midair.physics import Place, airs_of_room, searches_of, sound_level
-from midair.physics.exposure_time import octants_of
+from midair.physics.exposure_time import FINE, octants_of
 
 PROFILE = profile_named("occupational-110")
 STEP = 25e-6
@@ -77,26 +77,29 @@ def periodic(frames: NDArray[np.complex128], rate: float) -> Drive:
     return replace(played(np.angle(q), np.abs(q) * ramp[:, None]), rate=rate)
 
 
-def hidden(rng: np.random.Generator, place: Place, aim: Array, medium: Medium, rate: float, count: int) -> list[Drive]:
-    """Frames that are loud at one point and moment, and quiet in all octants of the check at all of its slots.
+def hidden(
+    rng: np.random.Generator, place: Place, aim: Array, medium: Medium, rate: float, count: int, apart: float
+) -> list[Drive]:
+    """Frames that are loud at one point and moment, and quiet in all octants of the check at moments so far `apart`.
 
     Frames repeat, so that their spectrum has `count` lines, each of which is solved alone.
     """
     airs = airs_of_room(None, PROFILE.places, ARRAY)
-    octants = octants_of(searches_of(PROFILE.places, ARRAY, airs).each[PROFILE.places.index(place)], rate)
+    search = searches_of(PROFILE.places, ARRAY, airs).each[PROFILE.places.index(place)]
     wave, late = waves(aim[None], medium)[0], np.linalg.norm(aim - POSITIONS, axis=1)
     own = np.ceil((late - late.min()) / medium.speed * rate - rng.uniform(0, 1)).clip(0)
+    known = []
+    for groups, moments in (
+        (each.arrivals.groups, each.arrivals.count) for each in octants_of(search, rate, apart=apart)
+    ):
+        modes, group = np.empty((len(groups[0][1]) // 2, ARRAY.count), np.complex64), np.empty(ARRAY.count)
+        for number, (members, matrix) in enumerate(groups):
+            real, imaginary = matrix[:, : len(members)].reshape(2, len(modes), -1)
+            modes[:, members], group[members] = real + 1j * imaginary, number
+        known += [(modes, np.ceil((group - moment) / moments).clip(0)) for moment in range(moments)]
     normals, wanted = [], []
     for line in -2j * np.pi * np.arange(count) / count:
-        rows = []
-        for groups, slots in ((each.arrivals.groups, each.arrivals.slots) for each in octants):
-            modes, slot = np.empty((len(groups[0][1]) // 2, ARRAY.count), np.complex64), np.empty(ARRAY.count)
-            for number, (members, matrix) in enumerate(groups):
-                real, imaginary = matrix[:, : len(members)].reshape(2, len(modes), -1)
-                modes[:, members], slot[members] = real + 1j * imaginary, number
-            ages = (np.ceil((slot - moment) / slots).clip(0) for moment in range(slots))
-            rows += [modes * np.exp(line * age).astype(np.complex64) for age in ages]
-        matrix = np.concatenate(rows)
+        matrix = np.concatenate([modes * np.exp(line * age).astype(np.complex64) for modes, age in known])
         normals.append(matrix.conj().T @ matrix)
         wanted.append((wave * np.exp(line * own)).conj())
     found, frame = [], np.arange(count)
@@ -127,21 +130,21 @@ def turning(rng: np.random.Generator, aim: Array, medium: Medium, rate: float) -
     return found
 
 
-def hostile(count: int, rng: np.random.Generator) -> None:
+def hostile(first: int, count: int, seed: int) -> None:
     """Attack random points in random airs at 1, 4 and 8 kHz, and print the check's error for the best of each."""
     errors = []
-    for number in range(count):
-        rate = (1000.0, 4000.0, 8000.0)[number % 3]
+    for number in range(first, first + count):
+        rng, rate = np.random.default_rng([seed, number]), (1000.0, 4000.0, 8000.0)[number % 3]
         place = PROFILE.places[number // 3 % 2]
         aim, medium = somewhere(place, 1, rng, surface=number % 2 == 0)[0], some_air(rng, None)
-        turned = number % 4 == 3
-        drives = (
-            turning(rng, aim, medium, rate) if turned else hidden(rng, place, aim, medium, rate, 2 + number // 6 % 2)
-        )
-        worst = min((compared(each, place, medium, aim) for each in drives), key=min)
-        errors.append(worst)
-        kind = "turning" if turned else "alternating"
-        print(f"{number:3} {kind:11} {rate:5.0f} Hz {place.name:9} {said(worst)}", flush=True)
+        if number % 4 == 3:
+            kind, drives = "turning", turning(rng, aim, medium, rate)
+        else:
+            # Quiet at the moments of the check, or also between them.
+            kind, apart = ("alternating", FINE) if number // 4 % 2 else ("alternating, between", FINE / 2)
+            drives = hidden(rng, place, aim, medium, rate, 2 + number // 6 % 2, apart)
+        errors.append(min((compared(each, place, medium, aim) for each in drives), key=min))
+        print(f"{number:3} {kind:20} {rate:5.0f} Hz {place.name:9} {said(errors[-1])}", flush=True)
     summary("hostile", errors)
 
 
@@ -204,15 +207,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.exposure_time", description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="solved drives of 996 transducers, for the ordinary ones")
     parser.add_argument("--hostile", type=int, default=60, help="number of hostile drives (default 60)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first hostile drive (default 0)")
     parser.add_argument("--ordinary", type=int, default=30, help="number of ordinary drives (default 30)")
     parser.add_argument("--seed", type=int, default=2026, help="seed of all random numbers (default 2026)")
     options = parser.parse_args()
     print(load())
-    rng = np.random.default_rng(options.seed)
     if options.hostile:
-        hostile(options.hostile, rng)
+        hostile(options.first, options.hostile, options.seed)
     if options.files:
-        ordinary(options.files, options.ordinary, rng)
+        ordinary(options.files, options.ordinary, np.random.default_rng(options.seed))
 
 
 if __name__ == "__main__":

@@ -24,9 +24,6 @@ from midair.physics.exposure_places import ExposureProfile
 from midair.physics.exposure_search import Airs, PlaceSearch, Searches, searches_of
 from midair.progress import report_progress
 
-SLOT = 31.25e-6
-"""Longest time in s from the first to the last arrival of a group of transducers."""
-
 MOMENTS, FINE = 125e-6, 62.5e-6
 """Longest time in s between two moments of a whole place and of its octants; a frame has at least two moments."""
 
@@ -58,22 +55,19 @@ class Arrivals:
     """Transducers, in groups by the arrival of their sound at a part of a place, and the modes of their sound there."""
 
     groups: tuple[tuple[Frames, Single], ...]
-    """Transducers whose sound is 0, 1, 2 ... slots late, and the matrix from their parts to those of modes."""
-    slots: int
-    """Slots in a frame, of one group after the other."""
-    every: int
-    """Slots from one moment to the next."""
+    """Transducers, in the order of their arrival, and the matrix from their parts to those of modes."""
+    count: int
+    """Moments of a frame: the groups arrive one after the other, this many in the time of a frame."""
 
     @classmethod
     def of(cls, modes: NDArray[np.complex64], late: Array, rate: float, apart: float) -> Self:
         """From modes (mode, transducer), arrivals (transducer,) in s, the rate of frames in Hz and the longest time
         between two moments in s.
         """
-        slots = ceil(1 / (rate * SLOT))
-        slot = np.rint(late * rate * slots).astype(np.intp)
-        members = [np.flatnonzero(slot == each) for each in range(slot.max() + 1)]
-        groups = tuple((each, in_parts(modes[:, each])) for each in members)
-        return cls(groups=groups, slots=slots, every=max(1, int(min(apart, 0.5 / rate) * rate * slots)))
+        count = max(2, ceil(1 / (rate * apart) - 1e-6))
+        number = (late * rate * count).astype(np.intp)
+        members = [np.flatnonzero(number == each) for each in range(number.max() + 1)]
+        return cls(groups=tuple((each, in_parts(modes[:, each])) for each in members), count=count)
 
     def moments(self, parts: Single, reach: int, space: Workspace) -> Iterator[tuple[Single, float]]:
         """Modes at the last moment of each frame, at that of the frame before, and at the moments between, each
@@ -82,32 +76,27 @@ class Arrivals:
         `parts` are real and imaginary parts of the drive, float32 (2, transducer, reach + frame): the frames, and those
         that sound beside the first. The modes at the first two of these moments are kept while the others are made.
         """
-        frames, count, size = parts.shape[2] - reach, len(self.groups), len(self.groups[0][1])
-        groups = space.array("groups", count, size, parts.shape[2])
+        whole, number, size = parts.shape[2], len(self.groups), len(self.groups[0][1])
+        frames, groups = whole - reach, space.array("groups", number, size, whole)
         for (members, matrix), into in zip(self.groups, groups, strict=True):
-            own = space.array("members", 2, len(members), parts.shape[2])
+            own = space.array("members", 2, len(members), whole)
             np.take(parts, members, axis=1, out=own, mode="clip")
-            np.matmul(matrix, own.reshape(2 * len(members), parts.shape[2]), out=into)
-
-        def late(group: int, by: int) -> Single:
-            """Modes of a group that sounds with a frame this number of frames ago."""
-            return groups[group, :, reach - by : reach - by + frames]
-
-        last, before, mixed = (space.array(name, size, frames) for name in ("last", "before", "mixed"))
-        last[:], before[:] = 0, 0
-        for group in range(count):
-            last += late(group, group // self.slots)
-            before += late(group, group // self.slots + 1)
-        yield last, 1.0
-        yield before, 0.0
-        mixed[:], arrived = before, 0
-        for slot in range(min(self.slots, count) - 1):
-            for group in range(slot, count, self.slots):
-                mixed += late(group, group // self.slots)
-                mixed -= late(group, group // self.slots + 1)
+            np.matmul(matrix, own.reshape(2 * len(members), whole), out=into)
+        both, mixed = space.array("both", size, frames + 1), space.array("mixed", size, frames)
+        both[:] = 0
+        for group, each in enumerate(groups):
+            first = reach - 1 - group // self.count
+            both += each[:, first : first + frames + 1]
+        yield both[:, 1:], 1.0
+        yield both[:, :-1], 0.0
+        mixed[:], arrived = both[:, :-1], 0
+        for moment in range(min(self.count, number) - 1):
+            for group in range(moment, number, self.count):
+                first = reach - group // self.count
+                mixed += groups[group, :, first : first + frames]
+                mixed -= groups[group, :, first - 1 : first - 1 + frames]
                 arrived += len(self.groups[group][0])
-            if (slot + 1) % self.every == 0:
-                yield mixed, arrived / parts.shape[1]
+            yield mixed, arrived / parts.shape[1]
 
 
 def in_parts(matrix: NDArray[np.complex64]) -> Single:
@@ -225,8 +214,8 @@ def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Arra
 
 
 @lru_cache(maxsize=32)
-def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
-    """The octants of a place for frames at `rate` in Hz."""
+def octants_of(search: PlaceSearch, rate: float, *, apart: float = FINE) -> tuple[Octant, ...]:
+    """The octants of a place for frames at `rate` in Hz, with moments at most `apart` in s."""
     low, high = search.points.min(axis=0), search.points.max(axis=0)
     number = (search.points >= (low + high) / 2) @ 2 ** np.arange(3)
     field, found = search.at_points(), []
@@ -239,7 +228,7 @@ def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
             shapes, modes = modes_of(pressure, len(search.modes), TRUNCATED * float(search.ceiling.sum()))
         late = search.late((points.min(axis=0, keepdims=True) + points.max(axis=0)) / 2)
         octant = Octant(
-            arrivals=Arrivals.of(modes, late[0], rate, FINE),
+            arrivals=Arrivals.of(modes, late[0], rate, apart),
             points=in_parts(np.complex64(search.allowed) * shapes),
             airs=len(search.airs),
             rough=float(np.abs(search.late(points) - late).max()),
@@ -270,8 +259,7 @@ class SoundInTime:
             for search, place in zip(searches.each, profile.places, strict=True)
         )
         spread = [one.search.late(one.search.points).max() for one in each if isinstance(one, PlaceInTime)]
-        # Groups of transducers last up to two slots longer than the arrivals.
-        lead = 1 + ceil((max(spread) + 2 * SLOT) * drive.rate) if spread else 0
+        lead = 2 + int((max(spread) + 1e-6) * drive.rate) if spread else 0
         return cls(drive=drive, steps=steps, searches=searches, each=each, lead=lead)
 
     def measure(self, run: Frames, mapped: Callable[..., Iterable[Any]]) -> tuple[Frames, Array, NDArray[np.int8]]:
