@@ -23,7 +23,7 @@ from midair.devices import measure_exposure
 from midair.files import profile_named
 from midair.model import Drive, Medium
 from midair.physics import Place, airs_of_room, searches_of, sound_level
-from midair.physics.exposure_time import FINE, octants_of
+from midair.physics.exposure_time import octants_of
 
 PROFILE = profile_named("occupational-110")
 STEP = 25e-6
@@ -77,10 +77,8 @@ def periodic(frames: NDArray[np.complex128], rate: float) -> Drive:
     return replace(played(np.angle(q), np.abs(q) * ramp[:, None]), rate=rate)
 
 
-def hidden(
-    rng: np.random.Generator, place: Place, aim: Array, medium: Medium, rate: float, count: int, apart: float
-) -> list[Drive]:
-    """Frames that are loud at one point and moment, and quiet in all octants of the check at moments so far `apart`.
+def hidden(rng: np.random.Generator, place: Place, aim: Array, medium: Medium, rate: float, count: int) -> list[Drive]:
+    """Frames that are loud at one point and moment, and quiet in all octants of the check at all of its moments.
 
     Frames repeat, so that their spectrum has `count` lines, each of which is solved alone.
     """
@@ -89,9 +87,7 @@ def hidden(
     wave, late = waves(aim[None], medium)[0], np.linalg.norm(aim - POSITIONS, axis=1)
     own = np.ceil((late - late.min()) / medium.speed * rate - rng.uniform(0, 1)).clip(0)
     known = []
-    for groups, moments in (
-        (each.arrivals.groups, each.arrivals.count) for each in octants_of(search, rate, apart=apart)
-    ):
+    for groups, moments in ((each.arrivals.groups, each.arrivals.count) for each in octants_of(search, rate)):
         modes, group = np.empty((len(groups[0][1]) // 2, ARRAY.count), np.complex64), np.empty(ARRAY.count)
         for number, (members, matrix) in enumerate(groups):
             real, imaginary = matrix[:, : len(members)].reshape(2, len(modes), -1)
@@ -137,14 +133,13 @@ def hostile(first: int, count: int, seed: int) -> None:
         rng, rate = np.random.default_rng([seed, number]), (1000.0, 4000.0, 8000.0)[number % 3]
         place = PROFILE.places[number // 3 % 2]
         aim, medium = somewhere(place, 1, rng, surface=number % 2 == 0)[0], some_air(rng, None)
-        if number % 4 == 3:
-            kind, drives = "turning", turning(rng, aim, medium, rate)
-        else:
-            # Quiet at the moments of the check, or also between them.
-            kind, apart = ("alternating", FINE) if number // 4 % 2 else ("alternating, between", FINE / 2)
-            drives = hidden(rng, place, aim, medium, rate, 2 + number // 6 % 2, apart)
+        turned = number % 4 == 3
+        drives = (
+            turning(rng, aim, medium, rate) if turned else hidden(rng, place, aim, medium, rate, 2 + number // 6 % 2)
+        )
         errors.append(min((compared(each, place, medium, aim) for each in drives), key=min))
-        print(f"{number:3} {kind:20} {rate:5.0f} Hz {place.name:9} {said(errors[-1])}", flush=True)
+        kind = "turning" if turned else "alternating"
+        print(f"{number:3} {kind:11} {rate:5.0f} Hz {place.name:9} {said(errors[-1])}", flush=True)
     summary("hostile", errors)
 
 

@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1896,
     "settings streaming .": 2742,
-    "physics": 3289,
+    "physics": 3308,
     "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_952, "benchmarks": 4_500}
+BESIDE = {"tests": 51_975, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

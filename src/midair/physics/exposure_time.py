@@ -8,7 +8,7 @@ of them, the same is done for all moments in the octants of the place, each with
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import ceil
@@ -24,7 +24,7 @@ from midair.physics.exposure_places import ExposureProfile
 from midair.physics.exposure_search import Airs, PlaceSearch, Searches, searches_of
 from midair.progress import report_progress
 
-MOMENTS, FINE = 125e-6, 62.5e-6
+MOMENTS, FINE = 125e-6, 31.25e-6
 """Longest time in s between two moments of a whole place and of its octants; a frame has at least two moments."""
 
 ROUGH = 0.08
@@ -41,13 +41,15 @@ TRUNCATED = 4e-4
 BLOCK = 256
 """Frames that are computed at once."""
 
-_FEW = 64
+_FEW = 32
 """Frames whose octants are computed at once."""
 
 _SHARE = 16
 """Blocks per thread between two progress reports."""
 
 Frames = NDArray[np.intp]
+Moment = tuple[Single, float]
+"""Modes at a moment of each frame, (parts x mode, frame), and the share of transducers whose frame has arrived."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,12 +71,11 @@ class Arrivals:
         members = [np.flatnonzero(number == each) for each in range(number.max() + 1)]
         return cls(groups=tuple((each, in_parts(modes[:, each])) for each in members), count=count)
 
-    def moments(self, parts: Single, reach: int, space: Workspace) -> Iterator[tuple[Single, float]]:
-        """Modes at the last moment of each frame, at that of the frame before, and at the moments between, each
-        (parts x mode, frame), and the share of the transducers whose sound has arrived since then.
+    def moments(self, parts: Single, reach: int, space: Workspace) -> list[Moment]:
+        """The moments of each frame, from the last one of the frame before to its own last one.
 
         `parts` are real and imaginary parts of the drive, float32 (2, transducer, reach + frame): the frames, and those
-        that sound beside the first. The modes at the first two of these moments are kept while the others are made.
+        that sound beside the first.
         """
         whole, number, size = parts.shape[2], len(self.groups), len(self.groups[0][1])
         frames, groups = whole - reach, space.array("groups", number, size, whole)
@@ -82,21 +83,21 @@ class Arrivals:
             own = space.array("members", 2, len(members), whole)
             np.take(parts, members, axis=1, out=own, mode="clip")
             np.matmul(matrix, own.reshape(2 * len(members), whole), out=into)
-        both, mixed = space.array("both", size, frames + 1), space.array("mixed", size, frames)
-        both[:] = 0
+        ends = space.array("ends", size, frames + 1)
+        ends[:] = 0
         for group, each in enumerate(groups):
             first = reach - 1 - group // self.count
-            both += each[:, first : first + frames + 1]
-        yield both[:, 1:], 1.0
-        yield both[:, :-1], 0.0
-        mixed[:], arrived = both[:, :-1], 0
-        for moment in range(min(self.count, number) - 1):
+            ends += each[:, first : first + frames + 1]
+        found, arrived = [(ends[:, :-1], 0.0)], 0
+        for moment, mixed in enumerate(space.array("mixed", min(self.count, number) - 1, size, frames)):
+            mixed[:] = found[-1][0]
             for group in range(moment, number, self.count):
                 first = reach - group // self.count
                 mixed += groups[group, :, first : first + frames]
                 mixed -= groups[group, :, first - 1 : first - 1 + frames]
                 arrived += len(self.groups[group][0])
-            yield mixed, arrived / parts.shape[1]
+            found.append((mixed, arrived / parts.shape[1]))
+        return [*found, (ends[:, 1:], 1.0)]
 
 
 def in_parts(matrix: NDArray[np.complex64]) -> Single:
@@ -113,43 +114,32 @@ class PlaceInTime:
     squares: Single
     """Squared weights of parts of modes, shape (parts x mode,), in Pa2: the norm of weighted modes is at least the
     magnitude at any point and air."""
+    spread: float
+    """Longest time in s from the first to the last arrival at any point."""
 
     def last_moments(self, parts: Single, reach: int, space: Workspace) -> tuple[Array, Array]:
         """Amplitude at the last moment of each frame, shape (air, frame), and the most that it is exceeded before.
 
         The excess (frame,) is above the louder of this and the last moment of the frame before; both in Pa.
         """
-        moments = self._moments(parts, reach, space)
-        last, excess = next(moments)
-        for _, apart in moments:
-            excess = np.maximum(excess, apart)
-        return self._amplitude(last, space), excess
+        each = self.arrivals.moments(parts, reach, space)
+        excess = np.zeros(each[-1][0].shape[1])
+        for middle in each[1:-1]:
+            excess = np.maximum(excess, _apart(middle, each[0], each[-1], self.squares)[0])
+        return self._amplitude(each[-1][0], space), excess
 
-    def other_moments(self, parts: Single, reach: int, least: Array, loudest: float, space: Workspace) -> Array:
+    def other_moments(
+        self, parts: Single, reach: int, ends: Array, hidden: Array, loudest: float, space: Workspace
+    ) -> Array:
         """Amplitude at the loudest moment before the last of each frame, shape (air, frame), in Pa.
 
-        It is 0 for moments that cannot exceed `loudest`; `least` (frame,) is the louder of the last moments of this
-        frame and of the one before, in Pa, with what may be hidden.
+        It is 0 for moments that cannot exceed `loudest` by what may be `hidden` (frame,); `ends` (2, frame) are the
+        last moments of the frame before and of this one, in Pa. Moments are bounded by measured ones, by bisection.
         """
-        found, moments = np.zeros((len(self.search.airs), len(least))), self._moments(parts, reach, space)
-        next(moments)
-        for mixed, apart in moments:
-            some = np.flatnonzero(least + apart > loudest)
-            if len(some):
-                found[:, some] = np.maximum(found[:, some], self._amplitude(mixed[:, some], space))
+        each = self.arrivals.moments(parts, reach, space)
+        found = np.zeros((len(self.search.airs), ends.shape[1]))
+        _louder_between(found, each, ends, loudest - hidden, self.squares, partial(self._amplitude, space=space))
         return found
-
-    def _moments(self, parts: Single, reach: int, space: Workspace) -> Iterator[tuple[Single, Array]]:
-        """Modes at the last moment of each frame and at those before it, and the bound of their distance from a mean of
-        the last moments of this frame and of the one before, (frame,), in Pa; 0 for the first.
-        """
-        moments = self.arrivals.moments(parts, reach, space)
-        (last, _), (before, _) = next(moments), next(moments)
-        yield last, np.zeros(last.shape[1])
-        for mixed, share in moments:
-            rest = mixed - np.float32(share) * last
-            rest -= np.float32(1 - share) * before
-            yield mixed, np.sqrt(self.squares @ np.square(rest, out=rest))
 
     def _amplitude(self, modes: Single, space: Workspace) -> Array:
         real, imaginary = modes.reshape(2, -1, modes.shape[1]).transpose(0, 2, 1)
@@ -174,16 +164,49 @@ class Octant:
 
         `parts` and `reach` are those of `Arrivals.moments`.
         """
-        found = np.zeros((self.airs, parts.shape[2] - reach))
-        norm = float(np.sqrt(np.square(self.points).sum(axis=1).max()))
-        for modes, share in self.arrivals.moments(parts, reach, space):
-            # The first moment is the last one of the frame before.
-            some = np.flatnonzero((share > 0) * norm**2 * np.einsum("mf,mf->f", modes, modes) > above**2)
-            if len(some):
-                field = (self.points @ modes[:, some]).reshape(2, -1, len(some))
-                power = power_of(field).reshape(self.airs, -1, len(some)).max(axis=1)
-                found[:, some] = np.maximum(found[:, some], np.sqrt(power))
+        each = self.arrivals.moments(parts, reach, space)
+        ends = self._amplitude(np.concatenate([each[0][0][:, :1], each[-1][0]], axis=1))
+        found, most = ends[:, 1:].copy(), np.stack([ends[:, :-1].max(axis=0), ends[:, 1:].max(axis=0)])
+        squares = np.full(self.points.shape[1], np.square(self.points).sum(axis=1).max())
+        _louder_between(found, each, most, np.full(found.shape[1], above), squares, self._amplitude)
         return found
+
+    def _amplitude(self, modes: Single) -> Array:
+        field = (self.points @ modes).reshape(2, -1, modes.shape[1])
+        return np.sqrt(power_of(field).reshape(self.airs, -1, modes.shape[1]).max(axis=1)).astype(np.float64)
+
+
+def _louder_between(
+    found: Array, each: list[Moment], ends: Array, above: Array, squares: Single, amplitude: Callable[[Single], Array]
+) -> None:
+    """Raise the amplitudes `found` (air, frame) to those at moments that can exceed `above` (frame,), in Pa.
+
+    Moments are bounded by measured ones, by bisection; `ends` (2, frame) are the amplitudes at the first and the last
+    of them, and `squares` those of `PlaceInTime`.
+    """
+    most, spans = {0: ends[0], len(each) - 1: ends[1]}, [(0, len(each) - 1)]
+    while spans := [span for span in spans if span[1] > span[0] + 1]:
+        middles = [sum(span) // 2 for span in spans]
+        for (first, final), middle in zip(spans, middles, strict=True):
+            apart, share = _apart(each[middle], each[first], each[final], squares)
+            most[middle] = (1 - share) * most[first] + share * most[final] + apart
+        some = {middle: np.flatnonzero(most[middle] > above) for middle in middles}
+        modes = np.concatenate([each[middle][0][:, own] for middle, own in some.items()], axis=1)
+        if modes.size:
+            counts = np.cumsum([len(own) for own in some.values()])
+            for (middle, own), part in zip(some.items(), np.split(amplitude(modes), counts[:-1], axis=1), strict=True):
+                found[:, own], most[middle][own] = np.maximum(found[:, own], part), part.max(axis=0)
+        spans = [pair for (first, final), m in zip(spans, middles, strict=True) for pair in ((first, m), (m, final))]
+
+
+def _apart(middle: Moment, first: Moment, final: Moment, squares: Single) -> tuple[Array, float]:
+    """Bound of the distance of modes at a moment from a mean of those at two others, (frame,), in Pa, and the weight of
+    the second of them in it.
+    """
+    share = (middle[1] - first[1]) / max(final[1] - first[1], 1e-9)
+    rest = middle[0] - np.float32(share) * final[0]
+    rest -= np.float32(1 - share) * first[0]
+    return np.sqrt(squares @ np.square(rest, out=rest)), share
 
 
 @lru_cache(maxsize=32)
@@ -192,7 +215,8 @@ def place_in_time(search: PlaceSearch, rate: float) -> PlaceInTime:
     arrivals = Arrivals.of(search.modes, search.late(search.points.mean(axis=0)[None])[0], rate, MOMENTS)
     weights = 1.0 if search.field is None else _weights(search.at_points(), search.modes)
     squares = np.broadcast_to(np.square(search.allowed * weights), len(search.modes)).astype(np.float32)
-    return PlaceInTime(search=search, arrivals=arrivals, squares=np.tile(squares, 2))
+    spread = float(search.late(search.points).max())
+    return PlaceInTime(search=search, arrivals=arrivals, squares=np.tile(squares, 2), spread=spread)
 
 
 def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Array:
@@ -214,8 +238,8 @@ def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Arra
 
 
 @lru_cache(maxsize=32)
-def octants_of(search: PlaceSearch, rate: float, *, apart: float = FINE) -> tuple[Octant, ...]:
-    """The octants of a place for frames at `rate` in Hz, with moments at most `apart` in s."""
+def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
+    """The octants of a place for frames at `rate` in Hz."""
     low, high = search.points.min(axis=0), search.points.max(axis=0)
     number = (search.points >= (low + high) / 2) @ 2 ** np.arange(3)
     field, found = search.at_points(), []
@@ -228,7 +252,7 @@ def octants_of(search: PlaceSearch, rate: float, *, apart: float = FINE) -> tupl
             shapes, modes = modes_of(pressure, len(search.modes), TRUNCATED * float(search.ceiling.sum()))
         late = search.late((points.min(axis=0, keepdims=True) + points.max(axis=0)) / 2)
         octant = Octant(
-            arrivals=Arrivals.of(modes, late[0], rate, apart),
+            arrivals=Arrivals.of(modes, late[0], rate, FINE),
             points=in_parts(np.complex64(search.allowed) * shapes),
             airs=len(search.airs),
             rough=float(np.abs(search.late(points) - late).max()),
@@ -258,7 +282,7 @@ class SoundInTime:
             place_in_time(search, drive.rate) if place.enforced and not alone else Searches.of(search)
             for search, place in zip(searches.each, profile.places, strict=True)
         )
-        spread = [one.search.late(one.search.points).max() for one in each if isinstance(one, PlaceInTime)]
+        spread = [one.spread for one in each if isinstance(one, PlaceInTime)]
         lead = 2 + int((max(spread) + 1e-6) * drive.rate) if spread else 0
         return cls(drive=drive, steps=steps, searches=searches, each=each, lead=lead)
 
@@ -274,10 +298,10 @@ class SoundInTime:
         parts = report_progress(mapped(partial(self._last_moments, run), shares), len(shares))
         amplitude, air, excess, change, level = (np.concatenate(each) for each in zip(*parts, strict=True))
         if self.lead:
-            pairs = np.maximum(amplitude[:-1], amplitude[1:])
+            ends = np.stack([amplitude[:-1], amplitude[1:]])
             amplitude, air, excess, change, level = (each[1:] for each in (amplitude, air, excess, change, level))
             places = [place for place, each in enumerate(self.each) if isinstance(each, PlaceInTime)]
-            others = partial(self._other_moments, run[1:], pairs, excess, change, level)
+            others = partial(self._other_moments, run[1:], ends, excess, change, level)
             for place, (found, loudest) in zip(places, mapped(others, places), strict=True):
                 louder = found > amplitude[:, place]
                 amplitude[louder, place], air[louder, place] = found[louder], loudest[louder]
@@ -306,11 +330,12 @@ class SoundInTime:
         return tuple(np.concatenate(each) for each in zip(*found, strict=True))
 
     def _other_moments(
-        self, run: Frames, pairs: Array, excess: Array, change: Array, level: Array, place: int
+        self, run: Frames, ends: Array, excess: Array, change: Array, level: Array, place: int
     ) -> tuple[Array, Array]:
         """Amplitude and air of the moments that can be the loudest of all at one place, each (frame,)."""
         space, rate = Workspace(), self.drive.rate
-        search, pairs, change = self.searches.each[place], pairs[:, place], change[:, place]
+        search, ends, change = self.searches.each[place], ends[:, :, place], change[:, place]
+        pairs = ends.max(axis=0)
         timed = place_in_time(search, rate)
         hidden, rough = (0.02 + HIDDEN * rate) * change, ROUGH * rate * (rate / 4000) ** 0.5 * change
         found, air, bound = np.zeros(len(pairs)), np.zeros(len(pairs)), pairs + excess[:, place] + hidden
@@ -331,8 +356,7 @@ class SoundInTime:
             if not len(some):
                 break
             own = slice(some[0], some[-1] + 1)
-            least = (pairs + hidden)[own]
-            keep(own, timed.other_moments(parts_of(own), self._reach, least, loudest, space), 0.0)
+            keep(own, timed.other_moments(parts_of(own), self._reach, ends[:, own], hidden[own], loudest, space), 0.0)
             loudest = max(loudest, found[own].max())
             some = own.start + np.flatnonzero(np.maximum(pairs, found)[own] + hidden[own] > loudest)
             for octant in octants_of(search, rate) if len(some) else ():
