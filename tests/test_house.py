@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1896,
     "settings streaming .": 2742,
-    "physics": 3308,
+    "physics": 3309,
     "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,

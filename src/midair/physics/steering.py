@@ -185,8 +185,9 @@ def aims_of(drive: Drive, grid: ControlGrid, *, smooth: float = 0.05, block: int
     power = (pressure - pressure.mean(axis=0)) ** 2
     power = scipy.ndimage.gaussian_filter1d(power, smooth * drive.rate, axis=0, mode="nearest")
     total = power.sum(axis=1, keepdims=True)
-    # Where nearly nothing presses, the aim returns to the centre.
-    away = power @ (grid.position - middle_of(grid)) / (total + 1e-3 * total.max() + 1e-30)
+    # Where nearly nothing presses, or changes by more than single precision, the aim returns to the centre.
+    least = 1e-3 * total.max() + 1e-9 * float(np.square(pressure).sum(axis=1).max()) + 1e-30
+    away = power @ (grid.position - middle_of(grid)) / (total + least)
     return np.asarray(away + middle_of(grid), np.float64)
 
 
