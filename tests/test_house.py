@@ -21,9 +21,9 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1896,
+    "model": 1902,
     "settings streaming .": 2742,
-    "physics": 3309,
+    "physics": 3297,
     "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,

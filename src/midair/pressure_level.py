@@ -163,7 +163,7 @@ def _frames_of(drive: Drive, frames: list[int]) -> Drive:
 def _peak_on_palm(drive: Drive, grid: ControlGrid) -> float:
     """Highest steady pressure in Pa on a palm around the control points: every 2.5 mm, then every .5 mm."""
     palm = Palm.disc()
-    skin = palm.grid(grid.height).position[palm.inside.ravel()] + [*grid.centre, 0.0]
+    skin = palm.points(np.array([*grid.centre, grid.height]))
 
     def pressure(q: NDArray[np.complex128], points: Array) -> Array:
         G = transfer_matrix(points, drive.array, acoustics=drive.acoustics)

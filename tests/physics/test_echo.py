@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
-from midair.physics import echo_matrix, palm_points, transfer_matrix, wavenumber
+from midair.model import Acoustics, ControlGrid, Medium, Palm, TransducerArray
+from midair.physics import echo_matrix, transfer_matrix, wavenumber
 from midair.physics.echo import _radiated
 from midair.solvers.phases import spreading_phase
 
@@ -17,7 +17,7 @@ PITCH = 11e-3 / 3
 def test_a_disc_radiates_as_its_closed_form_on_the_axis() -> None:
     """p(z) = exp(j k z) - z / R exp(j k R) with R² = z² + a² (Osterberg & Smith, J. Opt. Soc. Am. 51, 1961)."""
     pitch, radius = 0.25e-3, 20e-3
-    disc = palm_points(np.zeros(3), pitch=pitch, diameter=2 * radius)
+    disc = Palm.disc(2 * radius, pitch=pitch).points(np.zeros(3))
     z = np.array([0.03, 0.1, 0.2])
     axis = np.stack([0 * z, 0 * z, z], axis=1)
     found = _radiated(axis, disc, K, np.array([0.0, 0.0, pitch**2])).sum(axis=1)
@@ -43,7 +43,7 @@ def test_the_echo_is_that_of_an_independent_program(tilt: float, known: float) -
     line = (np.arange(19) - 9) * 2.5e-3
     flat = np.stack([*(each.ravel() for each in np.meshgrid(line, line)), np.zeros(361)], axis=1)
     points = flat[np.abs(flat).max(axis=1) <= 22e-3] @ turn.T + HERE
-    skin = palm_points(np.zeros(3), pitch=PITCH) @ turn.T + HERE
+    skin = Palm.disc(pitch=PITCH).points(np.zeros(3)) @ turn.T + HERE
     echo = echo_matrix(points, skin, ARRAY, area=PITCH**2 * turn[:, 2], acoustics=air)
     q = np.exp(1j * np.array(drives))
     direct = transfer_matrix(points, ARRAY, acoustics=air)

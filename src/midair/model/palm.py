@@ -90,6 +90,12 @@ class Palm:
         rows, columns = self.inside.shape
         return ControlGrid(rows=rows, columns=columns, pitch=self.pitch, height=height)
 
+    def points(self, centre: Array) -> Array:
+        """Points of the skin parallel to z = 0 around a centre (3,) in m, shape (point, 3)."""
+        rows, columns = self.inside.shape
+        x, y = np.meshgrid(centred(columns, self.pitch), centred(rows, self.pitch))
+        return np.stack([x, y, 0 * x], axis=-1)[self.inside] + centre
+
     def beyond(self, reach_x: float, reach_y: float) -> NDArray[np.bool_]:
         """True for skin farther from the centre than the given distances, in m, shape (row, column)."""
         rows, columns = self.inside.shape

@@ -1,7 +1,6 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
 from .echo import echo_matrix as echo_matrix
-from .echo import palm_points as palm_points
 from .exposure_level import MEASURED as MEASURED
 from .exposure_level import UNLIKE as UNLIKE
 from .exposure_level import Exposure as Exposure

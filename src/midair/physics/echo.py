@@ -12,9 +12,6 @@ from midair.array_types import Array, Complex
 from midair.model import Acoustics, TransducerArray
 from midair.physics.propagation import transfer_matrix, wavenumber
 
-PALM = 85e-3
-"""Diameter of a palm in m."""
-
 _ACROSS = 0.6
 """Distance in wavelengths between the points of the array's face; waves at 50 degrees need .65."""
 
@@ -36,14 +33,6 @@ def echo_matrix(
     back, there = _radiated(face, skin, k, area), _radiated(points, face, k, patch)
     arriving = transfer_matrix(skin, array, acoustics=acoustics).astype(np.complex64)
     return np.asarray((there @ back) @ arriving, np.complex128)
-
-
-def palm_points(centre: Array, *, pitch: float, diameter: float = PALM) -> Array:
-    """Points of a flat round palm parallel to z = 0, in a square lattice, shape (point, 3), in m."""
-    steps = int(diameter / 2 / pitch)
-    x, y = np.meshgrid(*[np.arange(-steps, steps + 1) * pitch] * 2)
-    inside = np.hypot(x, y) <= diameter / 2
-    return np.stack([x[inside], y[inside], 0 * x[inside]], axis=1) + centre
 
 
 def _face(array: TransducerArray, wavelength: float) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from midair.model import (
     ArrayCalibration,
     ControlGrid,
     Drive,
+    Palm,
     PalmPath,
     PressureFrames,
     Progress,
@@ -26,7 +27,6 @@ from midair.physics import (
     cell_weights,
     echo_matrix,
     middle_of,
-    palm_points,
     transfer_matrix,
     wavenumber,
 )
@@ -186,7 +186,7 @@ class _Stage:
         matrix = transfer_matrix(there, array, acoustics=acoustics)
         if lab.echo:
             turn = np.exp(2j * np.pi * rng.random())
-            skin = palm_points(solved, pitch=points.pitch)
+            skin = Palm.disc(pitch=points.pitch).points(solved)
             area = points.pitch**2 * np.array([0.0, 0.0, 1.0])
             matrix = matrix + lab.echo * turn * echo_matrix(there, skin, array, area=area, acoustics=acoustics)
         return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
