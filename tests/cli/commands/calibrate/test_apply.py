@@ -163,7 +163,7 @@ def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, bench, one
 @pytest.mark.slow
 def test_a_beam_on_the_virtual_rig(capsys):
     assert run(["calibrate", "beam", "--levels", "5", "--output", "a.calibration.h5", "--figure", "a.html"]) == 0
-    assert "air: 22 °C, 50 % humidity, assumed; state the air" in capsys.readouterr().err
+    assert "air: 22 °C, 50 % humidity, assumed; state yours" in capsys.readouterr().err
     found = load_calibration("a.calibration.h5")
     assert found.linearity.levels == 5
     assert "SIMULATED" in Path("a.html").read_text(encoding="utf-8")
