@@ -152,6 +152,7 @@ def test_pulseaudio_loses_one_decibel_when_resampling(tmp_path, rate, level):
     with pulse(tmp_path, rate) as runs, open(tmp_path / "heard.raw", "wb") as file:
         words = ["parec", "-d", "ears.monitor", "--format=float32le", f"--rate={rate}", "--channels=2"]
         with subprocess.Popen(words, env=runs, stdout=file) as ears:
+            wait_until(lambda: os.fstat(file.fileno()).st_size > rate)  # An eighth of a second of silence
             subprocess.run([sys.executable, "-c", PLAYS], env=runs, check=True, timeout=60)
             time.sleep(1)
             ears.terminate()

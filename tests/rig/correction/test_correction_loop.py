@@ -60,8 +60,7 @@ def test_right_place_right_frequency_and_better_after_correction(stimulus):
 @pytest.mark.slow
 def test_the_same_with_the_paper_s_settings():
     """The model has no error of the solver: first passes are 1.09 to 1.12 times as strong, second ones within .4 %."""
-    done = loop("am-iii", Settings().but(method="lm"), 0.2)
-    check(done, "am-iii", model=0.15)
+    check(done := loop("am-iii", Settings().but(method="lm"), 0.2), "am-iii", model=0.15)
     assert done.passes[-1].reproduction.solution.error.mean() < 0.06
 
 

@@ -92,8 +92,7 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     found = load_array_calibration("a.array.h5")
     assert np.median(found.strength_uncertainty) < 0.01
     assert np.median(found.phase_uncertainty) < 0.01
-    # docs/calibrate.md: 39 Hz at k = 2 by the fit whose uncertainties hold for 95 %.
-    assert np.median(found.resonance_uncertainty) < 20
+    assert np.median(found.resonance_uncertainty) < 20  # docs/calibrate.md: 39 Hz at k = 2
     check = ["calibrate", "array", "virtual", "a.array.h5", "--check", "--override-exposure", "a test"]
     assert run(check) == 0
     assert "holds" in capsys.readouterr().out
