@@ -156,9 +156,9 @@ def ask_missing(
                 raise
             question, proposed, parse = _QUESTIONS[known]
             said = str(first).partition("; give ")[0].removeprefix(f"{file}: ")
-            answer = err().input(f"{said[0].upper()}{said[1:]}.\n{question} [{proposed}]: ").strip() or proposed
+            shown = f"{said[0].upper()}{said[1:]}.\n{question} [{proposed}]: "
             try:
-                options = replace(options, **parse(answer))
+                options = replace(options, **parse(err().input(shown, markup=False).strip() or proposed))
             except ValueError as fault:
                 err().print(f"{fault}")
 

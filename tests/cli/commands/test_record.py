@@ -155,7 +155,7 @@ def test_a_terminal_is_restored_on_sigterm():
     assert "this take has no frames" in terminal.seen
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_missing_notes_are_asked_once_and_offered_again(capsys):
     answers = {"object": "Towel", "surface": "", "speed": "50mm/s", "operator": "me"}
     terminal = Terminal("record", "replay:source.h5", "--real-time", "--surface", "flat")

@@ -330,9 +330,9 @@ def _subject(sensor: str, stated: rig.Subject, *, ask: bool) -> rig.Subject:
     before = rig.last_subject().notes
     said = asdict(stated)
     for name in [name for name, value in said.items() if not value]:
-        # Enter keeps the last answer.
-        default = before.get(name, "")
-        said[name] = console.input(f"{name} [{default}]: " if default else f"{name}: ").strip() or default
+        default = before.get(name, "")  # Enter keeps the last answer
+        asked = f"{name} [{default}]: " if default else f"{name}: "
+        said[name] = console.input(asked, markup=False).strip() or default
     about = rig.Subject(**said)
     rig.store_subject(about)
     return about
