@@ -161,6 +161,8 @@ def _results(client: "Client", sweep: Sweep, tasks: list[Task]) -> Iterator[tupl
             if not waiting:
                 return
             _, found = next(running)
+            if isinstance(found, Exception):  # A future that a lost scheduler cancelled
+                raise found
         except MidairError:
             raise
         except Exception as wrong:  # of a task, its worker, or the scheduler
