@@ -38,9 +38,9 @@ def memory_of(
     # transducer. The plain step of lm: six matrices of 2 M x 2 M half complex numbers.
     work = [16 * listeners * N + 80 * least**2, 160 * min(frames, 128) * N + 8 * least * (2 * listeners + 3 * N)]
     work += [112 * M * M + 8 * M * N] if settings.name == "lm" else []
-    # Ten double-precision rows per frame of the answer: phases as found, held and rounded, the drive, that of the part
-    # before, two complex numbers per transducer for the error, and the results of blocks.
-    return 16 * N * rows + 80 * frames * N + max(work)
+    # Eight double-precision rows per frame of the answer: phases as found, held and rounded, the drive, that of the
+    # part before, what `free` changes, and the results of blocks.
+    return 16 * N * rows + 64 * frames * N + max(work)
 
 
 def check_memory(needed: int, available: int | None, *, points: int, transducers: int) -> None:
