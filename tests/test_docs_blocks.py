@@ -146,8 +146,8 @@ def take(name="take.h5"):
 
 def a_fabric():
     time = np.arange(200) / 100
-    rows = np.column_stack([time, np.sin(2 * np.pi * 30 * time)])
-    np.savetxt("fabric.csv", rows, delimiter=",", header="time,accel_x", comments="")
+    rows = np.column_stack([time, *np.sin(2 * np.pi * np.outer([30, 20, 10], time))])
+    np.savetxt("fabric.csv", rows, delimiter=",", header="time,accel_x,accel_y,accel_z", comments="")
     gaps = np.random.default_rng(0).normal(size=(1000, 4, 4))
     gaps[500:504, 1, 1] = np.nan
     np.save("sensor.npy", gaps)

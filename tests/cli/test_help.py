@@ -39,6 +39,7 @@ HARDWARE = [
     "midair calibrate tracker leap: leap.toml --device autd3",
     "midair stop --watch serial:/dev/ttyUSB0",
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
+    "midair live --device autd3 --follow leap: --tracker-latency 12ms",
 ]
 """These need a sensor, an array or a switch."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
@@ -65,6 +66,7 @@ SLOW = (
 )
 PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
+    "budget take.h5": ["doctor --lab lab.toml"],
     "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],

@@ -56,7 +56,7 @@ def budget_command(
     Examples
     --------
     $ midair budget take.h5 budget.png --duration 0.1s
-    $ midair budget take.h5 --lab lab.toml
+    $ midair budget take.h5 --lab lab.toml --duration 0.1s
     """
     options = options or TakeOptions()
     levels = _levels(trade)
