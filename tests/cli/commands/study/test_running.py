@@ -34,7 +34,7 @@ class Terminal:
 
     def __init__(self, folder):
         self._commands = 0
-        self._tmux = ["tmux", "-L", f"midair-{os.getpid()}"]
+        self._tmux = ["tmux", "-S", str(folder / "tmux")]  # A server of its own: another one may still be ending
         shell = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "MIDAIR_STATE": str(folder / "state")}
         subprocess.run(
             [*self._tmux, "-f", "/dev/null", "new-session", "-d", "-x", "100", "-y", "50", "-c", str(folder), "bash"],
