@@ -40,6 +40,7 @@ HARDWARE = [
     "midair stop --watch serial:/dev/ttyUSB0",
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
     "midair live --device autd3 --follow leap: --tracker-latency 12ms",
+    *(line for line in EXAMPLES if line.startswith("midair calibrate array lsl:Skin")),
 ]
 """These need a sensor, an array or a switch."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
@@ -136,9 +137,13 @@ def made(tmp_path_factory):
         np.savetxt("gaps.csv", rows, delimiter=",", header=names, comments="", fmt="%.6f")
         shutil.copy(ADAPTICS / "Rain.adaptics", "rain.adaptics")
         (folder / "circle.toml").write_text("duration_s = 0.1\n[[spot]]\nshape = 'circle'\ndraw_hz = 50")
+        trials = "".join(f"{n},{n % 2},{n % 2},{person}\n" for person in ("a", "b", "c") for n in range(8))
+        (folder / "psychopy.csv").write_text(f"trials.thisN,object,key_resp.keys,participant\n{trials}")
         soundfile.write("tone.wav", 0.1 * np.sin(2 * np.pi * 1000 * np.arange(8000) / 8000), 8000)
         soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)
-        assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
+        assert run(["cut", "take.h5", "stroke.h5", "--start", "0.5s", "--end", "0.56s"]) == 0
+        for name in ("take.h5", "stroke.h5"):
+            assert run(["calibrate", name, "--peak", "30Pa"]) == 0
         assert run(["cut", "take.h5", "part.h5", "--start", "0.5s", "--end", "0.52s"]) == 0
         paper = ["--mode", "paper", "--method", "fast", "--lead", "0s", "--duration", "0.03s"]
         assert run(["solve", "take.h5", *paper]) == 0
