@@ -81,7 +81,7 @@ def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
     long = AmplitudeFrames(amplitude=np.zeros((20000, 16)), rate=500.0, grid=grid)
     one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
-    assert two - one == pytest.approx(1024 * 249 * 80)
+    assert two - one == pytest.approx(1024 * 249 * 64)
     assert one > memory_of(long, UNIT, method="lm", parts=True)
     assert memory_of(long, UNIT, method="glide", jobs=2) > two
     assert memory_of(long, UNIT, method="glide", parts=True, quiet_palm=0.1) > one
