@@ -38,6 +38,7 @@ def test_every_line_says_what_is_known_in_words(subtests):
     for fidelity, spectrum, gain, alike, level in (
         (8.0, 0.3, 3.0, "similar, another spectrum: 8.0 dB on the touched cells", "3 times as strong"),
         (2.0, None, 1.05, "different: 2.0 dB on the touched cells", "as strong as the original (5 % stronger)"),
+        (2.0, None, 0.998, "different: 2.0 dB on the touched cells", "as strong as the original"),
         (2.0, None, -0.1, "different: 2.0 dB on the touched cells", "the original is not in it"),
     ):
         with subtests.test(gain=gain):

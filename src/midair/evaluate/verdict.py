@@ -85,7 +85,7 @@ class Verdict:
         share = f"{abs(100 * (self.gain - 1)):.0f} % {'stronger' if self.gain > 1 else 'weaker'}"
         share = share if 0.5 <= self.gain <= 2 else f"{self.gain:.2g} times as strong"
         if times <= STEP:
-            return f"as strong as the original ({share})"
+            return "as strong as the original" + (f" ({share})" if share[0] != "0" else "")
         return f"{share}: {self.option}" if self.option else share
 
     def plain(self) -> dict[str, object]:
