@@ -1,7 +1,6 @@
 """Reproduce the paper's figures and numbers in its own mode and in another mode."""
 
 from .figures import PaperResult as PaperResult
-from .figures import StimuliPlan as StimuliPlan
 from .figures import figure_3 as figure_3
 from .figures import figure_4 as figure_4
 from .figures import figure_9 as figure_9

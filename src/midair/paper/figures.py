@@ -9,11 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair.datasets import Object, channel_amplitudes
 from midair.dsp import band_energy
@@ -58,41 +56,27 @@ class PaperResult:
 
     def plain(self) -> dict[str, object]:
         """Values for JSON; infinite values become null."""
-        return {
-            "name": self.name,
-            "title": self.title,
-            "simulated": True,
-            "about": dict(self.about),
-            "rows": [for_json(row) for row in self.rows],
-        }
-
-    def table(self) -> str:
-        """Return the rows as CSV."""
-        return csv_text(self.rows)
-
-    def files(self, folder: Path) -> list[Path]:
-        """Paths of the files that `write` creates."""
-        return [folder / f"{self.name}.csv", folder / f"{self.name}.json", *(folder / name for name in self.pictures)]
+        rows = [for_json(row) for row in self.rows]
+        return {"name": self.name, "title": self.title, "simulated": True, "about": dict(self.about), "rows": rows}
 
     def write(self, folder: Path) -> list[Path]:
-        """Write pictures, CSV and JSON into a folder; each file is written atomically."""
+        """Write pictures, CSV and JSON into a folder, each atomically; returns their paths."""
         folder.mkdir(parents=True, exist_ok=True)
-        contents = [self.table(), json.dumps(self.plain(), indent=2), *self.pictures.values()]
-        for path, content in zip(self.files(folder), contents, strict=True):
+        texts = {f"{self.name}.csv": csv_text(self.rows), f"{self.name}.json": json.dumps(self.plain(), indent=2)}
+        contents = {folder / name: content for name, content in (texts | dict(self.pictures)).items()}
+        for path, content in contents.items():
             write_file(path, content)
-        return self.files(folder)
+        return list(contents)
 
 
-PATTERNS: Mapping[str, int] = MappingProxyType(
-    {
-        "one corner": 0b0000_0000_0000_0001,
-        "two corners": 0b1000_0000_0000_0001,
-        "diagonal": 0b1000_0100_0010_0001,
-        "middle": 0b0000_0110_0110_0000,
-        "ring": 0b1111_1001_1001_1111,
-        "chequered": 0b1010_0101_1010_0101,
-    }
-)
+PATTERNS = {
+    "one corner": 0b0000_0000_0000_0001,
+    "two corners": 0b1000_0000_0000_0001,
+    "diagonal": 0b1000_0100_0010_0001,
+    "middle": 0b0000_0110_0110_0000,
+    "ring": 0b1111_1001_1001_1111,
+    "chequered": 0b1010_0101_1010_0101,
+}
 """Bit k is 1 if channel k is active."""
 
 
@@ -112,36 +96,29 @@ def figure_3(
     modes = with_paper_mode(mode, cold, still)
     rows: list[Row] = []
     shown: list[FieldRow] = []
-    for name_of_mode, settings in report_progress(modes.items(), len(modes)):
+    for mode_name, settings in report_progress(modes.items(), len(modes)):
         grid = settings.target.grid
         focus = focus_amplitude(grid, array, acoustics=acoustics)
         cells = channel_amplitudes(np.array(list(PATTERNS.values())), sensor)
         amplitude = strength * focus * cells @ interpolation_matrix(sensor, grid).T
-        target = AmplitudeFrames(
-            amplitude=amplitude, rate=1.0, grid=grid, provenance=Provenance(source="patterns", simulated=True)
-        )
+        source = Provenance(source="patterns", simulated=True)
+        target = AmplitudeFrames(amplitude=amplitude, rate=1.0, grid=grid, provenance=source)
         drive = solve_with(target, array, settings).drive
         field = propagate(drive, grid)
         error, printed = relative_error(field, amplitude), printed_error(field, amplitude)
+        leaks = [
+            leak(replace(drive, phase=drive.phase[[i]], level=drive.level[[i]]), amplitude[[i]], grid).peak
+            for i in range(len(PATTERNS))
+        ]
         if not shown:
             shown.append(FieldRow(name="target", fields=amplitude / focus, grid=grid, notes=tuple(PATTERNS)))
-        notes: list[str] = []
-        for number, name in enumerate(PATTERNS):
-            part = slice(number, number + 1)
-            one = replace(drive, phase=drive.phase[part], level=drive.level[part])
-            outside = leak(one, amplitude[part], grid)
-            notes.append(f"E {100 * error[number]:.1f} %, leak {100 * outside.peak:.0f} %")
-            rows.append(
-                {
-                    "pattern": name,
-                    "mode": name_of_mode,
-                    "strength": strength,
-                    "error": float(error[number]),
-                    "error_as_printed": float(printed[number]),
-                    "leak": outside.peak,
-                }
-            )
-        shown.append(FieldRow(name=f"{name_of_mode} mode", fields=np.abs(field) / focus, grid=grid, notes=tuple(notes)))
+        notes = tuple(f"E {100 * e:.1f} %, leak {100 * outside:.0f} %" for e, outside in zip(error, leaks, strict=True))
+        shown.append(FieldRow(name=f"{mode_name} mode", fields=np.abs(field) / focus, grid=grid, notes=notes))
+        rows += [
+            {"pattern": name, "mode": mode_name, "strength": strength}
+            | {"error": float(error[i]), "error_as_printed": float(printed[i]), "leak": leaks[i]}
+            for i, name in enumerate(PATTERNS)
+        ]
     return PaperResult(
         name="figure3",
         title="Binary patterns and their fields, as in the paper's Fig. 3",
@@ -151,72 +128,58 @@ def figure_3(
     )
 
 
-STIMULI: Mapping[str, str] = MappingProxyType(
-    {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
-)
+STIMULI = {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
 """Names of the paper's three stimuli in the virtual rig."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StimuliPlan:
-    """Settings of experiment 5.2."""
+def figure_4(
+    *,
+    paper: Settings | None = None,
+    best: Settings | None = None,
+    mode: Mode = "best",
+    duration: float = 0.12,
+    corrections: int = 1,
+    iterate: int = 1,
+    rig: VirtualRig | None = None,
+    stage: Stage = no_progress,
+) -> PaperResult:
+    """Record, reproduce and re-record stimuli i to iii in the paper's mode and in another one.
 
-    paper: Settings = field(default_factory=paper_mode)
-    best: Settings | None = None
-    """Settings of the other mode; its defaults if None."""
-    mode: Mode = "best"
-    """Mode to compare with the paper's."""
-    duration: float = 0.12
-    """Duration of each stimulus in s: a multiple of 40 ms, at least 80 ms, for the spectra."""
-    corrections: int = 1
-    """Amplitude corrections in both modes; the paper has one."""
-    iterate: int = 1
-    """Waveform corrections in the other mode only."""
-    rig: VirtualRig = field(default_factory=VirtualRig)
-
-    def __post_init__(self) -> None:
-        periods = self.duration / 0.04
-        if periods < 2 or not np.isclose(periods, round(periods)):
-            raise InputError(
-                f"duration: expected a multiple of 40 ms, 80 ms or more, for figure 4, got {1e3 * self.duration:g} ms"
-            )
-
-
-def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = no_progress) -> PaperResult:
-    """Record, reproduce and re-record stimuli i to iii in both modes; call `stage` with the name of each stage."""
-    plan = plan or StimuliPlan()
+    Each stimulus lasts `duration` s: a multiple of 40 ms, at least 80 ms, for the spectra. Both modes correct the
+    amplitude `corrections` times, once in the paper; the other mode corrects the waveform `iterate` times. `stage` is
+    called with the name of each stage. Raises InputError for another duration.
+    """
+    if duration < 0.08 or not np.isclose(duration / 0.04, round(duration / 0.04)):
+        raise InputError(
+            f"duration: expected a multiple of 40 ms, 80 ms or more, for figure 4, got {1e3 * duration:g} ms"
+        )
+    rig, settle = rig or VirtualRig(), 0.08  # the sensor settles in the first 80 ms
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     for name, thing in STIMULI.items():
-        for which, settings in with_paper_mode(plan.mode, plan.paper, plan.best).items():
-            mode, iterate = f"{which} mode", 0 if which == "paper" else plan.iterate
-            original = recorded(plan.rig, thing, settings, plan.duration)
-            loop = reproduced(
-                original, plan, settings, iterate, lambda what, m=mode, n=name: stage(f"{n[:3]} {m}: {what}")
-            )
-            shown.setdefault(name, {"original": original})[mode] = loop.passes[-1].felt
-            rows.append(_row(thing, mode, loop))
+        for which, settings in with_paper_mode(mode, paper or paper_mode(), best).items():
+            called = f"{which} mode"
+            with rig.touched_by(thing, duration=duration + settle) as sensor:
+                original = pressure_of(record(sensor, duration + settle), settings, settle, duration)
+            skin = rig.skin()
+            with OpenRig(array=rig.array_device(skin), sensor=rig.sensor(skin)) as opened:
+                done = loop(
+                    original,
+                    settings,
+                    opened,
+                    corrections=corrections,
+                    iterate=0 if which == "paper" else iterate,
+                    stage=lambda what, start=f"{name[:3]} {called}": stage(f"{start}: {what}"),
+                )
+            shown.setdefault(name, {"original": original})[called] = done.passes[-1].felt
+            rows.append(_row(thing, called, done))
     return PaperResult(
         name="figure4",
         title="Modulated foci, original and re-recorded, as in the paper's Fig. 4",
         rows=tuple(rows),
         pictures={"figure4.png": png_bytes(stimuli_figure(shown))},
-        about={"duration_s": plan.duration, "amplitude_corrections": plan.corrections, "best_iterations": plan.iterate},
+        about={"duration_s": duration, "amplitude_corrections": corrections, "best_iterations": iterate},
     )
-
-
-def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -> PressureFrames:
-    """Recording of an object by the virtual sensor, without the first 80 ms in which the sensor settles."""
-    settle = 0.08
-    with rig.touched_by(thing, duration=duration + settle) as sensor:
-        return pressure_of(record(sensor, duration + settle), settings, settle, duration)
-
-
-def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
-    """Run the loop for one stimulus in one mode."""
-    skin = plan.rig.skin()
-    with OpenRig(array=plan.rig.array_device(skin), sensor=plan.rig.sensor(skin)) as rig:
-        return loop(original, settings, rig, corrections=plan.corrections, iterate=iterate, stage=stage)
 
 
 def _row(thing: str, mode: str, loop: Loop) -> Row:
@@ -244,7 +207,7 @@ def _row(thing: str, mode: str, loop: Loop) -> Row:
 CHANNELS = (2, 6, 10, 14)
 """Channels that the paper's objects passed over, shown in its Fig. 9."""
 
-BANDS: Mapping[str, tuple[float, float]] = {"20_300_hz": (20.0, 300.0), "300_470_hz": (300.0, 470.0)}
+BANDS = {"20_300_hz": (20.0, 300.0), "300_470_hz": (300.0, 470.0)}
 
 
 def figure_9(
@@ -261,18 +224,20 @@ def figure_9(
     shown: dict[str, dict[str, PressureFrames]] = {}
     every = list(product(("plain", "groove"), get_args(Object)))
     for surface, name in report_progress(every, len(every)):
-        strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
+        strokes: list[PressureFrames] = []
+        for seed in range(takes):
+            with VirtualRig(seed=seed).touched_by(name + "+groove" * (surface == "groove")) as sensor:
+                strokes.append(pressure_of(record(sensor, 1.26), modes["paper"]))
         for which, settings in modes.items():
-            push = MAPPINGS[settings.target.mapping]
-            pushed = [replace(stroke, pressure=push(stroke.pressure, stroke.rate)) for stroke in strokes]
-            shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
-            levels = {
-                f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
-                for band in BANDS
-            }
-            rows.append(
-                {"object": name, "surface": surface, "mode": which, "mapping": settings.target.mapping} | levels
-            )
+            mapping = settings.target.mapping
+            pushed = [replace(one, pressure=MAPPINGS[mapping](one.pressure, one.rate)) for one in strokes]
+            shown.setdefault(f"{surface}, {mapping}", {})[name] = pushed[0]
+            row: dict[str, str | float] = {"object": name, "surface": surface, "mode": which, "mapping": mapping}
+            for band, limits in BANDS.items():
+                signals = [one.pressure.reshape(one.frames, -1)[:, CHANNELS] for one in pushed]
+                power = [band_energy(each, pushed[0].rate, limits).mean() for each in signals]
+                row[f"level_{band}_db"] = float(10 * np.log10(np.mean(power)))
+            rows.append(row)
     return PaperResult(
         name="figure9",
         title="Spectra of the synthetic objects, as in the paper's Fig. 9",
@@ -280,14 +245,3 @@ def figure_9(
         pictures={"figure9.png": png_bytes(spectra_figure(shown, channels=CHANNELS, objects=True))},
         about={"takes": takes, "channels": list(CHANNELS), "unit": "dB re 1 Pa^2, mean over takes and channels"},
     )
-
-
-def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
-    rig = VirtualRig(seed=seed)
-    with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
-        return pressure_of(record(sensor, 1.26), settings)
-
-
-def _power(pushed: PressureFrames, band: tuple[float, float]) -> float:
-    signals: NDArray[np.float64] = pushed.pressure.reshape(pushed.frames, -1)[:, list(CHANNELS)]
-    return float(band_energy(signals, pushed.rate, band).mean())

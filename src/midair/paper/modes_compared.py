@@ -140,16 +140,9 @@ def strongest_begins(pressure: PressureFrames, duration: float) -> float:
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:
     """Settings with the gain that gives the target the plan's strength."""
-    asked = add_lead(original, required_lead(settings))
-    strength = target_strength(asked, settings, plan.rig)
-    return settings.but(gain=settings.target.gain * (plan.strength / strength) ** 2)
-
-
-def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) -> float:
-    """Strength of the target for a pressure."""
-    target = target_amplitude(asked, settings)
-    focus = focus_amplitude(settings.target.grid, rig.array, acoustics=settings.acoustics)
-    return float(target.amplitude.max() / focus)
+    target = target_amplitude(add_lead(original, required_lead(settings)), settings)
+    focus = focus_amplitude(settings.target.grid, plan.rig.array, acoustics=settings.acoustics)
+    return settings.but(gain=settings.target.gain * (plan.strength * focus / target.amplitude.max()) ** 2)
 
 
 def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = no_progress) -> Loop:

@@ -10,7 +10,7 @@ from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.options import Force, Json, Seed, Time
 from midair.cli.output import may_write
 from midair.model import Acoustics
-from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
+from midair.paper import FidelityPlan, PaperResult, fidelity_table, figure_3, figure_4, figure_9
 from midair.progress import report_to
 from midair.rig import VirtualRig
 from midair.settings import Mode, paper_mode
@@ -65,34 +65,27 @@ def paper_command(
     $ midair paper --figure 9
     $ midair paper --fidelity --things noise
     """
-    everything = not figure and not fidelity
-    chosen = {3, 4, 9} if everything else set(figure)
+    numbers = set(figure) if figure or fidelity else {3, 4, 9}
+    fidelity = fidelity or not figure
     rig, medium = VirtualRig(seed=seed), (air or AirOptions()).medium()
     paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
-    if everything or fidelity or 4 in chosen:
+    plan = FidelityPlan(
+        things=things, strength=strength, duration=duration, passes=iterate, rig=rig, mode=mode, paper=paper
+    )
+    if fidelity or 4 in numbers:
         print_air(paper.acoustics.medium, stated=medium is not None)
+    for name in [f"figure{number}" for number in sorted(numbers)] + ["fidelity"] * fidelity:
+        if folder.is_dir():
+            may_write(folder / f"{name}.json", force)
     results: list[PaperResult] = []
-    stimuli = None
-    if 4 in chosen:
-        # First, since it refuses durations without whole periods.
-        stimuli = StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper)
     with progress_bars() as stage:
-        if 3 in chosen:
-            _check(folder, "figure3", force)
-            with report_to(stage("figure 3")):
-                results.append(figure_3(strength=strength, mode=mode))
-        if 9 in chosen:
-            _check(folder, "figure9", force)
-            with report_to(stage("figure 9")):
-                results.append(figure_9(mode=mode))
-        if stimuli is not None:
-            _check(folder, "figure4", force)
-            results.append(figure_4(stimuli, stage=stage))
-        if fidelity or everything:
-            _check(folder, "fidelity", force)
-            plan = FidelityPlan(
-                things=things, strength=strength, duration=duration, passes=iterate, rig=rig, mode=mode, paper=paper
-            )
+        if 4 in numbers:  # first, since it refuses durations without whole periods
+            once = min(iterate, 1)
+            results.append(figure_4(paper=paper, mode=mode, duration=duration, iterate=once, rig=rig, stage=stage))
+        for number in sorted(numbers - {4}):
+            with report_to(stage(f"figure {number}")):
+                results.append(figure_3(strength=strength, mode=mode) if number == 3 else figure_9(mode=mode))
+        if fidelity:
             results.append(fidelity_table(plan, stage=stage))
     for result in results:
         written = result.write(folder)
@@ -102,12 +95,6 @@ def paper_command(
         print_json({result.name: result.plain() for result in results})
 
 
-def _check(folder: Path, name: str, force: bool) -> None:
-    """Refuse existing output before the work begins."""
-    if folder.is_dir():
-        may_write(folder / f"{name}.json", force)
-
-
 def _print(result: PaperResult, written: list[Path]) -> None:
     names = list(result.rows[0])
     lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
@@ -115,17 +102,13 @@ def _print(result: PaperResult, written: list[Path]) -> None:
     heads, *rows = [list(line) for line in zip(*lines, strict=True)] if len(names) > len(lines) else lines
     print_answer(result.title, simulated=True)
     print_grid(heads, rows)
-    about = [(name.replace("_", " "), _words(value)) for name, value in result.about.items()]
+    about = [(name.replace("_", " "), _word(value)) for name, value in result.about.items()]
     print_rows([*about, ("files", ", ".join(str(path) for path in written))])
 
 
-def _words(value: object) -> str:
-    """A value of the description; long lists are shortened to their ends."""
-    if not isinstance(value, list):
-        return _word(value)
-    each = [_word(one) for one in cast("list[object]", value)]
-    return ", ".join(each) if len(each) <= 6 else f"{len(each)}: {each[0]} ... {each[-1]}"
-
-
 def _word(value: object) -> str:
+    """A value as text; long lists are shortened to their ends."""
+    if isinstance(value, list):
+        each = [_word(one) for one in cast("list[object]", value)]
+        return ", ".join(each) if len(each) <= 6 else f"{len(each)}: {each[0]} ... {each[-1]}"
     return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
