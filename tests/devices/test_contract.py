@@ -7,14 +7,7 @@ import pytest
 from tests.simulators.autd3_firmware import autd3_firmware
 from tests.simulators.exposure_override import clear_any_exposure
 
-from midair.devices import (
-    VirtualArray,
-    VirtualSkin,
-    autd3_array,
-    autd3_immediate,
-    pyautd3_array,
-    virtual_immediate,
-)
+from midair.devices import VirtualArray, VirtualSkin, autd3_array, autd3_immediate, pyautd3_array, virtual_immediate
 from midair.errors import DeviceStateError, InputError, MismatchError, StoppedError
 from midair.model import Drive, Placement, Provenance, TransducerArray
 from midair.physics import focus_phase

@@ -25,15 +25,7 @@ from midair.devices.exposure_check import ExposureClearance, with_checked_readin
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
-from midair.physics import (
-    PoseBox,
-    airs_of_room,
-    exposure,
-    focus_phase,
-    searches_of,
-    sound_level,
-    transfer_matrix,
-)
+from midair.physics import PoseBox, airs_of_room, exposure, focus_phase, searches_of, sound_level, transfer_matrix
 from midair.streaming import LazyFrames
 
 ARRAY = TransducerArray.autd3()

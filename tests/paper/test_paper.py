@@ -6,13 +6,7 @@ import pytest
 from midair.errors import InputError
 from midair.model import ControlGrid, PressureFrames, SensorGrid
 from midair.paper.figures import PATTERNS, PaperResult, figure_3, figure_4, figure_9
-from midair.paper.modes_compared import (
-    FidelityPlan,
-    at_strength,
-    fidelity_table,
-    original_of,
-    strongest_part,
-)
+from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, strongest_part
 from midair.physics import focus_amplitude
 from midair.pipeline import target_amplitude
 from midair.settings import Settings

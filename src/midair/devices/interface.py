@@ -22,16 +22,7 @@ from midair.devices.frame_bytes import PHASE_STEPS
 from midair.devices.safety.play_log import Ending, exposed, hours_error, log_end, log_order, log_pause, sound_left
 from midair.devices.safety.stop_guard import StopGuard
 from midair.errors import DeviceError, DeviceStateError, InputError
-from midair.model import (
-    Calibration,
-    Drive,
-    Medium,
-    Progress,
-    SensorGrid,
-    SensorWiring,
-    TransducerArray,
-    Unit,
-)
+from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 from midair.physics import ExposureProfile
 from midair.streaming import Stored
 from midair.validation import within

@@ -78,14 +78,8 @@ FORMS = {
     "a counter of 32 bits": ("time_us,a0\n" + rows(f((2**32 - 1e5 + 1e6 * T) % 2**32, "{:.0f}"), f(A)), "read"),
     "ISO 8601": ("time,ch0\n" + rows(DAYS, f(A)), "read"),
     "Saleae": ("Time [s],Channel 0\n" + rows(f(T), f(A)), "read"),
-    "Rigol": (
-        "X,CH1,Start,Increment,\nSequence,VOLT,-2.0e-01,1.000000e-03\n" + rows(COUNT, f(A), end=",\n"),
-        "read V",
-    ),
-    "Tektronix": (
-        rows(TEK + [","] * 293, ["Points", "s", *[""] * 298], f(T), f(A), end=",\n"),
-        "read V",
-    ),
+    "Rigol": ("X,CH1,Start,Increment,\nSequence,VOLT,-2.0e-01,1.000000e-03\n" + rows(COUNT, f(A), end=",\n"), "read V"),
+    "Tektronix": (rows(TEK + [","] * 293, ["Points", "s", *[""] * 298], f(T), f(A), end=",\n"), "read V"),
     "pandas with its index": (",ch0,ch1\n" + rows(COUNT, f(A), f(B)), "rate"),
     "Excel's separator": ("sep=;\ntime;a\n" + rows(german(T), german(A), sep=";"), "read"),
     "UTF-16": (("time [s]\ta [V]\n" + rows(f(T), f(A), sep="\t")).encode("utf-16"), "read V"),

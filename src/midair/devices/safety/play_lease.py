@@ -4,15 +4,19 @@ The holder renews the lease as long as its user interface is active; the player 
 switch. Silence needs no message: without renewal the lease expires, also when the holder's process hangs or has died.
 """
 
+import ctypes
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.sharedctypes import RawArray
-from typing import Any, Literal, Protocol
+from multiprocessing.sharedctypes import RawValue
+from typing import TYPE_CHECKING, Any, Literal
 
 from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+
+if TYPE_CHECKING:
+    from midair.devices.interface import ArrayDevice
 
 Refusal = Literal["stopped", "expired", "disarmed"]
 """Why playing is not allowed: stop was requested; the lease was not renewed in time; it is not, or no longer, armed."""
@@ -26,6 +30,15 @@ class LeaseToken:
     """Number of the arming, from 1."""
     stops: int
     """Number of stop requests before the arming."""
+
+
+class _Fields(ctypes.Structure):
+    """Eight aligned numbers of eight bytes; the player writes `stops_by_player` alone."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_double)
+        for name in ("deadline", "armed", "armings", "base", "level", "ceiling", "stops_by_holder", "stops_by_player")
+    )
 
 
 class PlayLease:
@@ -50,7 +63,7 @@ class PlayLease:
 
     def __init__(self, clock: Callable[[], float] = uptime) -> None:
         # Without a lock: a holder that is suspended while it has the lock would block the player.
-        self._fields: Any = RawArray("d", len(_INDEX))
+        self._fields: Any = RawValue(_Fields)
         self._clock = clock
         self._here: Literal["holder", "player"] = "holder"
 
@@ -61,22 +74,22 @@ class PlayLease:
     @property
     def level(self) -> float:
         """Current level, 0 to 1 of the cleared level; 0 where playing is not allowed."""
-        return self._get("level") if self._get("armed") else 0.0
+        return self._fields.level if self._fields.armed else 0.0
 
     @property
     def armed(self) -> bool:
         """Whether playing is allowed now."""
-        return self._get("armed") > 0 and self._clock() < self._get("deadline") and self.stops == self._get("base")
+        return self._fields.armed > 0 and self._clock() < self._fields.deadline and self.stops == self._fields.base
 
     @property
     def stops(self) -> int:
         """Number of stop requests by holder and player."""
-        return int(self._get("stops_by_holder") + self._get("stops_by_player"))
+        return int(self._fields.stops_by_holder + self._fields.stops_by_player)
 
     @property
     def left(self) -> float:
         """Remaining time in s; 0 where playing is not allowed."""
-        return max(0.0, self._get("deadline") - self._clock()) if self.armed else 0.0
+        return max(0.0, self._fields.deadline - self._clock()) if self.armed else 0.0
 
     def arm(self, level: float = 1.0, *, lasts: float = 0.5) -> LeaseToken:
         """Allow playing for `lasts` s up to a level, 0 to 1 of the cleared one; an earlier arming ends.
@@ -87,16 +100,16 @@ class PlayLease:
         self._require_holder("arm")
         _check_range(level, "level", 1.0)
         _check_range(lasts, "lasts", 10.0)
-        self._put("armed", 0.0)
+        self._fields.armed = 0.0
         stops = self.stops
-        number = int(self._get("armings")) + 1
-        self._put("armings", number)
-        self._put("base", stops)
-        self._put("ceiling", level)
-        self._put("level", level)
-        self._put("deadline", self._clock() + lasts)
+        number = int(self._fields.armings) + 1
+        self._fields.armings = number
+        self._fields.base = stops
+        self._fields.ceiling = level
+        self._fields.level = level
+        self._fields.deadline = self._clock() + lasts
         # Last, since only now all other fields are those of this arming.
-        self._put("armed", number)
+        self._fields.armed = number
         return LeaseToken(number=number, stops=stops)
 
     def renew(self, *, lasts: float = 0.5) -> bool:
@@ -107,35 +120,36 @@ class PlayLease:
             # A missed deadline cannot be renewed: the player may have noticed it and is ending.
             self.disarm()
             return False
-        self._put("deadline", self._clock() + lasts)
+        self._fields.deadline = self._clock() + lasts
         return True
 
     def turn(self, level: float) -> None:
         """Set the level, up to that of the arming; InputError above it, which needs a new exposure check and arming."""
         self._require_holder("turn")
-        _check_range(level, "level", self._get("ceiling"))
-        self._put("level", level)
+        _check_range(level, "level", self._fields.ceiling)
+        self._fields.level = level
 
     def disarm(self) -> None:
         """Forbid playing until the lease is armed again."""
         self._require_holder("disarm")
-        self._put("armed", 0.0)
-        self._put("level", 0.0)
+        self._fields.armed = 0.0
+        self._fields.level = 0.0
 
     def stop(self) -> None:
         """Request silence, from either side: the arming ends and cannot be renewed."""
-        mine = "stops_by_holder" if self._here == "holder" else "stops_by_player"
-        self._put(mine, self._get(mine) + 1)
-        if self._here == "holder":
-            self.disarm()
+        if self._here == "player":
+            self._fields.stops_by_player += 1
+            return
+        self._fields.stops_by_holder += 1
+        self.disarm()
 
     def refusal(self, token: LeaseToken) -> Refusal | None:
         """Reason why playing is not allowed under a token; None where it is allowed."""
         if self.stops != token.stops:
             return "stopped"
-        if self._get("armed") != token.number:
+        if self._fields.armed != token.number:
             return "disarmed"
-        return "expired" if self._clock() >= self._get("deadline") else None
+        return "expired" if self._clock() >= self._fields.deadline else None
 
     def check(self, token: LeaseToken, name: str = "array") -> None:
         """Raise StoppedError where playing is not allowed under a token."""
@@ -147,27 +161,9 @@ class PlayLease:
         if self._here != "holder":
             raise DeviceStateError(f"lease: expected its holder to {what}, got the player, which can only stop")
 
-    def _get(self, word: str) -> float:
-        return self._fields[_INDEX[word]]
-
-    def _put(self, word: str, value: float) -> None:
-        self._fields[_INDEX[word]] = value
-
-
-class SilencedArray(Protocol):
-    """What a lease needs of an array, see `ArrayDevice`."""
-
-    name: str
-
-    def allowing(self, check: Callable[[], None] | None) -> None:
-        """Set what is called before every frame."""
-
-    def silence(self) -> None:
-        """Stop all sound."""
-
 
 @contextmanager
-def under_lease(array: SilencedArray, lease: PlayLease, token: LeaseToken, *, every: float = 0.005) -> Generator[None]:
+def under_lease(array: "ArrayDevice", lease: PlayLease, token: LeaseToken, *, every: float = 0.005) -> Generator[None]:
     """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of
@@ -193,14 +189,6 @@ def under_lease(array: SilencedArray, lease: PlayLease, token: LeaseToken, *, ev
         watching.join()
         array.allowing(None)
 
-
-_INDEX = {
-    word: place
-    for place, word in enumerate(
-        ("deadline", "armed", "armings", "base", "level", "ceiling", "stops_by_holder", "stops_by_player")
-    )
-}
-"""Index of each field; the player writes `stops_by_player` alone. Eight aligned numbers of eight bytes."""
 
 _REASONS: dict[Refusal, str] = {
     "stopped": "stopped on request; start again when it is safe",

@@ -84,46 +84,37 @@ def frame_times(path: Path, end: float, rate: float) -> Array:
     return np.arange(round(end * rate)) / rate
 
 
-def _parameter(event: Mapping[str, Any], name: str, otherwise: float) -> float:
-    for each in event.get("EventParameters", ()):
-        if each["ParameterID"] == name:
-            return float(each["ParameterValue"])
-    return otherwise
-
-
 def _length(event: Mapping[str, Any]) -> float:
     """Duration of an event in s; a transient ends at a thousandth of its peak."""
     if event["EventType"] == "HapticTransient":
         return 7 * CLICK
-    return float(event["EventDuration"]) + _parameter(event, "ReleaseTime", 0.0)
+    return float(event["EventDuration"]) + _parameters(event).get("ReleaseTime", 0.0)
+
+
+def _parameters(event: Mapping[str, Any]) -> dict[str, float]:
+    return {each["ParameterID"]: float(each["ParameterValue"]) for each in event.get("EventParameters", ())}
 
 
 def _add(wave: Array, time: Array, event: Mapping[str, Any], intensity: Array, sharpness: Array) -> None:
-    begin = float(event["Time"])
-    part = slice(int(np.searchsorted(time, begin - 1e-9)), int(np.searchsorted(time, begin + _length(event) - 1e-9)))
-    since = time[part] - begin
-    low, high = SHARPNESS
-    sharp = np.clip(_parameter(event, "HapticSharpness", 0.5) + sharpness[part], 0, 1)
-    step = time[1] - time[0] if len(time) > 1 else 1.0
-    turns = np.cumsum(low + (high - low) * sharp) * step
-    strength = _parameter(event, "HapticIntensity", 1.0) * intensity[part]
-    wave[part] += np.clip(strength, 0, 1) * _shape(event, since) * np.sin(2 * np.pi * turns)
-
-
-def _shape(event: Mapping[str, Any], since: Array) -> Array:
-    """Envelope of an event, 0 to 1."""
+    begin, known = float(event["Time"]), _parameters(event)
+    part = slice(*np.searchsorted(time, [begin - 1e-9, begin + _length(event) - 1e-9]))
+    since, shape = time[part] - begin, np.ones(len(time[part]))
     if event["EventType"] == "HapticTransient":
-        return np.exp(-since / CLICK)
-    held = float(event["EventDuration"])
-    attack, decay, release = (_parameter(event, name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
-    shape = np.ones(len(since))
-    if attack > 0:
-        shape *= np.clip(since / attack, 0, 1)
-    if decay > 0 and _parameter(event, "Sustained", 1.0) < 0.5:
-        shape *= np.clip(1 - (since - attack) / decay, 0, 1)
-    if release > 0:
-        shape *= np.clip(1 - (since - held) / release, 0, 1)
-    return shape
+        shape = np.exp(-since / CLICK)
+    else:
+        held = float(event["EventDuration"])
+        attack, decay, release = (known.get(name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
+        if attack > 0:
+            shape *= np.clip(since / attack, 0, 1)
+        if decay > 0 and known.get("Sustained", 1.0) < 0.5:
+            shape *= np.clip(1 - (since - attack) / decay, 0, 1)
+        if release > 0:
+            shape *= np.clip(1 - (since - held) / release, 0, 1)
+    low, high = SHARPNESS
+    sharp = np.clip(known.get("HapticSharpness", 0.5) + sharpness[part], 0, 1)
+    turns = np.cumsum(low + (high - low) * sharp) * (time[1] - time[0] if len(time) > 1 else 1.0)
+    strength = np.clip(known.get("HapticIntensity", 1.0) * intensity[part], 0, 1)
+    wave[part] += strength * shape * np.sin(2 * np.pi * turns)
 
 
 def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Array:

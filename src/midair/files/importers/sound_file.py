@@ -79,13 +79,6 @@ def append_chunk(path: Path, content: bytes) -> None:
         file.write(struct.pack("<I", length))
 
 
-def content(path: Path, chunk: RiffChunk) -> bytes:
-    """Content of a chunk."""
-    with path.open("rb") as file:
-        file.seek(chunk.start)
-        return file.read(chunk.length)
-
-
 def _numbers_at(file: BinaryIO, place: int, layout: str) -> tuple[Any, ...]:
     file.seek(place)
     return struct.unpack(layout, file.read(struct.calcsize(layout)))
@@ -154,7 +147,8 @@ def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a WAV or RF64 file: PCM of 8 to 32 bits, float32, float64 or µ-law."""
     found = chunks(path)
-    header = next((content(path, chunk) for chunk in found if chunk.letters == CHUNK), b"")
+    with path.open("rb") as file:
+        header = next((_numbers_at(file, own.start, f"{own.length}s")[0] for own in found if own.letters == CHUNK), b"")
     if unknown := next((chunk for chunk in found if chunk.unstated), None):
         data = bytearray(path.read_bytes())
         data[unknown.start - 4 : unknown.start] = struct.pack("<I", min(unknown.length, _LONG))

@@ -65,26 +65,25 @@ def with_events(provenance: Provenance, events: Iterable[Event], frames: int) ->
 
 
 def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
-    of = {kind: [event for event in events if event.kind == kind] for kind in KINDS}
     settings: dict[str, Setting] = {}
-    for kind in ("lost", "late"):
-        if of[kind]:
-            runs = [(event.frame, min(event.frames, frames - event.frame)) for event in of[kind]]
+    for kind in KINDS:
+        rows = [event for event in events if event.kind == kind]
+        runs = [(row.frame, min(row.frames, frames - row.frame)) for row in rows]
+        if not rows:
+            continue
+        if kind in ("rate", "clock"):
+            settings[f"{kind}_ppm"] = rows[-1].ppm
+        elif kind == "trigger":
+            settings["trigger"] = rows[0].frame
+        elif kind == "stroke":
+            settings["strokes"] = tuple(runs[:LISTED])
+        elif kind in ("lost", "late"):
             settings |= {f"{kind}_frames": sum(count for _, count in runs), kind: tuple(runs[:LISTED])}
-    for kind in ("clipped", "mended"):
-        if of[kind]:
-            settings[f"{kind}_frames"] = sum(event.frames for event in of[kind])
-            settings[kind] = tuple((event.channel, event.frame, event.frames) for event in of[kind][:LISTED])
-    for kind in ("dead", "stuck"):
-        if of[kind]:
-            settings[kind] = tuple((event.channel, event.frame) for event in of[kind][:LISTED])
-    for kind in ("rate", "clock"):
-        if of[kind]:
-            settings[f"{kind}_ppm"] = of[kind][-1].ppm
-    if of["trigger"]:
-        settings["trigger"] = of["trigger"][0].frame
-    if of["stroke"]:
-        settings["strokes"] = tuple((row.frame, min(row.frames, frames - row.frame)) for row in of["stroke"][:LISTED])
+        elif kind in ("clipped", "mended"):
+            settings[f"{kind}_frames"] = sum(row.frames for row in rows)
+            settings[kind] = tuple((row.channel, row.frame, row.frames) for row in rows[:LISTED])
+        else:
+            settings[kind] = tuple((row.channel, row.frame) for row in rows[:LISTED])
     return settings
 
 

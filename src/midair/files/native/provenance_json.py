@@ -2,16 +2,14 @@
 
 import json
 import math
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError
+from midair.files.atomic import reason
 from midair.files.text_files import json_of
 from midair.model import Provenance, Setting, Step
-
-T = TypeVar("T")
 
 
 def to_json(provenance: Provenance) -> str:
@@ -44,22 +42,21 @@ def to_plain(provenance: Provenance) -> dict[str, Any]:
     }
 
 
-def from_plain(plain: object) -> Provenance:
+def from_plain(plain: Any) -> Provenance:
     """Provenance from the output of `to_plain`; raises BrokenFileError if a part is missing or has the wrong type."""
-    parts = _checked(plain, dict, "provenance")
-    notes = _checked(parts.get("notes"), dict, "notes")
-    return Provenance(
-        source=_checked(parts.get("source"), str, "source"),
-        simulated=_checked(parts.get("simulated"), bool, "simulated"),
-        notes={name: _checked(note, str, f"note {name}") for name, note in notes.items()},
-        steps=tuple(_step(_checked(step, dict, "step")) for step in _checked(parts.get("steps"), list, "steps")),
-    )
-
-
-def _step(parts: Mapping[str, Any]) -> Step:
-    settings = _checked(parts.get("settings"), dict, "settings")
-    stage = _checked(parts.get("stage"), str, "stage")
-    return Step(stage=stage, settings={name: _decode(value) for name, value in settings.items()})
+    try:
+        source, simulated, notes, listed = (plain[name] for name in ("source", "simulated", "notes", "steps"))
+        kinds = [type(each) for each in (source, simulated, notes, listed)]
+        steps = tuple(
+            Step(stage=one["stage"], settings={name: _decode(each) for name, each in one["settings"].items()})
+            for one in listed
+        )
+        texts = [*notes.values(), *(step.stage for step in steps)]
+    except (TypeError, KeyError, AttributeError, ValueError) as wrong:
+        raise BrokenFileError(f"expected a provenance of midair, got {reason(wrong)}") from wrong
+    if kinds != [str, bool, dict, list] or not all(isinstance(text, str) for text in texts):
+        raise BrokenFileError("expected a provenance of midair, got parts of other types")
+    return Provenance(source=source, simulated=simulated, notes=notes, steps=steps)
 
 
 def _encode(name: str, value: object) -> object:
@@ -76,20 +73,7 @@ def _encode(name: str, value: object) -> object:
     )
 
 
-def _decode(value: object) -> Setting:
+def _decode(value: Any) -> Setting:
     if isinstance(value, list):
-        return tuple(_decode(part) for part in value)
-    if isinstance(value, dict):
-        return float(_checked(value.get("float"), str, "setting"))
-    if value is None or isinstance(value, str | int | float):
-        return value
-    raise BrokenFileError(f"provenance, setting: expected JSON of midair, got {type(value).__name__}")
-
-
-_WORDS: Mapping[type, str] = {str: "text", bool: "true or false", dict: "a JSON object", list: "a list"}
-
-
-def _checked(value: object, kind: type[T], name: str) -> T:
-    if not isinstance(value, kind):
-        raise BrokenFileError(f"provenance, {name}: expected {_WORDS[kind]}, got {type(value).__name__}")
-    return value
+        return tuple(map(_decode, value))
+    return float(value["float"]) if isinstance(value, dict) else value

@@ -14,7 +14,6 @@ import sys
 import zlib
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -70,46 +69,33 @@ def frame_type(header: Mapping[str, Any]) -> np.dtype[Any]:
     return np.dtype(fields)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _RawRecording:
-    """Contents of a raw file; its frames stay on the disk."""
+def _read(file: BinaryIO, path: Path) -> tuple[Mapping[str, Any], int, list[Event], list[StageStamp]]:
+    """Header, number of frames, events and stage positions of a raw file; its frames stay on the disk."""
+    texts: list[Mapping[str, Any]] = []
+    size = 0
+    for kind, content in records(file):
+        if kind == TEXT:
+            texts.append(json.loads(content))
+        else:
+            size += len(content)
+    frames = size // frame_type(texts[0]).itemsize if texts else 0
+    if not frames:
+        raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
+    events = [Event(**row) for text in texts[1:] for row in text.get("events", ())]
+    rows = [row for text in texts[1:] for row in text.get("stamps", ())]
+    return texts[0], frames, events, [StageStamp(time=t, position=(x, y, z), feed=feed) for t, x, y, z, feed in rows]
 
-    file: BinaryIO
-    header: Mapping[str, Any]
-    frames: int
-    events: tuple[Event, ...]
-    stamps: tuple[StageStamp, ...]
 
-    @classmethod
-    def read(cls, file: BinaryIO, path: Path) -> "_RawRecording":
-        texts: list[Mapping[str, Any]] = []
-        size = 0
-        for kind, content in records(file):
-            if kind == TEXT:
-                texts.append(json.loads(content))
-            else:
-                size += len(content)
-        frames = size // frame_type(texts[0]).itemsize if texts else 0
-        if not frames:
-            raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
-        events = tuple(Event(**row) for text in texts[1:] for row in text.get("events", ()))
-        stamps = tuple(
-            StageStamp(time=time, position=(x, y, z), feed=feed)
-            for text in texts[1:]
-            for time, x, y, z, feed in text.get("stamps", ())
-        )
-        return cls(file=file, header=texts[0], frames=frames, events=events, stamps=stamps)
-
-    def blocks(self) -> Iterator[NDArray[Any]]:
-        """Frames of `frame_type`, about 2 MB at a time."""
-        held, kind = bytearray(), frame_type(self.header)
-        for found, content in records(self.file):
-            held += content if found == FRAMES else b""
-            if len(held) >= BYTES:
-                yield np.frombuffer(bytes(held), kind)
-                held.clear()
-        if held:
+def _blocks(file: BinaryIO, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+    """Frames of a raw file, about 2 MB at a time."""
+    held = bytearray()
+    for found, content in records(file):
+        held += content if found == FRAMES else b""
+        if len(held) >= BYTES:
             yield np.frombuffer(bytes(held), kind)
+            held.clear()
+    if held:
+        yield np.frombuffer(bytes(held), kind)
 
 
 def convert(path: Path, handle: int) -> tuple[int, float]:
@@ -118,30 +104,28 @@ def convert(path: Path, handle: int) -> tuple[int, float]:
     `handle` is that of the raw file, which is closed. Raises FileError if HDF5 cannot be written; the raw file stays.
     """
     with os.fdopen(handle, "rb+") as file:
-        raw = _RawRecording.read(file, path)
-        header, rate, kind = raw.header, raw.header["recording"]["rate_hz"], frame_type(raw.header)
-        values = {**header["recording"], **time_values(raw.frames, rate), "samples": np.empty(0, kind)["samples"]}
-        values |= event_values(raw.events) if raw.events else {}
-        values |= stage_values(raw.stamps) if raw.stamps else {}
-        with new_file(path, room=os.fstat(handle).st_size + 8 * raw.frames, recording=True) as made:
-            write_group(made, "recording", values, frames=raw.frames)
+        header, frames, events, stamps = _read(file, path)
+        rate, kind, each = header["recording"]["rate_hz"], frame_type(header), header["played_each"]
+        values = {**header["recording"], **time_values(frames, rate), "samples": np.empty(0, kind)["samples"]}
+        values |= event_values(events) if events else {}
+        values |= stage_values(stamps) if stamps else {}
+        with new_file(path, room=os.fstat(handle).st_size + 8 * frames, recording=True) as made:
+            write_group(made, "recording", values, frames=frames)
             name_event_kinds(made)
             if header["calibration"]:
                 write_group(made.create_group("calibration"), "calibration", header["calibration"])
             if header["played"]:
-                each = header["played_each"]
-                played = {**header["played"], **time_values(each * raw.frames, each * rate)}
-                played |= _played(np.empty(0, kind))
-                write_group(made.create_group("played"), "played", played, frames=each * raw.frames)
+                played = {**header["played"], **time_values(each * frames, each * rate), **_played(np.empty(0, kind))}
+                write_group(made.create_group("played"), "played", played, frames=each * frames)
             done = 0
-            for block in raw.blocks():
+            for block in _blocks(file, kind):
                 write_frames(made, {"samples": block["samples"]}, done)
                 if header["played"]:
-                    write_frames(stored_group(made, "played"), _played(block), header["played_each"] * done)
+                    write_frames(stored_group(made, "played"), _played(block), each * done)
                 done += len(block)
             if sys.platform == "win32":  # which replaces no open file
                 file.close()
-    return raw.frames, rate
+    return frames, rate
 
 
 def _played(frames: NDArray[Any]) -> dict[str, NDArray[Any]]:

@@ -154,13 +154,12 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 
     Raises the errors of `read_sheet`.
     """
+
+    def profiles(keys: ProfilesSheet) -> dict[str, ExposureProfile]:
+        return {each.name: _profile(each) for each in keys.profile}
+
     file = Path(__file__).with_name("exposure.toml") if path is None else path
-    return read_sheet(
-        file,
-        "a TOML file of exposure profiles",
-        ProfilesSheet,
-        lambda sheet: {profile.name: profile for profile in map(_profile, sheet.profile)},
-    )
+    return read_sheet(file, "a TOML file of exposure profiles", ProfilesSheet, profiles)
 
 
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
@@ -171,8 +170,10 @@ def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> Expo
 
 
 def _profile(keys: ProfileSheet) -> ExposureProfile:
-    places = tuple(_place(each) for each in keys.place)
-    if not any(place.enforced for place in places):
+    for each in keys.place:
+        if not np.isfinite([*each.position_mm, each.reach_mm, each.limit_db]).all() or each.reach_mm < 0:
+            raise InputError(f"place {each.name}: expected finite numbers, and reach_mm from 0 on")
+    if not any(each.enforced for each in keys.place):
         raise InputError(f"profile {keys.name}: expected at least one enforced limit, got none")
     stated = {"duty": keys.duty, "warming": keys.warming_k, "hours": keys.hours}
     heat = {name: value for name, value in stated.items() if value is not None}
@@ -180,20 +181,17 @@ def _profile(keys: ProfileSheet) -> ExposureProfile:
         raise InputError(
             f"profile {keys.name}: expected duty above 0 and at most 1, warming_k above 0 K, hours above 0, at most 24"
         )
+    places = tuple(
+        Place(
+            name=each.name,
+            position=(1e-3 * each.position_mm[0], 1e-3 * each.position_mm[1], 1e-3 * each.position_mm[2]),
+            reach=each.reach_mm * 1e-3,
+            limit=each.limit_db,
+            enforced=each.enforced,
+            source=each.source,
+        )
+        for each in keys.place
+    )
     return ExposureProfile(
         name=keys.name, title=keys.title, source=keys.source, evidence=keys.evidence, places=places, **heat
-    )
-
-
-def _place(keys: PlaceSheet) -> Place:
-    if not np.isfinite([*keys.position_mm, keys.reach_mm, keys.limit_db]).all() or keys.reach_mm < 0:
-        raise InputError(f"place {keys.name}: expected finite numbers, and reach_mm from 0 on")
-    x, y, z = (each * 1e-3 for each in keys.position_mm)
-    return Place(
-        name=keys.name,
-        position=(x, y, z),
-        reach=keys.reach_mm * 1e-3,
-        limit=keys.limit_db,
-        enforced=keys.enforced,
-        source=keys.source,
     )

@@ -221,16 +221,16 @@ class PalmSheet:
     pitch_mm: float = 2.5
 
 
-def load_palm(path: str | os.PathLike[str]) -> Palm:
+def load_palm(path: PathLike) -> Palm:
     """Read a palm. Raises the errors of `read_sheet`."""
-    expected = "a TOML file with the outline of a palm"
-    return read_sheet(path, expected, PalmSheet, lambda sheet: _palm(sheet, Path(path).stem))
 
+    def palm(keys: PalmSheet) -> Palm:
+        pitch, name = positive(keys.pitch_mm, "pitch_mm", "mm") * 1e-3, keys.name or Path(path).stem
+        if (keys.disc_mm is None) == (keys.outline_mm is None):
+            got = "none" if keys.disc_mm is None else "both"
+            raise InputError(f"expected one of disc_mm and outline_mm, got {got}")
+        if keys.disc_mm is not None:
+            return Palm(inside=Palm.disc(keys.disc_mm * 1e-3, pitch=pitch).inside, pitch=pitch, name=name)
+        return Palm.within(np.array(keys.outline_mm) * 1e-3, pitch=pitch, name=name)
 
-def _palm(sheet: PalmSheet, stem: str) -> Palm:
-    pitch, name = positive(sheet.pitch_mm, "pitch_mm", "mm") * 1e-3, sheet.name or stem
-    if (sheet.disc_mm is None) == (sheet.outline_mm is None):
-        raise InputError(f"expected one of disc_mm and outline_mm, got {'none' if sheet.disc_mm is None else 'both'}")
-    if sheet.disc_mm is not None:
-        return Palm(inside=Palm.disc(sheet.disc_mm * 1e-3, pitch=pitch).inside, pitch=pitch, name=name)
-    return Palm.within(np.array(sheet.outline_mm) * 1e-3, pitch=pitch, name=name)
+    return read_sheet(path, "a TOML file with the outline of a palm", PalmSheet, palm)
