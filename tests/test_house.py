@@ -27,16 +27,16 @@ LINES = {
     "recordings targets correct evaluate": 4126,
     "calibration": 3102,
     "solvers": 4302,
-    "files": 4873,
-    "devices": 7927,
+    "files": 4823,
+    "devices": 7906,
     "rig": 9102,
     "patterns datasets": 1767,
     "view figures": 2055,
-    "cli": 6670,
+    "cli": 6653,
     "study": 6383,
     "studio": 6057,
     "sweep": 502,
-    "paper": 480,
+    "paper": 425,
 }
 """Most lines of packages of src, and of the modules beside them ("."): a change lowers them or stays below them."""
 
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_985, "benchmarks": 4_500}
+BESIDE = {"tests": 51_770, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

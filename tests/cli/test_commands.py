@@ -66,14 +66,6 @@ def test_phases_are_corrected_for_the_typed_air(take, capsys):
     assert step.settings["to_m_s"] == Medium.at(temperature=25.5).speed
 
 
-@pytest.mark.slow
-def test_loop_writes_a_report(take, capsys):
-    assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert len(answer["passes"]) == 2
-    assert "SIMULATED" in Path(answer["report"]).read_text(encoding="utf-8")
-
-
 @pytest.mark.long
 def test_real_data_from_csv_to_comparison(capsys):
     """A fabric recorded by a real finger: slow, in counts, with its own band."""

@@ -86,15 +86,6 @@ def test_replaces_a_file_and_leaves_nothing_beside_it(ending, recording, tmp_pat
     assert list(tmp_path.iterdir()) == [path]
 
 
-@each_writer
-def test_reports_a_calibration_that_it_cannot_store(ending, recording, calibration, tmp_path):
-    lost = save(recording, tmp_path / f"towel{ending}", calibration=calibration)
-    assert [loss.what for loss in lost].count("calibration") == (ending not in (".h5", ".hdf5"))
-    assert len(save(recording, tmp_path / f"towel{ending}")) == len(lost) - (ending not in (".h5", ".hdf5"))
-    assert all(str(loss).endswith(".") for loss in lost)
-    assert all("save_calibration()" in str(loss) for loss in lost if loss.what == "calibration")
-
-
 @each_reader
 def test_refuses_what_is_no_file_of_its_kind(ending, tmp_path):
     path = tmp_path / f"towel{ending}"

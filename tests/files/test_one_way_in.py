@@ -1,3 +1,5 @@
+import shlex
+
 import numpy as np
 import pytest
 
@@ -52,16 +54,9 @@ def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, 
     assert open_take("part.h5").calibration is not None
     assert run(["import", name, "in.h5"]) == 0
     assert open_take("in.h5").calibration is not None
-    words = [
-        "--mode",
-        "paper",
-        "--set",
-        "target.grid={rows=6,columns=6,pitch=0.011}",
-        "--duration",
-        "5ms",
-        "--set",
-        "solver.iterations=[1,1]",
-    ]
+    words = shlex.split(
+        "--mode paper --set target.grid={rows=6,columns=6,pitch=0.011} --duration 5ms --set solver.iterations=[1,1]"
+    )
     assert run(["solve", name, "x.drive.h5", *words]) == 0
     assert sensor_named(f"replay:{name}", VirtualRig()).calibration is not None
 

@@ -3,15 +3,7 @@ import pytest
 
 from midair.errors import NonFiniteError, ShapeError
 from midair.model import AmplitudeFrames, ControlGrid
-from midair.streaming import (
-    BYTES,
-    LazyFrames,
-    block_ranges,
-    blocks,
-    cached_blocks,
-    concatenate_lazy,
-    each_frame,
-)
+from midair.streaming import BYTES, LazyFrames, block_ranges, blocks, cached_blocks, concatenate_lazy, each_frame
 from midair.validation import check_finite, frozen_array
 
 X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40

@@ -7,12 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from midair.study import analyse, confusion_matrix, data_of_columns, report_page
 from midair.study.findings.choice_findings import Choices
-from midair.study.study_report import (
-    confusion_figure,
-    f_figure,
-    rating_figure,
-    study_pictures,
-)
+from midair.study.study_report import confusion_figure, f_figure, rating_figure, study_pictures
 from midair.study.tables import legend_of
 
 OBJECTS = ["brush", "sponge", "towel"]

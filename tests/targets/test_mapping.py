@@ -5,15 +5,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter1d
 
 from midair.errors import DeviceStateError, InputError, ShapeError
-from midair.targets import (
-    MAPPINGS,
-    MappingStream,
-    SlowBias,
-    constant_offset,
-    half_wave,
-    mapping_of,
-    slow_bias,
-)
+from midair.targets import MAPPINGS, MappingStream, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 
 WAVES = sorted(set(MAPPINGS) - {"receptors"})
 """Mappings that keep the waveform."""

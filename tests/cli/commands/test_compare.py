@@ -1,5 +1,6 @@
 import json
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,16 +17,9 @@ from midair.rig import aligned_pair, original_of_drive
 from midair.settings import Settings
 from midair.targets import add_lead
 
-COARSE = [
-    "--set",
-    "target.grid={rows=4,columns=4,pitch=0.011}",
-    "--method",
-    "fast",
-    "--set",
-    "solver.iterations=[1,1]",
-    "--set",
-    "solver.guard=0.0",
-]
+COARSE = shlex.split(
+    "--set target.grid={rows=4,columns=4,pitch=0.011} --method fast --set solver.iterations=[1,1] --set solver.guard=0"
+)
 
 pytestmark = pytest.mark.usefixtures("with_take")
 

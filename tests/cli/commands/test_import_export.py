@@ -1,6 +1,7 @@
 """The command mend, and import of what is clipped or folded; the rest is in tests of what they share."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -109,16 +110,9 @@ def test_a_clipped_wav_and_a_magnitude_are_named(answer):
     assert "magnitude" in " ".join(told["notes"])
 
 
-COARSE = [
-    "--mode",
-    "quick",
-    "--set",
-    "target.grid={rows=4,columns=4,pitch=0.011}",
-    "--set",
-    "solver.guard=0.0",
-    "--duration",
-    "0.2s",
-]
+COARSE = shlex.split(
+    "--mode quick --set target.grid={rows=4,columns=4,pitch=0.011} --set solver.guard=0.0 --duration 0.2s"
+)
 
 
 def test_info_reports_ridges_as_real_and_felt(answer):

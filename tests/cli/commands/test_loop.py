@@ -10,18 +10,9 @@ import pytest
 
 from midair.cli import run
 
-QUICK = [
-    "--mode",
-    "paper",
-    "--set",
-    "target.grid={rows=6,columns=6,pitch=0.011}",
-    "--method",
-    "fast",
-    "--start-at",
-    "0.1s",
-    "--duration",
-    "0.08s",
-]
+QUICK = shlex.split(
+    "--mode paper --set target.grid={rows=6,columns=6,pitch=0.011} --method fast --start-at 0.1s --duration 0.08s"
+)
 
 pytestmark = pytest.mark.usefixtures("with_take")
 
@@ -65,16 +56,7 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 @pytest.mark.long
 def test_budget_trades_levels_at_the_ears(capsys):
-    words = [
-        "budget",
-        "take.h5",
-        "--set",
-        "target.grid={rows=6,columns=6,pitch=0.011}",
-        "--duration",
-        "0.03s",
-        "--lead",
-        "5ms",
-    ]
+    words = shlex.split("budget take.h5 --set target.grid={rows=6,columns=6,pitch=0.011} --duration 0.03s --lead 5ms")
     assert run([*words, "--gain", "3", "--trade", "100dB,118dB,120dB", "--json"]) == 0
     first, second, third = json.loads(capsys.readouterr().out)
     assert first["ears"] <= 100

@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -425,16 +426,9 @@ rotation_deg = [0, -30, 0]
 def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     Path("tilted.toml").write_text(TILTED, encoding="utf-8")
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
-    part = [
-        "--set",
-        "target.grid={rows=6,columns=6,pitch=0.011}",
-        "--start-at",
-        "0.1s",
-        "--duration",
-        "0.02s",
-        "--set",
-        "solver.level=0.01",
-    ]
+    part = shlex.split(
+        "--set target.grid={rows=6,columns=6,pitch=0.011} --start-at 0.1s --duration 0.02s --set solver.level=0.01"
+    )
     assert run(["solve", "take.h5", *part, "--mode", "paper", "--method", "fast", "--placement", "tilted.toml"]) == 0
     assert "one tilted, 249 transducers" in capsys.readouterr().out
     assert run(["play", "take.drive.h5", *EMULATOR]) == 1

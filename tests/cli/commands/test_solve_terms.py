@@ -1,20 +1,12 @@
 import json
+import shlex
 
 import pytest
 
 from midair.cli import run
 from midair.files import load_solution
 
-SMALL = [
-    "--mode",
-    "paper",
-    "--set",
-    "target.grid={rows=6,columns=6,pitch=0.011}",
-    "--start-at",
-    "20ms",
-    "--duration",
-    "10ms",
-]
+SMALL = shlex.split("--mode paper --set target.grid={rows=6,columns=6,pitch=0.011} --start-at 20ms --duration 10ms")
 SMALL += ["--lead", "0s"]
 
 

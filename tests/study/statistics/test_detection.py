@@ -5,13 +5,7 @@ from hypothesis import strategies as st
 from scipy.special import expit, logit
 
 from midair.errors import InputError
-from midair.study import (
-    d_prime_choice,
-    d_prime_same_different,
-    d_prime_yes_no,
-    f_measure,
-    proportion_correct,
-)
+from midair.study import d_prime_choice, d_prime_same_different, d_prime_yes_no, f_measure, proportion_correct
 from midair.study.statistics.detection import d_prime_limits, f_limits, macro_f_limits, share_limits, two_answers_limits
 
 

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.study import (
-    chance_macro_f,
-    confusion_matrix,
-    equivalence,
-    paired_t,
-    rm_anova,
-    sign_flip,
-)
+from midair.study import chance_macro_f, confusion_matrix, equivalence, paired_t, rm_anova, sign_flip
 
 PEOPLE = 10
 OBJECTS = np.array(["brush", "sponge", "towel"])

@@ -1,4 +1,5 @@
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -104,16 +105,9 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
 def test_the_virtual_array_plays_on_measured_transducers(capsys):
     """A measured array that is half as strong presses a quarter; a quarter of a turn on all of them is not heard."""
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
-    words = [
-        "--set",
-        "target.grid={rows=4,columns=4,pitch=0.011}",
-        "--method",
-        "fast",
-        "--mode",
-        "paper",
-        "--set",
-        "solver.guard=0.0",
-    ]
+    words = shlex.split(
+        "--set target.grid={rows=4,columns=4,pitch=0.011} --method fast --mode paper --set solver.guard=0.0"
+    )
     assert run(["solve", "take.h5", *words, "--start-at", "0.15s", "--duration", "0.02s", "-f"]) == 0
     array = TransducerArray.autd3()
     for name, response in (("whole", 1.0), ("half", 0.5), ("turned", 1j), ("silent", 1e-6)):

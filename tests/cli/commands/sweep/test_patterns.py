@@ -84,14 +84,7 @@ def test_ctrl_c_is_one_line_and_results_are_kept():
     assert not load_sweep(Path("s.sweep")).complete
 
 
-COARSE = [
-    "--mode",
-    "paper",
-    "--set",
-    "target.grid={rows=6,columns=6,pitch=0.011}",
-    "--workers",
-    "1",
-]
+COARSE = ["--mode", "paper", "--set", "target.grid={rows=6,columns=6,pitch=0.011}", "--workers", "1"]
 
 
 @pytest.fixture
