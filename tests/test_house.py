@@ -24,16 +24,16 @@ LINES = {
     "model": 1902,
     "settings streaming .": 2742,
     "physics": 3297,
-    "recordings targets correct evaluate": 4126,
+    "recordings targets correct evaluate": 4122,
     "calibration": 3102,
     "solvers": 4302,
     "files": 4823,
-    "devices": 7906,
-    "rig": 9102,
+    "devices": 7915,
+    "rig": 9065,
     "patterns datasets": 1767,
-    "view figures": 2055,
-    "cli": 6653,
-    "study": 6383,
+    "view figures": 2045,
+    "cli": 6642,
+    "study": 6372,
     "studio": 6057,
     "sweep": 502,
     "paper": 425,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_770, "benchmarks": 4_500}
+BESIDE = {"tests": 51_761, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

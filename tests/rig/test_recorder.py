@@ -6,14 +6,7 @@ from tests.model.test_calibration import calibration
 
 import midair
 from midair.devices import ExposureChoices, FrameBlock, ReplaySensor, VirtualArray
-from midair.errors import (
-    DeviceError,
-    DeviceStateError,
-    ExposureError,
-    FileError,
-    InputError,
-    MismatchError,
-)
+from midair.errors import DeviceError, DeviceStateError, ExposureError, FileError, InputError, MismatchError
 from midair.files import RecordingWriter, load, profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_amplitude

@@ -184,11 +184,7 @@ def draw_map(
         axis.plot(x, y, "o", mfc="none", mec="white", markersize=size - 3, mew=0.2 * (size - 4))
 
 
-SHOWN = (
-    "ST-SIM",
-    "SPQI",
-    "Pacinian power difference",
-)
+SHOWN = ("ST-SIM", "SPQI", "Pacinian power difference")
 """Metrics that are shown as maps; the others follow from them."""
 
 

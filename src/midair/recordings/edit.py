@@ -206,11 +206,7 @@ def _joined(recordings: Sequence[Recording]) -> Provenance:
         shared += 1
     sources = list(dict.fromkeys(life.source for life in lives))
     parts = tuple(
-        (
-            life.source,
-            recording.frames,
-            tuple((one.stage, tuple(one.settings.items())) for one in life.steps[shared:]),
-        )
+        (life.source, recording.frames, tuple((one.stage, tuple(one.settings.items())) for one in life.steps[shared:]))
         for life, recording in zip(lives, recordings, strict=True)
     )
     notes = {name: text for name, text in first.notes.items() if all(life.notes.get(name) == text for life in lives)}

@@ -15,10 +15,7 @@ from midair.targets import add_lead
 
 
 def pressure_of(
-    take: OpenedTake | str | Path,
-    settings: Settings,
-    start: float = 0.0,
-    duration: float | None = None,
+    take: OpenedTake | str | Path, settings: Settings, start: float = 0.0, duration: float | None = None
 ) -> PressureFrames:
     """Calibrated pressure of a part of a take, `start` and `duration` in s.
 

@@ -68,12 +68,7 @@ class StudyFolder:
 
     @classmethod
     def create(
-        cls,
-        path: Path,
-        text: str,
-        design: Design,
-        *,
-        drives: Callable[[Path], Mapping[str, str]] | None = None,
+        cls, path: Path, text: str, design: Design, *, drives: Callable[[Path], Mapping[str, str]] | None = None
     ) -> "StudyFolder":
         """Draw the plan of a new study and store it atomically with its TOML `text`, readable by this user only.
 

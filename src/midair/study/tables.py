@@ -88,11 +88,7 @@ def write_bids(
 
 
 def _dataset(
-    answers: DataFrame,
-    design: Design,
-    folder: Path,
-    unfinished: Collection[str] | None,
-    markers: DataFrame | None,
+    answers: DataFrame, design: Design, folder: Path, unfinished: Collection[str] | None, markers: DataFrame | None
 ) -> list[Path]:
     simulated = bool(answers["simulated"].any())
     written = [write_text(folder / "README", readme_of(design, simulation_of(answers)))]

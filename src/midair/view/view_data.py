@@ -260,13 +260,7 @@ def _view(
         facts = {**facts, "part": f"{first / rate:.4g} to {last / rate:.4g} s"}
     title = provenance.notes.get("object") or PurePath(provenance.source).name.rpartition(":")[2] or "take"
     return ViewData(
-        title=title,
-        rate=rate,
-        frames=last - first,
-        first=first,
-        simulated=provenance.simulated,
-        facts=facts,
-        **shown,
+        title=title, rate=rate, frames=last - first, first=first, simulated=provenance.simulated, facts=facts, **shown
     )
 
 

@@ -6,13 +6,7 @@ from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
-from midair.rig.doctor.checkup import (
-    Check,
-    device_findings,
-    live_sensor_findings,
-    readiness,
-    run_checks,
-)
+from midair.rig.doctor.checkup import Check, device_findings, live_sensor_findings, readiness, run_checks
 
 
 def by_subject(findings):

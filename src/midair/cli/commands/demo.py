@@ -122,11 +122,7 @@ def _outcome(
 
 
 def _write_files(
-    outcomes: list[Outcome],
-    output: Path,
-    object_name: str,
-    laboratory: LaboratoryLoss,
-    progress: Progress,
+    outcomes: list[Outcome], output: Path, object_name: str, laboratory: LaboratoryLoss, progress: Progress
 ) -> None:
     """Write drive and re-recording of the first mode, and the report, into the folder."""
     loop = outcomes[0].loop

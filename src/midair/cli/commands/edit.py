@@ -157,14 +157,7 @@ def gain_command(
 
 
 def fade_command(
-    source: Source,
-    output: Output,
-    /,
-    *,
-    start: Time = 0.05,
-    end: Time = 0.05,
-    force: Force = False,
-    json: Json = False,
+    source: Source, output: Output, /, *, start: Time = 0.05, end: Time = 0.05, force: Force = False, json: Json = False
 ) -> None:
     """Fade a recording in and out.
 

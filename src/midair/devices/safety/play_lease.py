@@ -10,13 +10,10 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import RawValue
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
-
-if TYPE_CHECKING:
-    from midair.devices.interface import ArrayDevice
 
 Refusal = Literal["stopped", "expired", "disarmed"]
 """Why playing is not allowed: stop was requested; the lease was not renewed in time; it is not, or no longer, armed."""
@@ -162,8 +159,20 @@ class PlayLease:
             raise DeviceStateError(f"lease: expected its holder to {what}, got the player, which can only stop")
 
 
+class SilencedArray(Protocol):
+    """What a lease needs of an array, see `ArrayDevice`."""
+
+    name: str
+
+    def allowing(self, check: Callable[[], None] | None) -> None:
+        """Set what is called before every frame."""
+
+    def silence(self) -> None:
+        """Stop all sound."""
+
+
 @contextmanager
-def under_lease(array: "ArrayDevice", lease: PlayLease, token: LeaseToken, *, every: float = 0.005) -> Generator[None]:
+def under_lease(array: SilencedArray, lease: PlayLease, token: LeaseToken, *, every: float = 0.005) -> Generator[None]:
     """Inside the context, an array plays only under this token; StoppedError as soon as the lease ends.
 
     The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of

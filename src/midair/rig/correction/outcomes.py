@@ -7,13 +7,7 @@ from typing import Any
 import numpy as np
 
 from midair.array_types import Array
-from midair.evaluate import (
-    PalmFidelity,
-    PerceptualMetrics,
-    Verdict,
-    metrics_or_none,
-    ratio_text,
-)
+from midair.evaluate import PalmFidelity, PerceptualMetrics, Verdict, metrics_or_none, ratio_text
 from midair.figures import STYLE, map_source
 from midair.model import PressureFrames
 from midair.rig.correction.correction_loop import Loop

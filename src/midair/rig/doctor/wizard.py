@@ -17,14 +17,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.calibration import find_lag
 from midair.correct import focused_drive
-from midair.devices import (
-    ArrayDevice,
-    ExposureChoices,
-    SensorDevice,
-    make_state_folder,
-    measure_exposure,
-    state_folder,
-)
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, make_state_folder, measure_exposure, state_folder
 from midair.errors import ExposureError, InputError
 from midair.files import write_file
 from midair.model import HEIGHT, Acoustics, Drive, Medium, Provenance, TransducerArray

@@ -7,16 +7,7 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.files import load_sensor
-from midair.model import (
-    BAND,
-    HEIGHT,
-    HEIGHTS,
-    RATE,
-    Acoustics,
-    ControlGrid,
-    Medium,
-    SensorWiring,
-)
+from midair.model import BAND, HEIGHT, HEIGHTS, RATE, Acoustics, ControlGrid, Medium, SensorWiring
 from midair.rig.playing.play_settings import RigSettings
 from midair.targets import MappingStream
 from midair.validation import documented, setting

@@ -188,13 +188,7 @@ def play_live(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: Lea
         told.send(LoopEnded(error=error))
 
 
-def _play(
-    order: LiveSettings,
-    ring: TouchRing,
-    lease: PlayLease,
-    token: LeaseToken,
-    told: Connection,
-) -> None:
+def _play(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: LeaseToken, told: Connection) -> None:
     named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
     sensor, notes = streamed(named, longest=ROUND), 0
 

@@ -5,13 +5,7 @@ from typing import Literal
 
 from midair.devices import Cooling, ExposureChoices, SilencerChoice
 from midair.errors import InputError
-from midair.files import (
-    DEFAULT_PROFILE,
-    load_calibration,
-    load_palm_path,
-    load_placement,
-    profile_named,
-)
+from midair.files import DEFAULT_PROFILE, load_calibration, load_palm_path, load_placement, profile_named
 from midair.model import (
     BAND,
     HEIGHT,
