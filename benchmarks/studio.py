@@ -85,7 +85,7 @@ def opened(takes=0):
             link = studio.stdout.readline().strip()
             took = {"command_to_link_s": round(time.monotonic() - began, 2)}
             at = time.monotonic()
-            page.goto(link, wait_until="commit")
+            page.goto(f"{link}#reproduce", wait_until="commit")
             until(page, "globalThis.studio?.link?.page > 0")
             took["page_answers_s"] = round(time.monotonic() - at, 2)
             until(page, f"document.querySelectorAll('.takes a').length > {takes}")

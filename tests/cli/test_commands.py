@@ -147,9 +147,9 @@ def test_a_demo_shows_the_paper_s_mode_beside_the_best(capsys):
     said = capsys.readouterr().out
     page = html.unescape(Path("out/report.html").read_text(encoding="utf-8"))
     assert re.search(r"Felt by about \d+ of 10 people", page)
-    assert re.search(r"\nears +\d+ dB too loud without +\d+ dB too loud without", said), said
+    assert re.search(r"\nears +\d+ dB too loud without protection +\d+ dB too loud without protection", said), said
     assert "leak: power beside the recorded square" in page
-    assert "the quick mode  the paper's mode" in said
+    assert re.search("the quick mode +the paper's mode", said)
 
 
 @pytest.mark.slow
