@@ -19,7 +19,7 @@ class CalibratePanel(Panel):
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
-        context.store.offer("calibrate", "look", self.look, TakeNamed, watchers=True)
+        self._offer(look=TakeNamed, watchers=True)
 
     async def look(self, _: Page, order: TakeNamed) -> Any:
         """Return the calibration of a take's sensor, or None if the take has none."""

@@ -18,9 +18,7 @@ class ComparePanel(Panel):
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
         store = context.store
-        store.offer("compare", "compare", self.compare, TakeNamed)
-        store.offer("compare", "palm", self.palm, TakeNamed)
-        store.offer("compare", "budget", self.budget, TakeNamed)
+        self._offer(compare=TakeNamed, palm=TakeNamed, budget=TakeNamed)
         context.playing.played.append(self._played)
         store.put(comparisons={}, palms={}, budgets={})
 

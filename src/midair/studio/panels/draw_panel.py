@@ -142,13 +142,8 @@ class DrawPanel(Panel):
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
-        store = context.store
-        store.offer("draw", "files", self.files, watchers=True)
-        store.offer("draw", "open", self.open, TakeNamed, watchers=True)
-        store.offer("draw", "preview", self.preview, PatternForm, watchers=True)
-        store.offer("draw", "save", self.save, SaveForm)
-        store.offer("draw", "draft", self.draft, PatternForm)
-        store.offer("draw", "change", self.change, PatternForm)
+        self._offer(files=Arguments, open=TakeNamed, preview=PatternForm, watchers=True)
+        self._offer(save=SaveForm, draft=PatternForm, change=PatternForm)
         self._show(palette=PALETTE, files=[])
 
     def files(self, *_: object) -> None:

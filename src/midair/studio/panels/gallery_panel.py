@@ -26,8 +26,8 @@ class GalleryPanel(Panel):
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
-        context.store.offer("gallery", "view", self.view, TouchNamed, watchers=True)
-        context.store.offer("gallery", "take", self.take, TouchNamed)
+        self._offer(view=TouchNamed, watchers=True)
+        self._offer(take=TouchNamed)
         touches = [{"name": name, "says": one.says, "licence": one.licence} for name, one in TOUCHES.items()]
         self._show(touches=touches)
 

@@ -80,12 +80,8 @@ class LivePanel(Panel):
         self._checked: dict[int, dict[str, Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         store = context.store
-        store.offer("live", "sight", self.sight, VisibleRange, watchers=True)
-        store.offer("live", "check", self.check, CheckLive)
-        store.offer("live", "begin", self.begin, BeginLive)
-        store.offer("live", "turn", self.turn, SetLevel)
-        store.offer("live", "keep", self.keep, KeepLast)
-        store.offer("live", "end", self.end)
+        self._offer(sight=VisibleRange, watchers=True)
+        self._offer(check=CheckLive, begin=BeginLive, turn=SetLevel, keep=KeepLast, end=Arguments)
         store.alive.append(self.feed.remind)
         self._show(state="idle", said="", share=1.0, take=None, calibrations=[])
 

@@ -9,7 +9,7 @@ from midair.studio.demo_stroke import DemoStroke
 from midair.studio.jobs import Jobs
 from midair.studio.panels.play_panel import PlayPanel
 from midair.studio.room_air import RoomAir
-from midair.studio.studio_state import Page, StudioState
+from midair.studio.studio_state import Arguments, Page, StudioState
 from midair.studio.takes_list import TakesList
 
 WEB = Path(__file__).parents[1] / "web"
@@ -68,6 +68,11 @@ class Panel:
 
     def left(self, page: Page) -> None:
         """Act when a page has gone."""
+
+    def _offer(self, *, watchers: bool = False, **models: type[Arguments]) -> None:
+        """Handle requests with these arguments by the methods of their names."""
+        for order, model in models.items():
+            self._store.offer(self.name, order, getattr(self, order), model, watchers=watchers)
 
     def close(self) -> None:
         """Act when the studio ends."""

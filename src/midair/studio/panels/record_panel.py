@@ -155,10 +155,8 @@ class RecordPanel(Panel):
         self._named = context.sensor
         self._left_to_do: list[MakeTake] = []
         store = context.store
-        store.offer("record", "sight", self.sight, VisibleRange, watchers=True)
-        store.offer("record", "listen", self.listen, Listen)
-        store.offer("record", "take", self.take, MakeTake)
-        store.offer("record", "toggle", self.toggle)
+        self._offer(sight=VisibleRange, watchers=True)
+        self._offer(listen=Listen, take=MakeTake, toggle=Arguments)
         store.offer("calibrate", "taps", self.taps)
         store.alive.append(self._feed.remind)
         subject = asdict(last_subject())

@@ -157,18 +157,11 @@ class StudyPanel(Panel):
         self._room: Medium | None = None
         self._turn, self._shown_step, self._masked = 0, object(), False
         store = context.store
-        store.offer("study", "list", self.list, watchers=True)
-        store.offer("study", "new", self.new, NewStudy)
-        store.offer("study", "analyse", self.analyse, StudyNamed)
-        store.offer("study", "simulate", self.simulate, StudyNamed)
-        store.offer("study", "begin", self.begin, BeginSession)
-        store.offer("study", "presented", self.presented)
-        store.offer("study", "end", self.end)
+        self._offer(list=Arguments, watchers=True)
+        self._offer(new=NewStudy, analyse=StudyNamed, simulate=StudyNamed, begin=BeginSession)
+        self._offer(presented=Arguments, end=Arguments)
         # The participant may use a second page, which has no control.
-        store.offer("study", "acknowledge", self.acknowledge, watchers=True)
-        store.offer("study", "present", self.present, watchers=True)
-        store.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
-        store.offer("study", "stop", self.stop, Reason, watchers=True)
+        self._offer(acknowledge=Arguments, present=Arguments, answer=AnswerGiven, stop=Reason, watchers=True)
         store.put(studies=[], session=None)
 
     async def list(self, _: Page, __: Arguments) -> bool:
