@@ -178,6 +178,14 @@ class Look:
             .map((one) => one.getAttribute('aria-label') ?? (one.labels?.[0] ?? one).innerText)"""
         )
 
+    def towel(self):
+        """Solve the sample towel quickly and open it."""
+        self.until("studio.link.state.takes?.some((row) => row.name === 'sample:towel')", timeout=240)
+        quick = "{take: 'sample:towel', mode: 'paper', method: 'live', level: 'auto'}"
+        self.page.evaluate(f"studio.link.order('reproduce', 'solve', {quick})")
+        self.go("#reproduce/sample:towel")
+        self.until("studio.room?.take?.name === 'sample:towel' && studio.room.take.played.last > 0", timeout=240)
+
     def go(self, address):
         self.page.evaluate(f"location.hash = {address!r}")
 

@@ -72,22 +72,6 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
     assert received < 110_000
 
 
-def test_demo_stroke_is_shown_until_the_sample_exists(studio, client, talk):
-    row = talk.state["whole"]["takes"][-1]
-    assert (row["name"], row["sample"], row["solved"]) == ("sample:towel", True, False)
-    facts = talk.order("reproduce", "open", take="sample:towel")["ok"]
-    assert (facts["frames"], facts["simulated"], facts["stamp"]) == (1600, True, row["stamp"])
-    [section] = unpack(client.get("/frames/wanted/1", params={"take": "sample:towel"}).content)
-    assert (section.first, section.values.shape) == (1000, (600, 256))
-    assert "samples yet" in talk.order("reproduce", "solve", take="sample:towel")["error"]
-    studio.takes.path("towel.h5").rename(studio.takes.samples / "towel.h5")
-    studio.store.put(takes=studio.takes.rows())
-    talk.order("play", "stop")
-    [made] = talk.state["whole"]["takes"]
-    assert made["name"] == row["name"]
-    assert made["stamp"] != row["stamp"]
-
-
 @pytest.mark.long
 def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     """A request must contain the current stamp of the files that it replaces."""

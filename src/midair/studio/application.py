@@ -20,7 +20,6 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
-from midair.studio.demo_stroke import DemoStroke
 from midair.studio.folders import StudioFolder, unpack_folder
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
@@ -100,7 +99,6 @@ class Studio:
         self.plan, self.keys = plan, LoginTokens(port=port)
         self.folder = StudioFolder.at(plan.folder)
         self.takes = TakesList(self.folder, samples)
-        self.first = DemoStroke.load()
         self.store = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(partial(self.later, self._show_job), name="work", warm=warm_up)
@@ -124,7 +122,6 @@ class Studio:
             sensor=plan.sensor,
             array_calibration=plan.array_calibration,
             seed=plan.seed,
-            first=self.first,
         )
         self.panels = context.panels
         for name in PANELS:
@@ -223,8 +220,6 @@ class Studio:
         if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
             return PlainTextResponse("not there\n", 404)
         try:
-            if self.takes.is_pending(take):
-                return Response(self.first.streams.get((stream, second), b""), media_type="application/octet-stream")
             data = self.takes.data(take)
             key = (f"{data.take} {data.stamp}", stream, second)
             if key not in self._kept:

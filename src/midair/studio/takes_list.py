@@ -11,7 +11,6 @@ from typing import Any
 from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording
 from midair.settings import MODES
-from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import BIN, StudioFolder
 from midair.studio.take_data import TakeData
 
@@ -39,9 +38,6 @@ SAMPLES = ("towel", "brush", "sponge")
 _IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
 """Endings of takes of other programs."""
 
-_NOT_YET = ("solved", "drive", "played", "compared", "report")
-"""Properties of a take that are false until its file exists."""
-
 
 @dataclass(frozen=True, slots=True)
 class TakesList:
@@ -60,9 +56,6 @@ class TakesList:
         takes += [name for ending in _IMPORTED for name in own if name.endswith(ending) and "/" not in name]
         labels = _labels(own)
         rows = [self._row(name, name, own, session, labels) for name in takes]
-        if self.is_pending(SAMPLE + FIRST):
-            none = {**dict.fromkeys(_NOT_YET, False), "sample": True, "stamp": "first", "drives": []}
-            rows.append({**none, "name": SAMPLE + FIRST})
         labels, samples = _labels(session), [name for name in (f"{each}.h5" for each in SAMPLES) if name in session]
         return [*rows, *(self._row(SAMPLE + name[:-3], name, session, session, labels) for name in samples)]
 
@@ -80,10 +73,6 @@ class TakesList:
         while self.beside(found := f"{take}@{mode}" + (f"-{number}" if number > 1 else ""), ".drive.h5").exists():
             number += 1
         return found
-
-    def is_pending(self, name: str) -> bool:
-        """True for the sample that the demo stroke replaces until its file exists."""
-        return name == SAMPLE + FIRST and not (self.samples / f"{FIRST}.h5").exists()
 
     def path(self, name: str) -> Path:
         """Return the path of a recording; InputError or MissingFileError if the name is not valid."""

@@ -33,6 +33,7 @@ from midair.rig import (
 from midair.settings import MODES, Mode, Settings
 from midair.solvers import METHODS, takes
 from midair.studio.jobs import Progressed
+from midair.studio.solved_sample import SOLVED, write_sample
 from midair.studio.take_data import describe_settings, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 
@@ -220,10 +221,13 @@ def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[s
 
 
 def make_sample(order: tuple[str, str], progress: Progressed) -> str:
-    """Record a stroke of the virtual sensor into a folder; returns the file name."""
+    """Write a sample, or record a stroke of the virtual sensor, into a folder; returns the file name."""
     folder, thing = order
     path = Path(folder) / f"{thing}.h5"
     progress("making a sample", 0, 1)
+    if thing == SOLVED:
+        write_sample(path.parent)
+        return path.name
     record(f"virtual:{thing}", 1.6, path=path, notes={"object": thing, "surface": "flat"}, seed=1)
     return path.name
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from midair.studio.demo_stroke import DemoStroke
 from midair.studio.jobs import Jobs
 from midair.studio.panels.play_panel import PlayPanel
 from midair.studio.room_air import RoomAir
@@ -39,8 +38,6 @@ class PanelContext:
     """As in `StudioPlan`."""
     seed: int
     """Random seed of the virtual rig."""
-    first: DemoStroke
-    """Stroke that is shown until the samples exist."""
     panels: dict[str, Any] = field(default_factory=dict[str, Any])
     """Panels by name."""
 
@@ -69,13 +66,13 @@ class Panel:
     def left(self, page: Page) -> None:
         """Act when a page has gone."""
 
+    def close(self) -> None:
+        """Act when the studio ends."""
+
     def _offer(self, *, watchers: bool = False, **models: type[Arguments]) -> None:
         """Handle requests with these arguments by the methods of their names."""
         for order, model in models.items():
             self._store.offer(self.name, order, getattr(self, order), model, watchers=watchers)
-
-    def close(self) -> None:
-        """Act when the studio ends."""
 
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}

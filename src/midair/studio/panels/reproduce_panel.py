@@ -11,7 +11,6 @@ from pydantic import Field
 
 from midair.errors import InputError
 from midair.files import atomic_file
-from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import EXPORTS, StudioFolder, pack_folder
 from midair.studio.importing import ImportForm, run_edit, run_import, run_words
 from midair.studio.jobs import StudioJob
@@ -19,7 +18,7 @@ from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.play_panel import SolveForm
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
-from midair.studio.takes_list import NOTES, SAMPLE, take_of
+from midair.studio.takes_list import NOTES, SAMPLES, take_of
 from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
 
 
@@ -88,7 +87,7 @@ class ReproducePanel(Panel):
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
-        self._jobs, self._reading, self._sampled = context.jobs, context.reading, False
+        self._jobs, self._reading = context.jobs, context.reading
         context.playing.request = self._request
         self._edits: list[tuple[str, str]] = []  # take, and what was made of it
         self._undone: list[tuple[str, str, str]] = []  # the same, and the folder of the bin
@@ -105,23 +104,17 @@ class ReproducePanel(Panel):
 
     def start(self) -> None:
         """Make the samples."""
-        for thing in ("towel", "brush", "sponge"):
+        for thing in SAMPLES:
             order = (str(self._takes.samples), thing)
             self._reading.add(
                 f"sample {thing}", make_sample, order, ended=lambda _: self._context.later(self._context.show_takes)
             )
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
-        """Return the facts of a take; the first sample is solved then, so that there is something to play."""
-        if self._takes.is_pending(order.take):
-            return {"stamp": "first", "written": Notes().model_dump(), **self._context.first.facts}
+        """Return the facts of a take."""
         notes = self._notes(order)
         data = self._takes.data(order.take)
         found = await self._reading.result(f"reading {order.take}", facts, data)
-        if order.take == SAMPLE + FIRST and not data.drive and not self._sampled:
-            self._sampled = True
-            sample = SolveForm(take=order.take, mode="paper", method="live", level="auto")
-            self._solve(sample, self._request(sample, sample.take), sample.take)
         return {
             "stamp": data.stamp,
             "part": data.drive == self._takes.preview_path(order.take),

@@ -100,7 +100,7 @@ export default class Calibrate {
     // A sample is listed before its file exists; a take that was recorded again has a new stamp.
     const stamp = takes.find(row => row.name === this.name)?.stamp.split("-")[0],
       looked = `${this.name} ${stamp}`;
-    if (this.name && stamp !== "first" && this.looked !== looked) {
+    if (this.name && this.looked !== looked) {
       this.looked = looked;
       this._look();
     }

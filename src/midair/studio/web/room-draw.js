@@ -640,9 +640,7 @@ export default class Draw {
       });
       return this._row(label, box, help);
     };
-    const takes = (this.link.state.takes ?? [])
-        .filter(take => take.stamp !== "first")
-        .map(take => take.name),
+    const takes = (this.link.state.takes ?? []).map(take => take.name),
       files = new Set(["", one.signal?.file ?? "", ...takes]);
     const signal = choice(
       [...files].map(file => [

@@ -352,8 +352,10 @@ export default class Reproduce {
     const controls = this.link.controls,
       player = this.link.state.player,
       row = this._row(this.take?.name);
-    const comes = this.take?.stamp === "first";
-    this.solve.disabled = !controls || !this.take || comes;
+    this.solve.disabled = !controls || !this.take;
+    this.palm.disabled = !controls || !row?.solved;
+    this.pressed.replaceChildren(...palmFound(this.link, this.take?.name));
+    this.listen.tell(this.take?.name);
     const facts = this.take?.facts,
       settings = facts?.drive?.settings,
       other =
@@ -362,7 +364,7 @@ export default class Reproduce {
     this.view.textContent = !facts?.drive
       ? ""
       : `Drive in view: ${settings?.line ?? "its settings are not stored in the file"}${facts.drive.array_calibration ? `, array calibration ${facts.drive.array_calibration}` : ""}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes a new drive with the settings above." : ""}`;
-    this.play.disabled = !controls || !facts || comes || facts.part || !playable(player);
+    this.play.disabled = !controls || !facts || facts.part || !playable(player);
     this.play.title = facts?.part
       ? "the drive is being solved"
       : !playable(player)
@@ -379,7 +381,7 @@ export default class Reproduce {
     }
     const [edit, undo, redo, out] = this.editing,
       edits = this.link.state.edits ?? {};
-    edit.disabled = out.disabled = !controls || !row || comes;
+    edit.disabled = out.disabled = !controls || !row;
     for (const [button, name] of [
       [undo, edits.undo],
       [redo, edits.redo],
@@ -397,9 +399,7 @@ export default class Reproduce {
     if (this.nothing)
       this.nothing.textContent = solving
         ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}`
-        : comes
-          ? "available in a moment"
-          : "not solved yet: press Solve";
+        : "not solved yet: press Solve";
   }
   _row(name) {
     return rowOf(this.link.state.takes, name);
@@ -1185,9 +1185,12 @@ export default class Reproduce {
       facts.drive?.settings ??
       (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
     if (!made) return;
-    const first = sample
-      ? `midair record virtual:${take.slice(7)} ${file} --duration ${seconds}s\n`
-      : "";
+    const first =
+      take === "sample:orbit"
+        ? "# Duplicate writes orbit.h5 into the folder\n"
+        : sample
+          ? `midair record virtual:${take.slice(7)} ${file} --duration ${seconds}s\n`
+          : "";
     this.studio.code(
       "The same, as code",
       `${first}midair solve ${file}${label && ` ${stem}.drive.h5`} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
