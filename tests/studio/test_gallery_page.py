@@ -35,9 +35,9 @@ def test_touches_are_seen_heard_and_used(studio_at, look, tmp_path):
         assert Axe().run(page.page).response["violations"] == []
     page.page.get_by_role("button", name="use heartbeat").click()
     page.until("studio.name === 'draw' && studio.room.pattern.name === 'heartbeat'")
-    assert load_pattern(studio.folder / "heartbeat-01.toml").foci().frames > 0
+    assert load_pattern(studio.folder / "heartbeat.toml").foci().frames > 0
     page.go("#gallery")
     page.page.get_by_role("button", name="use ridges").press("Enter")
-    page.until("studio.room?.take?.name === 'ridges-01.h5'")
-    assert load(studio.folder / "ridges-01.h5").provenance.notes["licence"] == "MIT"
+    page.until("studio.room?.take?.name === 'ridges.h5'")
+    assert load(studio.folder / "ridges.h5").provenance.notes["licence"] == "MIT"
     assert page.wrong == []

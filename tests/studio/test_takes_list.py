@@ -1,11 +1,8 @@
-import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.studio.demo_stroke import DemoStroke, demo_stroke
 from midair.studio.folders import StudioFolder
 from midair.studio.takes_list import TakesList
-from midair.view import unpack
 
 
 @pytest.fixture
@@ -64,12 +61,12 @@ def test_a_copy_has_a_free_name_and_no_drive(takes):
 
 def test_a_deleted_take_lies_in_the_bin_and_comes_back(takes):
     before = names(takes)
-    assert takes.delete("a.h5") == "a-01"
+    assert takes.delete("a.h5") == "a"
     assert names(takes) == {"b.h5", "b.wav"}
     (takes.folder.path / "a.h5").write_text("another")
     with pytest.raises(InputError, match=r"a\.h5: expected a free name"):
-        takes.restore("a-01")
-    assert takes.delete("a.h5") == "a-02", "an earlier one is not overwritten"
-    assert takes.restore("a-01") == "a.h5"
+        takes.restore("a")
+    assert takes.delete("a.h5") == "a-01", "an earlier one is not overwritten"
+    assert takes.restore("a") == "a.h5"
     assert names(takes) == before
     assert (takes.folder.path / "a.h5").read_text() == "a.h5"

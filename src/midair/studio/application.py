@@ -4,6 +4,9 @@ import asyncio
 import contextlib
 import gzip
 import html
+import re
+import shutil
+import tempfile
 import time
 from collections.abc import AsyncGenerator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
@@ -269,18 +272,21 @@ class Studio:
             self.store.control.check(page)
             suffix = Path(name).suffix.lower()
             own = suffix in (".h5", ".json")
-            # A file of another program waits in the session's folder for what it does not state.
-            folder = self.folder if own else StudioFolder.at(self.takes.samples / "incoming")
+            # A file of another program waits in a folder of its own, with its name, for what it does not state.
+            root = self.folder if own else self.takes.incoming_files
+            folder = root if own else StudioFolder(Path(tempfile.mkdtemp(dir=root.path)))
             path = await folder.receive(name[:200], request.stream())
             if suffix == ".zip":
                 try:
                     await self.reading.result("unpacking a project", unpack_folder, (str(path), str(self.folder.path)))
                 finally:
-                    path.unlink()
+                    shutil.rmtree(path.parent)
         except (MidairError, ValueError) as wrong:
-            return JSONResponse({"error": str(wrong).replace(f"{self.takes.samples / 'incoming'}/", "")}, 400)
+            inside = re.escape(str(self.takes.incoming_files.path))
+            return JSONResponse({"error": re.sub(rf"{inside}/\w+/", "", str(wrong))}, 400)
         self.store.put(takes=self.takes.rows())
-        return JSONResponse({"ok": "" if suffix == ".zip" else path.name, "imports": not own and suffix != ".zip"})
+        imports = not own and suffix != ".zip"
+        return JSONResponse({"ok": root.name_of(path) if own or imports else "", "imports": imports})
 
     async def _socket(self, socket: WebSocket) -> None:
         await socket.accept()

@@ -5,6 +5,7 @@ import re
 import shutil
 import tempfile
 import time
+import unicodedata
 import zipfile
 from collections import Counter
 from collections.abc import AsyncIterator, Generator
@@ -14,7 +15,6 @@ from pathlib import Path, PurePath, PurePosixPath
 
 from midair.errors import DeviceStateError, InputError, MissingFileError
 from midair.files import FORMATS, atomic_file, check_expansion, lock_or_raise, parse_errors
-from midair.rig import Subject
 from midair.studio.jobs import Progressed
 
 BIN, EXPORTS = "bin", "exports"
@@ -99,12 +99,13 @@ class StudioFolder:
         return {name: f"{time_ns:x}" for time_ns, name in sorted(found, reverse=True)}
 
     def free(self, stem: str, ending: str) -> Path:
-        """Return an unused path for a name that a page sent; characters other than letters and digits are replaced."""
-        own = re.sub(r"\.+", "_", Subject(object=stem).stem)
-        number = 1
-        while (path := self.path / f"{own}-{number:02d}{ending}").exists():
+        """Return a path of a name that a page sent, with a number if that of a file or of those beside one is taken."""
+        plain = re.sub(r"[^\w -]+", "_", unicodedata.normalize("NFC", stem)).strip("_ -")[:60] or "recording"
+        own, number = plain, 0
+        while (self.path / own).exists() or any(self.path.glob(f"{own}.*")):
             number += 1
-        return path
+            own = f"{re.sub(r'-[0-9][0-9]$', '', plain)}-{number:02d}"
+        return self.path / (own + ending)
 
     async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int | None = None) -> Path:
         """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""

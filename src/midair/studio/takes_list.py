@@ -12,6 +12,7 @@ from midair.errors import InputError
 from midair.files import atomic_file, check_not_recording
 from midair.settings import MODES
 from midair.studio.folders import BIN, StudioFolder
+from midair.studio.solved_sample import SOLVED
 from midair.studio.take_data import TakeData
 
 SAMPLE, DRAWN = "sample:", "drawn:"
@@ -32,8 +33,8 @@ Stamps = Mapping[str, str]
 _LABEL = re.compile(rf"(.+)([@.])((?:{'|'.join(MODES)})(?:-\d+)?)")
 """A name with the label of a further drive: ``NAME@paper`` of a take, ``NAME.paper`` of the files beside it."""
 
-SAMPLES = ("towel", "brush", "sponge")
-"""Samples in the order in which they are shown."""
+SAMPLES = (SOLVED, "towel", "brush", "sponge")
+"""Samples in the order in which they are shown; the first comes solved."""
 
 _IMPORTED = (".csv", ".wav", ".npz", ".npy", ".mat")
 """Endings of takes of other programs."""
@@ -87,10 +88,10 @@ class TakesList:
             return StudioFolder(self.samples / "drawn").find(name.removeprefix(DRAWN))
         return self.folder.find(name)
 
-    def incoming(self, name: str) -> Path:
-        """Return the path of an uploaded file that is to be imported; InputError if there is none."""
-        folder = StudioFolder(self.samples / "incoming")
-        return folder.find(name)
+    @property
+    def incoming_files(self) -> StudioFolder:
+        """Folder of the uploaded files that are to be imported, each in a folder of its own."""
+        return StudioFolder.at(self.samples / "incoming")
 
     def beside(self, name: str, ending: str) -> Path:
         """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
@@ -126,8 +127,7 @@ class TakesList:
     def duplicate(self, name: str) -> str:
         """Copy a take or a sample into the folder, without its drive, under a free name; returns it."""
         check_not_recording(path := self.path(name))
-        stem = re.sub(r"-\d+$", "", path.stem)
-        copy = self.folder.free(stem, path.suffix)
+        copy = self.folder.free(path.stem, path.suffix)
         with atomic_file(copy) as partial:
             shutil.copyfile(path, partial)
         return copy.name

@@ -1,6 +1,5 @@
 """Panel Reproduce: the takes, the settings of their drives, and the jobs that solve them."""
 
-import re
 import shlex
 from collections.abc import Callable
 from dataclasses import replace
@@ -152,9 +151,8 @@ class ReproducePanel(Panel):
 
     async def edit(self, _: Page, order: EditForm) -> str:
         """Make an edited copy of a take, which stays as it is; returns the copy."""
-        path = self._takes.path(order.take)
-        made = self._takes.folder.free(re.sub(r"-\d+$", "", path.stem), ".h5")
-        await self._reading.result(f"editing {order.take}", run_words, self._edit_words(order, made))
+        made = self._takes.folder.free(self._takes.path(order.take).stem, ".h5")
+        await self._reading.result(f"editing {order.take}", run_edit, self._edit_commands(order, made))
         self._edits.append((take_of(order.take), made.name))
         self._undone.clear()
         return self._edited(made.name)
@@ -250,10 +248,9 @@ class ReproducePanel(Panel):
 
     async def bring(self, _: Page, order: ImportForm) -> dict[str, Any]:
         """Import an uploaded file into the session's folder as a preview, or into the studio's with `save`."""
-        source = self._takes.incoming(order.file)
+        source = self._takes.incoming_files.find(order.file)
         words, name = order.words(), source.name
-        stem = re.sub(r"-\d+$", "", source.stem)  # the number of the upload
-        target = self._takes.folder.free(stem, ".h5") if order.save else source.with_suffix(".preview.h5")
+        target = self._takes.folder.free(source.stem, ".h5") if order.save else source.with_suffix(".preview.h5")
         made = await self._reading.result(f"importing {name}", run_import, (str(source), str(target), words))
         if "asked" in made:
             return made
