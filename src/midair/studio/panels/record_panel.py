@@ -6,6 +6,7 @@ that its delay does not grow and no page waits for another.
 
 import asyncio
 import itertools
+import time
 from collections import deque
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -23,6 +24,9 @@ from midair.studio.worker_process import WorkerProcess
 
 KEPT = 60.0
 """Seconds of sections that wait for a slow page; older ones are dropped, and the page shows a gap."""
+
+REST = 2.0
+"""Seconds after which a virtual sensor that no page shows is closed; it opens again for the next page."""
 
 
 @dataclass(slots=True, eq=False)
@@ -47,6 +51,11 @@ class Feed:
     def waiting(self) -> int:
         """Number of blocks that some page has not received yet."""
         return len(self._blocks)
+
+    @property
+    def viewed(self) -> bool:
+        """True if a page receives the sections."""
+        return bool(self._viewers)
 
     def enter(self, page: Page) -> None:
         """Send to this page from now on."""
@@ -154,6 +163,8 @@ class RecordPanel(Panel):
         )
         self._named = context.sensor
         self._left_to_do: list[MakeTake] = []
+        self._viewed = 0.0
+        self._resting: asyncio.Future[None] | None = None
         store = context.store
         self._offer(sight=VisibleRange, watchers=True)
         self._offer(listen=Listen, take=MakeTake, toggle=Arguments)
@@ -254,6 +265,7 @@ class RecordPanel(Panel):
         return path.name
 
     def _open(self) -> None:
+        self._viewed = time.monotonic()
         self._sensor.start(self._named, self._context.seed)
         self._show(state="opens", sensor=self._named, error="", events=[])
 
@@ -262,6 +274,11 @@ class RecordPanel(Panel):
         if kind == "frames":
             self._feed.add(said["data"])
         elif kind == "levels":
+            if not self._named.startswith("virtual:") or self._feed.viewed or said["state"] != "listening":
+                self._viewed = time.monotonic()
+            elif time.monotonic() > self._viewed + REST:
+                self._resting = asyncio.ensure_future(self.release())
+                return
             if said["state"] != self._state["state"]:
                 self._show(state=said["state"])
             self._store.put(levels=said)
