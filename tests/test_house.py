@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2045,
     "cli": 6642,
     "study": 6372,
-    "studio": 6057,
+    "studio": 6055,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_761, "benchmarks": 4_500}
+BESIDE = {"tests": 51_874, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

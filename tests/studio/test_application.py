@@ -22,7 +22,6 @@ from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed,
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.studio_state import LARGEST_ORDER, MESSAGES_A_SECOND, Page, StudioState
 from midair.studio.work import SolveRequest, solve_take
-from midair.view import unpack
 
 
 @pytest.fixture
@@ -167,6 +166,10 @@ def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
     ]  # fmt: skip
     assert load(folder / "exports" / "towel-01.flac").provenance.steps[-1].settings == {"channels": (5,)}
     assert (folder / "exports" / "towel-01.csv").read_text() == "kept"
+    assert order("edit", take="towel-01.h5", edit="delete", start="0.02s", end="0.05s") == "towel-03.h5"
+    rest, whole = (load(folder / name).samples for name in ("towel-03.h5", "towel-01.h5"))
+    assert (rest == np.concatenate([whole[:20], whole[50:]])).all()
+    assert "got all of it" in order("edit", take="towel-01.h5", edit="delete")
 
 
 def test_a_threshold_is_of_one_take_and_other_studies_of_takes_have_two_or_more(talk):
@@ -335,10 +338,11 @@ def test_upload_from_the_controlling_page_gets_a_new_name(client, studio, talk):
     assert upload("a.csv", b"1", "99").status_code == 400
     assert upload("..%2F..%2Fevil.html", b"1", page).status_code == 400
     answer = upload("My%20Take.csv", b"t,a\n0,1\n", page)
-    assert answer.json() == {"ok": "my_take-01.csv", "imports": True}
-    assert (studio.takes.samples / "incoming" / "my_take-01.csv").read_bytes() == b"t,a\n0,1\n"
+    name, _, file = answer.json()["ok"].partition("/")
+    assert (answer.json()["imports"], file) == (True, "My Take.csv")
+    assert (studio.takes.samples / "incoming" / name / file).read_bytes() == b"t,a\n0,1\n"
     assert studio.folder.names(".csv") == [], "nothing in the folder before it is imported"
-    assert upload("take.h5", b"x", page).json() == {"ok": "take-01.h5", "imports": False}
+    assert upload("take.h5", b"x", page).json() == {"ok": "take.h5", "imports": False}
     assert client.post("/upload", content=b"x", headers={"x-name": "a.csv", "x-page": page}).status_code == 403
 
 
@@ -349,7 +353,7 @@ def test_a_refused_project_is_named_and_removed(client, studio, talk, monkeypatc
     monkeypatch.setattr(studio.reading, "result", refuse)
     headers = {"origin": ROOT, "x-name": "a.zip", "x-page": str(talk.page)}
     answer = client.post("/upload", content=b"x", headers=headers)
-    assert answer.json() == {"error": "a-01.zip: expected a project"}
+    assert answer.json() == {"error": "a.zip: expected a project"}
     assert list((studio.takes.samples / "incoming").iterdir()) == []
 
 

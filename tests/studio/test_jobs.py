@@ -48,7 +48,7 @@ class Watch:
 
     def await_(self, count):
         for _ in range(count):
-            assert self.over.acquire(timeout=30)
+            assert self.over.acquire(timeout=240)
 
 
 @pytest.fixture(scope="module")

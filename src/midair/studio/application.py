@@ -24,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
 from midair.studio.folders import StudioFolder, unpack_folder
-from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.jobs import NEVER, Jobs, StudioJob
 from midair.studio.panels import PANELS, Panel, PanelContext, PlayPanel
 from midair.studio.request_guard import NAMES, LoginTokens, RequestGuard
 from midair.studio.room_air import RoomAir
@@ -105,7 +105,7 @@ class Studio:
         self.store = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(partial(self.later, self._show_job), name="work", warm=warm_up)
-        self.reading = Jobs(name="reading")
+        self.reading = Jobs(partial(self.later, self._show_job), name="reading")
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
         self._began = False
@@ -228,7 +228,8 @@ class Studio:
             if key not in self._kept:
                 while len(self._kept) > 64:
                     self._kept.pop(next(iter(self._kept)))
-                self._kept[key] = await self.reading.result(f"frames of {take}", frames_of, (data, stream, second))
+                order = data, stream, second
+                self._kept[key] = await self.reading.result(f"frames of {take}", frames_of, order, after=NEVER)
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(self._kept[key], media_type="application/octet-stream")
@@ -239,7 +240,8 @@ class Studio:
         if stream not in ("original", "again"):
             return PlainTextResponse("not there\n", 404)
         try:
-            found = await self.reading.result(f"sound of {take}", sound_of, (self.takes.data(take), stream))
+            order = self.takes.data(take), stream
+            found = await self.reading.result(f"sound of {take}", sound_of, order, after=NEVER)
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(found, media_type="audio/wav")

@@ -20,6 +20,11 @@ JobState = Literal["waits", "runs", "done", "failed", "cancelled"]
 Progressed = Callable[[str, int, int], None]
 """Called with the name of the current stage, the steps done, and the number of steps."""
 
+LONG, NEVER = 1.0, 86400.0
+"""Seconds after which a page shows a job that it waits for, and one that fills a picture."""
+
+_NUMBERS = itertools.count(1)
+
 Work = Callable[[Any, Progressed], Any]
 """A module-level function that takes the input of a job and a `Progressed` callback, and returns the result."""
 
@@ -29,11 +34,13 @@ class StudioJob:
     """State of one job."""
 
     number: int
-    """Counts from 1."""
+    """Unique among all queues."""
     title: str
     """Description that the page shows."""
     room: str
     """Name of the panel that added the job."""
+    quiet: bool = False
+    """True if pages do not show it."""
     state: JobState = "waits"
     stage: str = ""
     done: int = 0
@@ -70,7 +77,6 @@ class Jobs:
     ) -> None:
         self._changed, self._warm = changed, warm
         self._lock = threading.RLock()
-        self._numbers = itertools.count(1)
         self._waiting: list[tuple[StudioJob, Work, Any]] = []
         self._running: StudioJob | None = None
         gone = "the worker process ended unexpectedly: a file may be damaged, or memory may be short"
@@ -92,21 +98,26 @@ class Jobs:
         room: str = "",
         ended: Callable[[StudioJob], None] = lambda _: None,
         first: bool = False,
+        quiet: bool = False,
     ) -> StudioJob:
         """Add a job at the end of the queue, or before the waiting ones if `first`."""
         with self._lock:
-            job = StudioJob(number=next(self._numbers), title=title, room=room, ended=ended)
+            job = StudioJob(number=next(_NUMBERS), title=title, room=room, ended=ended, quiet=quiet)
             self._waiting.insert(0 if first else len(self._waiting), (job, work, order))
             self._next()
-        self._changed(job)
+        self._tell(job)
         return job
 
-    async def result(self, title: str, work: Work, order: Any) -> Any:
-        """Add a job before the waiting ones and return its result; InputError with its message if it fails."""
+    async def result(self, title: str, work: Work, order: Any, *, after: float = LONG) -> Any:
+        """Add a job before the waiting ones, shown `after` s, and return its result; InputError if it fails."""
         done = Future[StudioJob]()
         done.set_running_or_notify_cancel()
-        self.add(title, work, order, ended=done.set_result, first=True)
-        job = await asyncio.wrap_future(done)
+        job = self.add(title, work, order, ended=done.set_result, first=True, quiet=True)
+        shown = asyncio.get_running_loop().call_later(after, self._show, job)
+        try:
+            await asyncio.wrap_future(done)
+        finally:
+            shown.cancel()
         if job.state != "done":
             raise InputError(job.error or f"{title}: {job.state}")
         return job.result
@@ -166,7 +177,7 @@ class Jobs:
             job.done, job.total = said["done"], said["total"]
             if said["stage"] != job.stage:
                 job.stage, job.stage_began = said["stage"], time.monotonic()
-        self._changed(job)
+        self._tell(job)
 
     def _done(self, job: StudioJob, answer: Future[Any]) -> None:
         """End a job with the answer of the worker, or because the worker has died, and start the next one."""
@@ -183,7 +194,15 @@ class Jobs:
     def _end(self, job: StudioJob, state: JobState) -> None:
         job.state = state
         job.ended(job)
-        self._changed(job)
+        self._tell(job)
+
+    def _show(self, job: StudioJob) -> None:
+        job.quiet = False
+        self._tell(job)
+
+    def _tell(self, job: StudioJob) -> None:
+        if not job.quiet:
+            self._changed(job)
 
 
 def serve_jobs(pipe: StudioPipe, warm: Callable[[], None] | None) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from midair.datasets import TOUCHES
-from midair.studio.jobs import Progressed
+from midair.studio.jobs import NEVER, Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
 
@@ -33,7 +33,7 @@ class GalleryPanel(Panel):
 
     async def view(self, _: Page, order: TouchNamed) -> dict[str, Any]:
         """Return pictures as bytes in base64, their highest pressure, and a WAV file."""
-        return await self._context.reading.result(f"view of {order.touch}", view_of, order.touch)
+        return await self._context.reading.result(f"view of {order.touch}", view_of, order.touch, after=NEVER)
 
     def take(self, _: Page, order: TouchNamed) -> dict[str, str]:
         """Write a touch into the folder; returns the file and the panel that opens it."""

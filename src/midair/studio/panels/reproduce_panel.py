@@ -105,9 +105,7 @@ class ReproducePanel(Panel):
         """Make the samples."""
         for thing in SAMPLES:
             order = (str(self._takes.samples), thing)
-            self._reading.add(
-                f"sample {thing}", make_sample, order, ended=lambda _: self._context.later(self._context.show_takes)
-            )
+            self._reading.add(f"sample {thing}", make_sample, order, ended=self._solved, quiet=True)
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Return the facts of a take."""
@@ -324,7 +322,7 @@ class ReproducePanel(Panel):
 
     def cancel(self, _: Page, order: JobNumber) -> bool:
         """Cancel a job."""
-        if not self._jobs.cancel(order.number):
+        if not any(queue.cancel(order.number) for queue in (self._jobs, self._reading)):
             raise InputError(f"job {order.number}: expected a waiting or running job, it has ended")
         return True
 

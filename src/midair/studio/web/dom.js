@@ -8,13 +8,46 @@ export function make(what, properties = {}, ...children) {
   if (tag === "button") made.type = "button"; // unless it says otherwise: a form's own would submit
   for (const [name, value] of Object.entries(properties)) {
     if (value === undefined || value === null || value === false) continue;
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    if (name.startsWith("on"))
+      made.addEventListener(name.slice(2), tag === "button" ? busy(made, value) : value);
     else if (name in made && !name.includes("-") && name !== "list" && name !== "form")
       made[name] = value;
     else made.setAttribute(name, value === true ? "" : value);
   }
   made.append(...children.flat().filter(child => child !== null && child !== undefined));
   return made;
+}
+
+/** The act of a button: until its promise ends, the button shows that it works and takes no other
+    press; STOP takes every one. */
+function busy(button, act) {
+  return async event => {
+    if (button.ariaBusy) return;
+    const done = act(event);
+    if (!(done instanceof Promise)) return;
+    if (!button.matches(".stop")) button.ariaBusy = "true";
+    try {
+      await done;
+    } finally {
+      button.ariaBusy = null;
+    }
+  };
+}
+
+/** A table of texts or elements; the columns from `number` on are numbers. */
+export function table(heads, lines, number = 1) {
+  const line = (tag, cells, given) =>
+    make(
+      "tr",
+      {},
+      ...cells.map((cell, i) => make(tag + (i < number ? "" : ".number"), given, cell)),
+    );
+  return make(
+    "table",
+    {},
+    make("thead", {}, line("th", heads, { scope: "col" })),
+    make("tbody", {}, ...lines.map(cells => line("td", cells, {}))),
+  );
 }
 
 /** A panel with title, an element at the right of it, and contents. */
@@ -79,11 +112,14 @@ export async function tried(promise) {
 /** Whether an array can play: one that failed is opened again by the next check. */
 export const playable = player => ["ready", "failed"].includes(player?.state);
 
-/** Open a dialog over the page. It has a STOP of its own while something plays, since the page
-    behind it cannot be pressed. */
+const jobs = document.getElementById("jobs");
+/** Open a dialog over the page. It has the running jobs, and a STOP of its own while something
+    plays, since the page behind it cannot be pressed. */
 export function openModal(dialog, link) {
+  dialog.addEventListener("close", () => document.body.append(jobs), { once: true });
   dialog.querySelector(".stop")?.remove();
   dialog.append(
+    jobs,
     make(
       "button.stop",
       { title: "Silences the array at once", onclick: () => tried(link.stop()) },
@@ -96,6 +132,7 @@ export function openModal(dialog, link) {
 const HOLD = 600; // ms
 /** Act once a button was held down, by pointer or by Enter or Space. */
 export function whenHeld(button, act) {
+  const begin = busy(button, act);
   let timer = 0;
   const release = () => {
       button.classList.remove("held");
@@ -107,7 +144,7 @@ export function whenHeld(button, act) {
       button.classList.add("held");
       timer = setTimeout(() => {
         release();
-        act();
+        begin();
       }, HOLD);
     };
   button.addEventListener("pointerdown", press);

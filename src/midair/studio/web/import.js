@@ -60,28 +60,50 @@ export function pictureOf(course, seconds) {
 
 const SOUND = ["scale", "footprint", "size", "speed"];
 
-/** Take a file of this computer into the folder, ask what it does not state, and open it. */
-export async function bringFile(studio, file) {
-  if (!file) return;
-  const answer = await fetch("/upload", {
-    method: "POST",
-    body: file,
-    headers: { "x-name": encodeURIComponent(file.name), "x-page": String(studio.link.page) },
-  });
-  const said = await answer.json();
-  if (said.error) {
-    toast(said.error);
-    return;
+/** Take a file of this computer into the folder, ask what it does not state, with proposed answers
+    and what comes of them, and open the take. */
+export async function bringFile(studio, chosen) {
+  if (!chosen) return;
+  const { link } = studio,
+    dialog = document.getElementById("import"),
+    ended = new AbortController(),
+    title = make("h2", { id: "import-title" }, `Import ${chosen.name}`),
+    cancel = make(
+      "button",
+      { title: "Imports nothing", onclick: () => dialog.close("") },
+      "Cancel",
+    );
+  dialog.returnValue = "";
+  dialog.replaceChildren(title, make("progress", { "aria-label": "copying" }), cancel);
+  openModal(dialog, link);
+  dialog.addEventListener(
+    "close",
+    () => {
+      ended.abort();
+      if (dialog.returnValue) studio.go("reproduce", dialog.returnValue);
+    },
+    { once: true },
+  );
+  try {
+    const answer = await fetch("/upload", {
+      method: "POST",
+      body: chosen,
+      headers: { "x-name": encodeURIComponent(chosen.name), "x-page": String(link.page) },
+      signal: ended.signal,
+    });
+    const { error, imports, ok } = await answer.json();
+    if (error) throw new Error(error);
+    if (imports) ask(link, dialog, ok);
+    else dialog.close(ok);
+  } catch (wrong) {
+    if (wrong.name !== "AbortError") toast(wrong.message);
+    dialog.close("");
   }
-  const take = said.imports ? await importFile(studio.link, said.ok) : said.ok;
-  if (take) studio.go("reproduce", take);
 }
 
-/** Ask what a file does not state, with proposed answers, show what comes of it, and import it;
-    resolves to the name of the take, or "". */
-function importFile(link, file) {
-  const dialog = document.getElementById("import"),
-    wave = /\.(wav|rf64|flac|aiff?|ogg|mp3)$/.test(file),
+/** The questions of an import in its dialog, which ends with the name of the take. */
+function ask(link, dialog, file) {
+  const wave = /\.(wav|rf64|flac|aiff?|ogg|mp3)$/.test(file),
     inputs = {};
   const said = make("div", { role: "status", id: "import-said" }),
     wrong = make("p.bad", { role: "alert", id: "import-wrong" });
@@ -117,6 +139,7 @@ function importFile(link, file) {
     },
     "Import",
   );
+  const bar = make("progress", { "aria-label": "reading the file" });
   let orders = 0;
   async function bring(save) {
     const given = Object.fromEntries(
@@ -124,11 +147,13 @@ function importFile(link, file) {
       ),
       mine = (orders += 1);
     take.disabled = true;
+    bar.hidden = false;
     try {
       const made = await link.order("reproduce", "import", { file, save, ...given });
       if (mine !== orders) return;
+      bar.hidden = true;
       if (made.asked) {
-        ask(made);
+        question(made);
         return;
       }
       if (save) {
@@ -140,13 +165,14 @@ function importFile(link, file) {
       preview(made);
     } catch (error) {
       if (mine === orders) {
+        bar.hidden = true;
         wrong.textContent = error.message;
         said.replaceChildren();
       }
     }
   }
   /** Show the questions, each with its proposed answer, and what comes of these. */
-  function ask({ asked, said: message }) {
+  function question({ asked, said: message }) {
     const news = Object.entries(asked).filter(([name]) => !questions.contains(parts[name]));
     for (const [name, proposed] of news) {
       questions.append(parts[name]);
@@ -175,25 +201,16 @@ function importFile(link, file) {
     );
   }
   const show = () => bring(false);
-  dialog.replaceChildren(
-    make("h2", { id: "import-title" }, `Import ${file}`),
-    make(
-      "div.import",
-      {},
-      make("div.column", {}, questions, told, more),
-      make("div.column", {}, make("h3", {}, "Preview"), wrong, said),
-    ),
-    make(
-      "div.buttons",
-      {},
-      take,
-      make("button", { title: "Imports nothing", onclick: () => dialog.close("") }, "Cancel"),
-    ),
-  );
-  dialog.returnValue = "";
-  openModal(dialog, link);
+  dialog
+    .querySelector("progress")
+    .replaceWith(
+      make(
+        "div.import",
+        {},
+        make("div.column", {}, questions, told, more),
+        make("div.column", {}, make("h3", {}, "Preview"), bar, wrong, said),
+      ),
+      make("div.buttons", {}, take, dialog.querySelector("progress + button")),
+    );
   show();
-  return new Promise(resolve =>
-    dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true }),
-  );
 }

@@ -20,34 +20,36 @@ export async function solveTake(link, given) {
   return answer;
 }
 
-function mayReplace(link, { files, made, new: settings }) {
+const mayReplace = (link, { files: [first, again], made, new: settings }) =>
+  askToReplace(
+    link,
+    made ? `Replace ${first}?` : `Remove ${first}?`,
+    [
+      `${first} exists, ${made || "made from a drive that no longer exists"}.`,
+      ...(again ? [`${again}, its re-recording, is removed with it.`] : []),
+      `The new drive: ${settings}.`,
+    ],
+    [
+      ...(made ? [["both", "Keep both", "The new drive gets another name"]] : []),
+      ["yes", made ? "Replace" : "Remove and solve", "Cannot be undone"],
+    ],
+  );
+
+/** Ask whether files may be replaced; resolves to the value of a button, or "". */
+export function askToReplace(link, title, words, buttons) {
   const dialog = document.getElementById("replace"),
-    [first, again] = files,
-    button = (value, words, title, more = {}) =>
-      make("button", { title, onclick: () => dialog.close(value), ...more }, words);
+    button = ([value, text, title], autofocus = false) =>
+      make("button", { title, autofocus, onclick: () => dialog.close(value) }, text);
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
   dialog.replaceChildren(
-    make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
-    make(
-      "div",
-      { id: "replace-words" },
-      make(
-        "p",
-        {},
-        made
-          ? `${first} exists, ${made}.`
-          : `${first} exists, made from a drive that no longer exists.`,
-      ),
-      ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []),
-      make("p", {}, `The new drive: ${settings}.`),
-    ),
+    make("h2", { id: "replace-title" }, title),
+    make("div", { id: "replace-words" }, ...words.map(each => make("p", {}, each))),
     make(
       "div.buttons",
       {},
-      ...(made ? [button("both", "Keep both", "The new drive gets another name")] : []),
-      button("yes", made ? "Replace" : "Remove and solve", "Cannot be undone"),
-      button("", "Cancel", "Solves nothing", { autofocus: true }),
+      ...buttons.map(each => button(each)),
+      button(["", "Cancel", "Changes nothing"], true),
     ),
   );
   openModal(dialog, link);
@@ -104,7 +106,8 @@ function build(link, { number, title }) {
   return {
     root,
     tell(job) {
-      if (job.total && job.state === "runs") bar.value = job.done / job.total;
+      // Without a first step, the bar shows only that something goes on.
+      if (job.done && job.state === "runs") bar.value = job.done / job.total;
       else if (job.state === "done") bar.value = 1;
       words.textContent =
         job.state === "failed"

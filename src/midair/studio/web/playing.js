@@ -1,7 +1,7 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be
     held. */
 
-import { field, make, openModal, tried, whenHeld } from "/web/dom.js";
+import { field, make, openModal, table, tried, whenHeld } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
 import { heatWarning } from "/web/warnings.js";
 
@@ -20,7 +20,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       follow: "",
     };
   const verdict = make("p", { role: "status" }, "checking …"),
-    table = make("table"),
+    places = make("div"),
     refused = make("div.column");
   const simulated = link.state.player.device === "virtual",
     hold = make(
@@ -32,7 +32,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       },
       simulated ? "Play" : "Hold to play",
     );
-  const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
+  const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "progress" });
   const repeats = make("input", {
     type: "number",
     min: 1,
@@ -89,7 +89,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     ),
     verdict,
     hot,
-    table,
+    places,
     measured,
     make(
       "div.column",
@@ -134,9 +134,12 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
 
   async function check() {
     hold.disabled = true;
+    done.hidden = false;
+    done.removeAttribute("value");
     const turn = ++checks,
       found = await tried(link.order("play", "check", given));
     if (turn !== checks) return; // a later check withdraws this one
+    done.hidden = true;
     if (!found) {
       verdict.textContent = "the exposure could not be checked";
       return;
@@ -149,30 +152,14 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         : found.refused || found.verdict;
     if (found.replaces) verdict.append(` ${found.replaces} exists and will be replaced.`);
     verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
-    table.replaceChildren(
-      make(
-        "thead",
-        {},
-        make(
-          "tr",
-          {},
-          ...["place", "loudest frame", "limit"].map((name, i) =>
-            make(`th${i ? ".number" : ""}`, { scope: "col" }, name),
-          ),
-        ),
-      ),
-      make(
-        "tbody",
-        {},
-        ...found.places.map(place =>
-          make(
-            "tr",
-            {},
-            make("td", {}, place.name + (place.enforced ? "" : " (advice)")),
-            make("td.number", {}, `${place.peak_db} dB`),
-            make("td.number", {}, `${place.limit_db} dB`),
-          ),
-        ),
+    places.replaceChildren(
+      table(
+        ["place", "loudest frame", "limit"],
+        found.places.map(place => [
+          place.name + (place.enforced ? "" : " (advice)"),
+          `${place.peak_db} dB`,
+          `${place.limit_db} dB`,
+        ]),
       ),
     );
     hold.disabled = !clearance || !link.controls;
@@ -190,7 +177,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
             onclick: () => {
               given.attenuate = true;
               given.override = "";
-              check();
+              return check();
             },
           },
           "Attenuate to meet the profile",
@@ -208,8 +195,9 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
               if (name.value.trim()) {
                 given.override = name.value;
                 given.attenuate = false;
-                check();
-              } else name.focus();
+                return check();
+              }
+              return name.focus();
             },
           },
           "Play above the profile on my responsibility",
@@ -248,7 +236,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
             title: "Replaces the re-recording",
             onclick: () => {
               for (const one of more) one.remove();
-              check();
+              return check();
             },
           },
           "Check and play again",

@@ -3,7 +3,7 @@
 
 import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { make, panel, rows, tried } from "/web/dom.js";
+import { make, panel, rows, table, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
 import {
   chosen,
@@ -259,39 +259,11 @@ export default class Compare {
         ? []
         : [
             make("h3", {}, "Side by side"),
-            make(
-              "table",
-              {},
-              make(
-                "thead",
-                {},
-                make(
-                  "tr",
-                  {},
-                  make("th", { scope: "col" }, ""),
-                  ...shown.map(each =>
-                    make(
-                      "th.number",
-                      { scope: "col" },
-                      each.name === this.name
-                        ? make("strong", {}, label(each.name))
-                        : label(each.name),
-                    ),
-                  ),
-                ),
-              ),
-              make(
-                "tbody",
-                {},
-                ...comparisons[shown[0].name].figures.map(([name], i) =>
-                  make(
-                    "tr",
-                    {},
-                    make("td", {}, name),
-                    ...shown.map(each =>
-                      make("td.number", {}, comparisons[each.name].figures[i]?.[1] ?? "–"),
-                    ),
-                  ),
+            table(
+              [
+                "",
+                ...shown.map(each =>
+                  make(each.name === this.name ? "strong" : "span", {}, label(each.name)),
                 ),
               ),
             ),
@@ -321,33 +293,13 @@ export default class Compare {
       ...(budget && budget.stamp === row?.drive
         ? [
             make("h3", {}, "Error budget ", make("strong.simulated", {}, "SIMULATED")),
-            make(
-              "table",
-              {},
-              make(
-                "thead",
-                {},
-                make(
-                  "tr",
-                  {},
-                  ...["stage", "alone", "touched cells"].map((name, i) =>
-                    make(`th${i ? ".number" : ""}`, { scope: "col" }, name),
-                  ),
-                ),
-              ),
-              make(
-                "tbody",
-                {},
-                ...budget.rows.map(([name, alone, far, what]) =>
-                  make(
-                    "tr",
-                    { title: what },
-                    make("td", {}, name),
-                    make("td.number", {}, alone),
-                    make("td.number", {}, far),
-                  ),
-                ),
-              ),
+            table(
+              ["stage", "alone", "touched cells"],
+              budget.rows.map(([name, alone, far, what]) => [
+                make("span", { title: what }, name),
+                alone,
+                far,
+              ]),
             ),
             make(
               "p.quiet",

@@ -3,8 +3,9 @@
 
    The document is the pattern as the dicts of its TOML file; a number can be "$NAME", a parameter with a slider. */
 
-import { choice, make, openModal, panel, playable, tried } from "/web/dom.js";
+import { choice, make, panel, playable, tried } from "/web/dom.js";
 import { TimeLine } from "/web/draw-keys.js";
+import { askToReplace } from "/web/jobs.js";
 import { drawn } from "/web/palm-view.js";
 import { askToPlay } from "/web/playing.js";
 import { colours } from "/web/take.js";
@@ -154,6 +155,14 @@ export function corners(path) {
   const ends = Math.hypot(found[0][0] - found.at(-1)[0], found[0][1] - found.at(-1)[1]);
   return found.length > 3 && ends < 6 ? found.slice(0, -1) : found.slice(0, MOST);
 }
+
+const mayReplace = (link, files) =>
+  askToReplace(
+    link,
+    `Replace ${files[0]}?`,
+    [`${files.join(" and ")} ${files.length > 1 ? "exist" : "exists"} in the folder.`],
+    [["yes", "Replace", "Cannot be undone"]],
+  );
 
 export default class Draw {
   constructor(studio) {
@@ -362,7 +371,8 @@ export default class Draw {
       {
         id: "draw-play",
         title: "Checks the exposure, then plays",
-        onclick: () => this._play(),
+        // Not busy: while a loop plays, another press ends it.
+        onclick: () => void this._play(),
       },
       "Play",
     );
@@ -1258,29 +1268,10 @@ export default class Draw {
     this.said.textContent = drive ? "drawing …" : "saving …";
     let answer = await tried(this.link.order("draw", "save", given));
     while (answer?.asks)
-      answer = (await this._mayReplace(answer.asks.files))
+      answer = (await mayReplace(this.link, answer.asks.files))
         ? await tried(this.link.order("draw", "save", { ...given, replaces: answer.asks.replaces }))
         : null;
     this.said.textContent = answer ? `saved ${answer.saved.join(" and ")}` : "not saved";
-  }
-  _mayReplace(files) {
-    const dialog = document.getElementById("replace"),
-      button = (value, words, more = {}) =>
-        make("button", { onclick: () => dialog.close(value), ...more }, words);
-    dialog.returnValue = "";
-    dialog.replaceChildren(
-      make("h2", { id: "replace-title" }, `Replace ${files[0]}?`),
-      make(
-        "p",
-        { id: "replace-words" },
-        `${files.join(" and ")} ${files.length > 1 ? "exist" : "exists"} in the folder.`,
-      ),
-      make("div.buttons", {}, button("yes", "Replace"), button("", "Cancel", { autofocus: true })),
-    );
-    openModal(dialog, this.link);
-    return new Promise(resolve =>
-      dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true }),
-    );
   }
   async _play() {
     const { link } = this,

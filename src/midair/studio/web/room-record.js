@@ -189,11 +189,9 @@ export default class Record {
   }
   record() {
     const { state } = this.link.state.record ?? {};
-    if (!this.link.controls) return;
-    if (state === "recording" || state === "waiting") {
-      tried(this.link.order("record", "toggle"));
-      return;
-    }
+    if (!this.link.controls) return null;
+    if (state === "recording" || state === "waiting")
+      return tried(this.link.order("record", "toggle"));
     const notes = Object.fromEntries(
       Object.entries(this.notes).map(([name, input]) => [name, input.value.trim()]),
     );
@@ -201,7 +199,7 @@ export default class Record {
       this.begins.value === "touch"
         ? { start: "touch", level: Number(this.level.value), pre_roll_s: Number(this.pre.value) }
         : {};
-    tried(
+    return tried(
       this.link.order("record", "take", {
         ...notes,
         duration_s: Number(this.duration.value) || null,

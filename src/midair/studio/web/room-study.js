@@ -1,6 +1,6 @@
 /* Panel Study: the experimenter's page, and the participant's with one question at a time. */
 
-import { choice, field, make, panel, rows, tried } from "/web/dom.js";
+import { choice, field, make, panel, rows, table, tried } from "/web/dom.js";
 
 const TEMPLATES = [
   ["own", "my takes and patterns"],
@@ -428,53 +428,30 @@ export default class Study {
           make(
             "div.card",
             {},
-            make(
-              "table",
-              {},
-              make(
-                "thead",
-                {},
+            table(
+              ["participant", "trials", ""],
+              study.participants.map(each => [
+                String(each.number),
+                `${each.done} of ${each.total}`,
                 make(
-                  "tr",
-                  {},
-                  ...["participant", "trials", ""].map(words =>
-                    make("th", { scope: "col" }, words),
-                  ),
+                  "button",
+                  {
+                    disabled: !controls,
+                    "data-participant": each.number,
+                    title: `Session of participant ${each.number}`,
+                    onclick: () =>
+                      this._begin({
+                        study: study.name,
+                        participant: each.number,
+                        pilot: pilot.checked,
+                        noise: noise.value,
+                        override: answers.value.trim(),
+                      }),
+                  },
+                  each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open",
                 ),
-              ),
-              make(
-                "tbody",
-                {},
-                ...study.participants.map(each =>
-                  make(
-                    "tr",
-                    {},
-                    make("td", {}, String(each.number)),
-                    make("td", {}, `${each.done} of ${each.total}`),
-                    make(
-                      "td",
-                      {},
-                      make(
-                        "button",
-                        {
-                          disabled: !controls,
-                          "data-participant": each.number,
-                          title: `Session of participant ${each.number}`,
-                          onclick: () =>
-                            this._begin({
-                              study: study.name,
-                              participant: each.number,
-                              pilot: pilot.checked,
-                              noise: noise.value,
-                              override: answers.value.trim(),
-                            }),
-                        },
-                        each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open",
-                      ),
-                    ),
-                  ),
-                ),
-              ),
+              ]),
+              3,
             ),
           ),
         ),
