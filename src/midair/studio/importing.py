@@ -100,10 +100,11 @@ def run_words(words: tuple[str, ...], progress: Progressed) -> str:
     return words[-1]
 
 
-def run_edit(words: tuple[str, ...], progress: Progressed) -> dict[str, Any]:
-    """Run a command that edits a recording; returns the course of the strongest channel of the result."""
-    run_words(words, progress)
-    return _course(words[-2])
+def run_edit(commands: tuple[tuple[str, ...], ...], progress: Progressed) -> dict[str, Any]:
+    """Run commands that edit a recording; returns the course of the strongest channel of the result."""
+    for words in commands:
+        run_words(words, progress)
+    return _course(commands[-1][-1])
 
 
 def _course(path: str, columns: int = 400) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class NotesForm(TakeNamed, Notes):
 class EditForm(TakeNamed):
     """The command that edits a take, and its options as they are typed; an empty one is not given."""
 
-    edit: Literal["cut", "trim", "gain", "fade", "mask", "resample", "join"]
+    edit: Literal["cut", "delete", "trim", "gain", "fade", "mask", "resample", "join"]
     start: str = Field(default="", max_length=20)
     end: str = Field(default="", max_length=20)
     by: str = Field(default="", max_length=20)
@@ -99,6 +99,7 @@ class ReproducePanel(Panel):
         store.offer("reproduce", "import", self.bring, ImportForm)
         store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
+        store.put(edits={"undo": "", "redo": ""}, exported="")
         context.show_takes()
 
     def start(self) -> None:
@@ -157,12 +158,22 @@ class ReproducePanel(Panel):
 
     async def look(self, _: Page, order: EditForm) -> dict[str, Any]:
         """Return the course of the strongest channel as it would be after an edit."""
-        words = self._edit_words(order, self._takes.samples / "edited.preview.h5")
-        return await self._reading.result(f"preview of {order.take}", run_edit, (*words, "--force"))
+        commands = self._edit_commands(order, self._takes.samples / "edited.preview.h5")
+        return await self._reading.result(f"preview of {order.take}", run_edit, commands)
 
-    def _edit_words(self, order: EditForm, made: Path) -> tuple[str, ...]:
-        others = [str(self._takes.path(order.other))] if order.edit == "join" else []
-        return (order.edit, *order.words(), str(self._takes.path(order.take)), *others, str(made))
+    def _edit_commands(self, order: EditForm, made: Path) -> tuple[tuple[str, ...], ...]:
+        """Return the commands of an edit; without a part, those that join what lies before and after it."""
+        take = str(self._takes.path(order.take))
+        if order.edit != "delete":
+            others = [str(self._takes.path(order.other))] if order.edit == "join" else []
+            return ((order.edit, *order.words(), "--force", take, *others, str(made)),)
+        ends = [f"--end={order.start}"] * bool(order.start) + [f"--start={order.end}"] * bool(order.end)
+        kept = [("cut", end, "--force", take, str(self._takes.samples / f"edited.{end[2]}.h5")) for end in ends]
+        if not kept:
+            raise InputError("delete: expected a part of the take, got all of it; use Delete under the list of takes")
+        if len(kept) == 1:
+            return ((*kept[0][:-1], str(made)),)
+        return (*kept, ("join", "--force", *(words[-1] for words in kept), str(made)))
 
     def note(self, _: Page, order: NotesForm) -> bool:
         """Keep notes and named marks in a file beside the take."""

@@ -274,6 +274,7 @@ listen({
     const name = Object.keys(ROOMS)[index];
     if (name) location.hash = [...by("rooms").children].find(tab => tab.dataset.room === name).hash;
   },
+  part: edit => studio.room?.part?.(edit),
   undo: which => studio.room?.undo?.(which),
   swap: () => studio.room?.swap?.(),
   record: () => studio.room?.record?.(),

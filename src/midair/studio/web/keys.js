@@ -15,13 +15,14 @@ export const TABLE = [
   ["F P", "magnitude, phase"],
   ["B", "the other drive of the take (A/B)"],
   ["+ - 0", "time zoom, all; also the wheel, and a drag over the cells"],
-  ["Shift and drag", "over the whole take: choose a part, as I and O do"],
+  ["drag", "over the whole take: choose a part, as I and O do; with Shift: move through it"],
+  ["Delete", "removes the chosen part; the result is another take"],
   ["Ctrl Z, Ctrl Shift Z", "undo, redo an edit of a take"],
   ["Alt 1 … 9", "panels"],
   ["?", "this table"],
 ];
 
-/** `acts`: {stop(), room(index), help(), record(), swap(), undo(which), transport()}. */
+/** `acts`: {stop(), room(index), help(), record(), swap(), undo(which), part(edit), transport()}. */
 export function listen(acts) {
   addEventListener(
     "keydown",
@@ -54,6 +55,10 @@ export function listen(acts) {
       if (event.key === "?") {
         event.preventDefault();
         acts.help();
+        return;
+      }
+      if (event.key === "Delete") {
+        acts.part("delete");
         return;
       }
       if (event.key.toLowerCase() === "b" && !event.repeat) {

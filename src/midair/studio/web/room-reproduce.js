@@ -51,23 +51,14 @@ const MODES = [
   ["paper", "paper"],
   ["quiet", "quiet ears"],
 ];
-const HEIGHTS = [
+const some = (unit, ...values) => [
   ["", "of the mode"],
-  ["150", "150 mm"],
-  ["180", "180 mm"],
-  ["200", "200 mm"],
-  ["230", "230 mm"],
-];
-const EARS = [
-  ["", "of the mode"],
-  ["110", "110 dB"],
-  ["115", "115 dB"],
-  ["120", "120 dB"],
-  ["125", "125 dB"],
-  ["130", "130 dB"],
+  ...values.map(value => [value, `${value} ${unit}`]),
 ];
 const LEVELS = [
   ["", "of the mode"],
+const HEIGHTS = some("mm", "150", "180", "200", "230"),
+  EARS = some("dB", "110", "115", "120", "125", "130");
   ["auto", "auto"],
   ["0.3", "0.3 of full"],
   ["0.6", "0.6 of full"],
@@ -180,9 +171,7 @@ export default class Reproduce {
       own("Delete", "Moves the take and its drives to the folder bin", () => this._delete()),
     ];
     this.editing = [
-      own("Edit", "Cut, trim, gain, fade, mask, resample or join, as another take", () =>
-        this._edit(),
-      ),
+      own("Edit", "Trim, gain, mask, resample or join, as another take", () => this._edit()),
       own("Undo", "Takes back the last edit: Ctrl Z", () => this.undo("undo")),
       own("Redo", "Makes the edit again: Ctrl Shift Z", () => this.undo("redo")),
       own("Export", "Writes take, drive or re-recording in a format of another program", () =>
@@ -551,11 +540,22 @@ export default class Reproduce {
     );
     openModal(dialog, this.link);
   }
-  /** Edit a take: the result is another take, and the loop states the part. */
+  /** Edit the chosen part of the waveform: the result is another take, and Undo goes back. */
+  async part(edit) {
+    const { loop, rate, last } = this.transport ?? {};
+    if (!loop?.on || !this.link.controls) return;
+    const seconds = frame => `${(frame / rate).toFixed(4)}s`,
+      start = loop.from > 0 ? seconds(loop.from) : "",
+      end = loop.to < last ? seconds(loop.to) : "";
+    const given = {
+      "fade in": { edit: "fade", start: end || seconds(last + 1), end: "0s" },
+      "fade out": { edit: "fade", start: "0s", end: seconds(last + 1 - loop.from) },
+    }[edit] ?? { edit, start, end };
+    await this._own("edit", given);
+  }
+  /** Edit a whole take: the result is another take. */
   _edit() {
-    const { loop, rate, last } = this.transport,
-      text = value => make("input", { type: "text", value, autocomplete: "off" }),
-      seconds = frame => `${(frame / rate).toFixed(4).replace(/0+$/, "").replace(/\.$/, "")}s`;
+    const text = value => make("input", { type: "text", value, autocomplete: "off" });
     const others = (this.link.state.takes ?? [])
       .filter(row => row.name !== takeOf(this.take.name))
       .map(row => [row.name, shortly(row.name)]);
@@ -564,10 +564,8 @@ export default class Reproduce {
         "Edit",
         choice(
           [
-            ["cut", "cut: keep a part"],
             ["trim", "trim silence at both ends"],
             ["gain", "gain"],
-            ["fade", "fade in and out"],
             ["mask", "mask channels: silence them"],
             ["resample", "resample"],
             ...(others.length ? [["join", "join another take to the end"]] : []),
@@ -585,8 +583,6 @@ export default class Reproduce {
       other: ["Take", choice(others, others[0]?.[0] ?? ""), "Follows the end of this one"],
     };
     const shown = {
-        cut: ["start", "end"],
-        fade: ["start", "end"],
         gain: ["by"],
         trim: [],
         mask: ["channels"],
@@ -628,26 +624,11 @@ export default class Reproduce {
       const what = inputs.edit[1].value;
       for (const name of Object.keys(inputs).slice(1))
         inputs[name][1].closest(".field").hidden = !shown[what].includes(name);
-      for (const [name, words, value] of [
-        [
-          "start",
-          what === "fade" ? "Fade in" : "From",
-          what === "fade" ? "50ms" : seconds(loop.from),
-        ],
-        [
-          "end",
-          what === "fade" ? "Fade out" : "To",
-          what === "fade" ? "50ms" : seconds(loop.to >= last ? last + 1 : loop.to),
-        ],
-      ]) {
-        inputs[name][1].value = value;
-        inputs[name][1].labels[0].textContent = words;
-      }
       preview();
     };
     this._ask(
       `Edit ${shortly(takeOf(take.name))}`,
-      "The result is another take; this one stays as it is. Keys I and O choose the part to cut.",
+      "The result is another take; this one stays as it is.",
       inputs,
       "Make the take",
       async asked => {
@@ -1079,7 +1060,25 @@ export default class Reproduce {
             onclick: () => this._code(),
           },
           "Show the code",
+    const part = make(
+      "div.buttons",
+      { id: "part", role: "group", "aria-label": "chosen part" },
+      ...[
+        ["cut", "Keep", "Makes a take of the chosen part"],
+        ["delete", "Delete", "Makes a take without the chosen part: key Delete"],
+        ["fade in", "Fade in", "Makes a take that fades in up to the end of the part"],
+        ["fade out", "Fade out", "Makes a take that fades out from the start of the part"],
+      ].map(([edit, words, title]) =>
+        make("button", { title, onclick: () => this.part(edit) }, words),
+      ),
+    );
+    const shown = () => {
+      part.hidden = !transport.loop.on || !this.link.controls;
+    };
+    transport.addEventListener("change", shown);
+    shown();
         ),
+      part,
       ),
     );
     return overview;

@@ -1087,13 +1087,14 @@ export class OverviewPicture extends Picture {
     canvas.style.touchAction = "none";
     canvas.addEventListener("pointerdown", event => {
       canvas.setPointerCapture(event.pointerId);
-      from = select && event.shiftKey ? this._frame(event) : null;
-      if (from === null) this._scrub(event);
+      from = select && !event.shiftKey ? this._frame(event) : null;
+      this._scrub(event);
     });
     canvas.addEventListener("pointermove", event => {
       if (!event.buttons) return;
       if (from === null) this._scrub(event);
-      else select(...[from, this._frame(event)].sort((a, b) => a - b));
+      else if (Math.abs(this._x(this._frame(event)) - this._x(from)) > 4 * this.ratio)
+        select(...[from, this._frame(event)].sort((a, b) => a - b));
     });
     if (zoom)
       canvas.addEventListener(
