@@ -235,10 +235,14 @@ LOUDNESS = 0.1
 def sound_of(order: tuple[TakeData, Streams], _: object = None) -> bytes:
     """Return the sum of the cells as a WAV file: the original, or what came of a drive; all have the same rms."""
     data, stream = order
-    if not data.comparison:
+    if data.comparison:
+        with np.load(data.comparison) as kept:
+            rate, pressure = float(kept["rate"]), kept[stream]
+    elif stream == "original":
+        recording = _take(data.take, data.stamp).recording
+        rate, pressure = recording.rate, np.asarray(recording.samples, float) - recording.samples[0]
+    else:
         raise InputError(f"{stream}: expected a take that was compared; play and compare it first")
-    with np.load(data.comparison) as kept:
-        rate, pressure = float(kept["rate"]), kept[stream]
     summed = pressure.reshape(len(pressure), -1).sum(axis=1, keepdims=True)
     rms = float(summed.std()) or 1.0
     channel = Channels(values=summed, unit="Pa", label=stream)

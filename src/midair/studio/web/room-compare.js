@@ -12,7 +12,9 @@ import {
   drivesOf,
   leadOf,
   listed,
+  listening,
   otherDrive,
+  palmFound,
   rowOf,
   sections,
   takeOf,
@@ -115,26 +117,8 @@ export default class Compare {
     this.suggested = make("div");
     this.drives = make("div");
     this.beside = make("div", { id: "side-by-side" });
-    this.sounds = Object.fromEntries(
-      [
-        ["original", "original"],
-        ["again", "re-recorded"],
-      ].map(([name, words]) => [
-        name,
-        make("audio", {
-          controls: true,
-          preload: "none",
-          "aria-label": `sum of the cells, ${words}`,
-        }),
-      ]),
-    );
-    this.listen = panel(
-      "Listen",
-      "sum of the cells, one level",
-      ...Object.entries(this.sounds).map(([name, audio]) =>
-        make("div", {}, make("span.quiet", {}, name === "again" ? "re-recorded" : name), audio),
-      ),
-    );
+    this.listen = listening(this.link);
+    this.verdict = make("section.panel.verdict", { "aria-label": "Verdict", hidden: true });
     this.traces = make("div.box");
     this.spectrum = make("div.box");
     this.card = make("div");
@@ -157,7 +141,7 @@ export default class Compare {
           "div.column.left",
           {},
           Object.assign(panel("Takes", null, this.list, this.drives), { className: "panel grow" }),
-          this.listen,
+          this.listen.shown,
           panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)),
           panel(
             "Report",
@@ -166,6 +150,7 @@ export default class Compare {
             this.shown,
           ),
         ),
+        this.verdict,
         make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
         panel(
           "Differences",
@@ -265,30 +250,18 @@ export default class Compare {
                 ...shown.map(each =>
                   make(each.name === this.name ? "strong" : "span", {}, label(each.name)),
                 ),
-              ),
+              ],
+              comparisons[shown[0].name].figures.map(([name], i) => [
+                name,
+                ...shown.map(each => comparisons[each.name].figures[i]?.[1] ?? "–"),
+              ]),
             ),
           ]),
     );
-    for (const [name, audio] of Object.entries(this.sounds)) {
-      const src = row?.compared
-          ? `/sound/${name}?take=${encodeURIComponent(this.name)}&stamp=${row.stamp}`
-          : "",
-        { currentTime, paused } = audio;
-      if (audio.getAttribute("src") === src) continue;
-      if (!src) {
-        audio.removeAttribute("src");
-        audio.load();
-        continue;
-      }
-      audio.src = src;
-      audio.currentTime = currentTime; // both sides of A/B go on from the same moment
-      if (!paused) audio.play().catch(() => {});
-    }
-    this.listen.hidden = !row?.compared;
+    this.listen.tell(this.name);
   }
   _pressed(row) {
-    const palm = this.link.state.palms?.[this.name],
-      budget = this.link.state.budgets?.[this.name];
+    const budget = this.link.state.budgets?.[this.name];
     this.spent.replaceChildren(
       ...(budget && budget.stamp === row?.drive
         ? [
@@ -309,25 +282,7 @@ export default class Compare {
           ]
         : []),
     );
-    // Results of a replaced drive are not shown.
-    this.pressed.replaceChildren(
-      ...(palm && palm.stamp === row?.drive
-        ? [
-            make(
-              "h3",
-              {},
-              "Pressure on the whole palm ",
-              make("strong.simulated", {}, "SIMULATED"),
-            ),
-            rows(palm.rows),
-            make(
-              "p.quiet",
-              {},
-              `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`,
-            ),
-          ]
-        : []),
-    );
+    this.pressed.replaceChildren(...palmFound(this.link, this.name));
   }
   _empty(row) {
     const words = !row
@@ -340,6 +295,7 @@ export default class Compare {
     this.traces.replaceChildren(make("div.nothing", {}, words));
     this.spectrum.replaceChildren(make("div.nothing", {}, ""));
     this.card.replaceChildren(make("p.quiet", {}, words));
+    this.verdict.hidden = true;
     this.suggested.replaceChildren(make("span.quiet", {}, "available after a comparison"));
   }
   async _show(found) {
@@ -349,12 +305,17 @@ export default class Compare {
     this.found = found;
     this._close();
     this.card.replaceChildren(
-      ...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []),
-      rows(found.verdict),
       rows(found.figures),
       ...found.card.map(([name, value, meaning]) =>
         make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning)),
       ),
+    );
+    this.verdict.hidden = false;
+    this.verdict.replaceChildren(
+      ...found.verdict.map(([name, text]) =>
+        make("div", {}, make("small.quiet", {}, name), make("strong", {}, text)),
+      ),
+      ...(found.simulated ? [make("strong.simulated", {}, "SIMULATED")] : []),
     );
     this.suggested.replaceChildren(
       rows([

@@ -21,7 +21,9 @@ import {
   drivesOf,
   leadOf,
   listed,
+  listening,
   otherDrive,
+  palmFound,
   reached,
   rowOf,
   takeOf,
@@ -55,10 +57,10 @@ const some = (unit, ...values) => [
   ["", "of the mode"],
   ...values.map(value => [value, `${value} ${unit}`]),
 ];
-const LEVELS = [
-  ["", "of the mode"],
 const HEIGHTS = some("mm", "150", "180", "200", "230"),
   EARS = some("dB", "110", "115", "120", "125", "130");
+const LEVELS = [
+  ["", "of the mode"],
   ["auto", "auto"],
   ["0.3", "0.3 of full"],
   ["0.6", "0.6 of full"],
@@ -96,6 +98,7 @@ export default class Reproduce {
       this.link.on("player", () => this.control()),
       this.link.on("jobs", () => this.control()),
       this.link.on("air", () => this.control()),
+      this.link.on("palms", () => this.control()),
       this.link.on("edits", () => this.control()),
       this.link.on("exported", name => this._exported(name)),
     ];
@@ -207,6 +210,16 @@ export default class Reproduce {
       ),
     );
     this.form = make("div.column");
+    this.listen = listening(this.link);
+    this.palm = make(
+      "button",
+      {
+        title: "Pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
+        onclick: () => tried(this.link.order("compare", "palm", { take: this.take.name })),
+      },
+      "Simulate the palm",
+    );
+    this.pressed = make("div");
     this.drives = make("div", { id: "drives" });
     this.frame = make("div");
     this.about = make("div.quiet");
@@ -267,6 +280,8 @@ export default class Reproduce {
         make("div.buttons", {}, this.solve, this.play),
       ),
       panel("Current frame", null, this.frame, this.about),
+      this.listen.shown,
+      panel("Palm", null, make("div.buttons", {}, this.palm), this.pressed),
       panel(
         "Notes and marks",
         make("span", {}, "mark ", make("kbd", {}, "M")),
@@ -365,8 +380,9 @@ export default class Reproduce {
     this.otherAir.tell(otherAir(this.link, facts?.drive?.air_c));
     this.add.disabled = !controls;
     for (const button of this.own) {
-      button.disabled = !controls || !row || row.sample;
-      button.title = row?.sample ? "samples stay as they are" : button.dataset.help;
+      const stays = row?.sample && button !== this.own[1];
+      button.disabled = !controls || !row || stays;
+      button.title = stays ? "samples stay as they are" : button.dataset.help;
     }
     const [edit, undo, redo, out] = this.editing,
       edits = this.link.state.edits ?? {};
@@ -570,13 +586,11 @@ export default class Reproduce {
             ["resample", "resample"],
             ...(others.length ? [["join", "join another take to the end"]] : []),
           ],
-          "cut",
+          "trim",
           () => fit(),
         ),
         "Step that makes the other take",
       ],
-      start: ["", text(""), "A time such as 0.5s"],
-      end: ["", text(""), "A time such as 0.5s"],
       by: ["By", text("6dB"), "A factor such as 2, or 6dB; -6dB weakens"],
       channels: ["Channels", text(String(this.transport.channel)), "Numbers from 0, such as 3,7"],
       rate: ["Rate", text("1kHz"), "Frames per second, such as 1kHz"],
@@ -1046,20 +1060,6 @@ export default class Reproduce {
     footer.hidden = false;
     controls(transport, bar);
     const key = (...words) => make("span", {}, ...words);
-    bar.append(
-      make(
-        "span.keys",
-        {},
-        key(make("kbd", {}, ","), " ", make("kbd", {}, "."), " one frame"),
-        key(make("kbd", {}, "M"), " mark"),
-        key(make("kbd", {}, "?"), " keys"),
-        make(
-          "button",
-          {
-            title: "Commands and Python that do the same",
-            onclick: () => this._code(),
-          },
-          "Show the code",
     const part = make(
       "div.buttons",
       { id: "part", role: "group", "aria-label": "chosen part" },
@@ -1077,8 +1077,22 @@ export default class Reproduce {
     };
     transport.addEventListener("change", shown);
     shown();
-        ),
+    bar.append(
       part,
+      make(
+        "span.keys",
+        {},
+        key(make("kbd", {}, ","), " ", make("kbd", {}, "."), " one frame"),
+        key(make("kbd", {}, "M"), " mark"),
+        key(make("kbd", {}, "?"), " keys"),
+        make(
+          "button",
+          {
+            title: "Commands and Python that do the same",
+            onclick: () => this._code(),
+          },
+          "Show the code",
+        ),
       ),
     );
     return overview;
@@ -1193,7 +1207,7 @@ export default class Reproduce {
     this.studio.code(
       "The same, as code",
       `${first}midair solve ${file}${label && ` ${stem}.drive.h5`} ${made.options || `--settings ${stem}.drive.h5`}${device}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
-      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample ? `midair.record("virtual:${take.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`,
+      `import midair\nfrom midair.pipeline import calibrated_pressure, required_lead, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import add_lead\n\ntake = ${sample && first[0] !== "#" ? `midair.record("virtual:${take.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = add_lead(calibrated_pressure(take.recording, take.calibration, settings), required_lead(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`,
     );
   }
 }

@@ -1,6 +1,6 @@
 /* A take in the page: its facts and its frames, loaded second by second. */
 
-import { make } from "/web/dom.js";
+import { make, panel, rows } from "/web/dom.js";
 import { Track, Colours, decode } from "/web/view.js";
 
 const tables = new Map();
@@ -180,4 +180,60 @@ export async function sections(stream, take, second, signal) {
   });
   if (!answer.ok) throw new Error((await answer.text()).trim());
   return decode(await answer.arrayBuffer());
+}
+
+/** A panel with players of the sum of the cells: of a recording, and of what a drive came to. */
+export function listening(link) {
+  const sounds = Object.fromEntries(
+      ["original", "re-recorded"].map(words => [
+        words === "original" ? words : "again",
+        make("audio", {
+          controls: true,
+          preload: "none",
+          "aria-label": `sum of the cells, ${words}`,
+        }),
+      ]),
+    ),
+    lines = Object.entries(sounds).map(([name, audio]) =>
+      make("div", {}, make("span.quiet", {}, name === "again" ? "re-recorded" : name), audio),
+    ),
+    shown = panel("Listen", "sum of the cells, one level", ...lines);
+  const tell = name => {
+    const row = rowOf(link.state.takes, name);
+    shown.hidden = !row;
+    lines[1].hidden = !row?.compared;
+    for (const [stream, audio] of Object.entries(sounds)) {
+      const src =
+          row && (row.compared || stream === "original")
+            ? `/sound/${stream}?take=${encodeURIComponent(name)}&stamp=${row.stamp}`
+            : "",
+        { currentTime, paused } = audio;
+      if ((audio.getAttribute("src") ?? "") === src) continue;
+      if (!src) {
+        audio.removeAttribute("src");
+        audio.load();
+        continue;
+      }
+      audio.src = src;
+      audio.currentTime = currentTime; // both sides of A/B go on from the same moment
+      if (!paused) audio.play().catch(() => {});
+    }
+  };
+  return { sounds, shown, tell };
+}
+
+/** What a simulation of the whole palm found for a drive; nothing once the drive is replaced. */
+export function palmFound(link, name) {
+  const palm = link.state.palms?.[name];
+  return palm && palm.stamp === rowOf(link.state.takes, name)?.drive
+    ? [
+        make("h3", {}, "Pressure on the whole palm ", make("strong.simulated", {}, "SIMULATED")),
+        rows(palm.rows),
+        make(
+          "p.quiet",
+          {},
+          `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`,
+        ),
+      ]
+    : [];
 }
