@@ -81,11 +81,11 @@ class Glide(StepSettings):
     """Frames from one mark to the next."""
     cold: Effort = (110, 10, 100)
     """Iterations of field step, phase fit and refinement of a mark."""
-    near: float = 0.1
+    near: float = 0.08
     """Error of the neighbours' mean up to which a refinement is enough."""
     smooth: int = 10
     """Iterations of that refinement."""
-    smooth_wide: int = 40
+    smooth_wide: int = 24
     """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
     far: float = 0.3
     """Largest relative difference of a target from its neighbours' mean for a bent frame; above it is rough."""
@@ -95,7 +95,7 @@ class Glide(StepSettings):
     """The same where the neighbours are at least `wide` frames away."""
     rough: Effort = (80, 9, 10)
     """Iterations of field step, phase fit and refinement of rough frames."""
-    wide: int = 8
+    wide: int = 2
     """Distance in frames between neighbours, see `smooth_wide`."""
     block: int | None = None
     """Frames per block, solved by one job; other blocks only share a mark with it. If None, see `block_on`."""
