@@ -21,18 +21,18 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1902,
-    "settings streaming .": 2742,
-    "physics": 3297,
-    "recordings targets correct evaluate": 4122,
-    "calibration": 3102,
-    "solvers": 4302,
-    "files": 4823,
-    "devices": 7915,
-    "rig": 9065,
+    "model": 1911,
+    "settings streaming .": 2746,
+    "physics": 3334,
+    "recordings targets correct evaluate": 4129,
+    "calibration": 3177,
+    "solvers": 4308,
+    "files": 4829,
+    "devices": 7922,
+    "rig": 9085,
     "patterns datasets": 1767,
     "view figures": 2045,
-    "cli": 6642,
+    "cli": 6655,
     "study": 6372,
     "studio": 6055,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_874, "benchmarks": 4_500}
+BESIDE = {"tests": 51_954, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -3,13 +3,13 @@ import pytest
 
 from midair.correct.envelope_prediction import EnvelopeTracking
 from midair.model import ControlGrid, Drive, SensorGrid, TransducerArray
-from midair.physics import PlaybackChain, SensorModel, Transducers, cell_weights, simulate, transfer_matrix
+from midair.physics import PlaybackChain, SensorModel, Transducers, cell_weights, middle_of, simulate, transfer_matrix
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 GRID = ControlGrid(rows=6, columns=6, pitch=5e-3, height=0.12)
 WEIGHTS = cell_weights(SensorModel(grid=SensorGrid(rows=2, columns=2)), GRID, between="waves")
 SPREAD = Transducers.varied(ARRAY.count, seed=3, gain_spread=0.1, resonance_spread=100, quality_spread=0.1)
-FRAMES = 12
+FRAMES, MIDDLE = 12, middle_of(GRID)
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def command(drive):
 
 
 def test_the_pressure_agrees_with_the_playback_simulation(drive):
-    tracking = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS)
+    tracking = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE)
     chain = PlaybackChain(phase_bits=None, transducers=SPREAD, precision="double")
     expected = simulate(drive, transfer_matrix(GRID, ARRAY), chain=chain, rate=drive.rate, weights=WEIGHTS)
     start, none = np.zeros(ARRAY.count, np.complex64), np.zeros((FRAMES, 4), np.float32)
@@ -32,7 +32,7 @@ def test_the_pressure_agrees_with_the_playback_simulation(drive):
 
 
 def test_the_slope_is_the_derivative_by_central_differences(drive):
-    tracking, rng = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.random.default_rng(1)
+    tracking, rng = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE), np.random.default_rng(1)
     mixed = rng.normal(size=(FRAMES, FRAMES))
     metric = (mixed @ mixed.T).astype(np.float32)
     wanted = rng.uniform(0, 1, (FRAMES, 4)).astype(np.float32)
@@ -46,7 +46,10 @@ def test_the_slope_is_the_derivative_by_central_differences(drive):
 
 
 def test_a_stretch_goes_on_from_the_one_before_it(drive):
-    tracking, start = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.zeros(ARRAY.count, np.complex64)
+    tracking, start = (
+        EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE),
+        np.zeros(ARRAY.count, np.complex64),
+    )
     whole = tracking.radiated(command(drive), start)
     first = tracking.radiated(command(drive)[:5], start)
     second = tracking.radiated(command(drive)[5:], first[-1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import Acoustics, ControlGrid, Medium, Palm, TransducerArray
-from midair.physics import echo_matrix, transfer_matrix, wavenumber
+from midair.physics import echo_matrix, mean_reflection, transfer_matrix, wavenumber
 from midair.physics.echo import _radiated
 from midair.solvers.phases import spreading_phase
 
@@ -23,6 +23,56 @@ def test_a_disc_radiates_as_its_closed_form_on_the_axis() -> None:
     found = _radiated(axis, disc, K, np.array([0.0, 0.0, pitch**2])).sum(axis=1)
     edge = np.hypot(z, np.sqrt(len(disc) * pitch**2 / np.pi))
     np.testing.assert_allclose(found, np.exp(1j * K * z) - z / edge * np.exp(1j * K * edge), atol=0.03)
+
+
+def test_the_mean_echo_over_heights_is_that_of_a_weaker_face() -> None:
+    height = np.random.default_rng(0).normal(0, 0.5e-3, 200_000)
+    assert mean_reflection(0.5, 0.5e-3, K) == pytest.approx(0.5 * np.exp(2j * K * height).mean().real, abs=2e-3)
+    assert (mean_reflection(0.5j, 0.0, K), mean_reflection(0.5, 3e-3, K)) == (0.5j, 0)
+
+
+def test_a_disc_scatters_as_by_the_boundary_elements_of_acoustools() -> None:
+    """A rigid disc of 40 mm (k a = 14.7), closed by a back 4 mm behind, in triangles of a sixth of a wavelength.
+
+    Kirchhoff's approximation lacks the currents at the edge, a share of about 1 / sqrt(k a) of the scattered sound.
+    """
+    bem, torch = pytest.importorskip("acoustools.BEM"), pytest.importorskip("torch")
+    from acoustools.Mesh import calculate_features
+    from acoustools.Utilities import forward_model_batched
+    from scipy.spatial import Delaunay
+    from vedo import Mesh
+
+    radius, rings = 20e-3, 14
+    flat = np.concatenate(
+        [[[0.0, 0.0]], *(n / rings * radius * _circle(6 * n) for n in range(1, rings + 1))],
+    )
+    faces, count = Delaunay(flat).simplices, len(flat)
+    one, two = flat[faces[:, 1]] - flat[faces[:, 0]], flat[faces[:, 2]] - flat[faces[:, 0]]
+    double = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+    faces = np.where(double[:, None] < 0, faces[:, ::-1], faces)[np.abs(double) > 1e-9]
+    edge = np.arange(count - 6 * rings, count)
+    following = np.roll(edge, -1)
+    sides = [[edge, following, following + count], [edge, following + count, edge + count]]
+    front = np.column_stack([flat, 0 * flat[:, 0]])
+    triangles = np.concatenate([faces[:, ::-1], faces + count, *(np.column_stack(side) for side in sides)])
+    mesh = Mesh([np.concatenate([front, front + np.array([0, 0, 4e-3])]), triangles])
+    mesh.compute_cell_size()
+    mesh.compute_normals(points=False, consistency=False)
+    calculate_features(mesh)
+    sources = np.array([[x, y, -0.1] for x in (-0.03, 0.0, 0.025) for y in (-0.02, 0.03)])
+    points = np.array([[x, y, -0.1] for x in np.linspace(-0.05, 0.05, 9) for y in (-0.04, -0.01, 0.02)])
+    skin = Palm.disc(2 * radius, pitch=PITCH).points(np.zeros(3))
+    board, there, on = (torch.tensor(each, dtype=torch.complex64) for each in (sources, points.T[None], skin.T[None]))
+    H = bem.compute_H(mesh, board)
+    _, _, G, H = bem.compute_E(mesh, there, board, H=H, return_components=True, use_cache_H=False)
+    scattered, arriving = (G @ H)[0].numpy(), forward_model_batched(on, board)[0].numpy()
+    own = _radiated(points, skin, 2 * np.pi * 40e3 / 343, PITCH**2 * np.array([0, 0, 1.0])) @ arriving
+    assert np.linalg.norm(own - scattered) < 0.15 * np.linalg.norm(scattered)
+
+
+def _circle(count: int) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 @pytest.mark.parametrize(("tilt", "known"), [(0, 0.0822), (5, 0.1124), (10, 0.1057), (15, 0.0552)])

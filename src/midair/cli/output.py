@@ -261,6 +261,8 @@ def _(known: ArrayCalibration) -> list[Line]:
         ("quality factor", of(known.quality, quality, "", 1)),
         ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
     ]
+    if sure := 2 * known.reflection_uncertainty:
+        rows.append(("reflection", f"{abs(known.reflection):.2f} of the array's face, ± {sure:.2f} (k = 2)"))
     return [*(Row(name, text) for name, text in rows), Details([Row(name, text) for name, text in _unit_rows(known)])]
 
 

@@ -33,8 +33,9 @@ from midair.physics import (
     TransducerDynamics,
     Transducers,
     cell_weights,
+    middle_of,
+    palm_matrix,
     radiation_pressure,
-    transfer_matrix,
 )
 from midair.streaming import read_frames
 from midair.validation import positive
@@ -53,9 +54,15 @@ class EnvelopeTracking:
     comes: Waves  # Output after one frame of a drive of 1, shape (transducer,)
 
     @classmethod
-    def of(cls, drive: Drive, transducers: Transducers, points: Array, weights: Array) -> "EnvelopeTracking":
-        """Make it for a drive's array and air, these transducers, and weights (place, point) of places at points."""
-        G = transfer_matrix(points, drive.array.nominal, acoustics=drive.acoustics)
+    def of(
+        cls, drive: Drive, transducers: Transducers, points: Array, weights: Array, middle: Array
+    ) -> "EnvelopeTracking":
+        """Make it for a drive's array and air, these transducers, and weights (place, point) of places at points.
+
+        An echo is that of a palm in the `middle` (3,).
+        """
+        how: Any = {"reflection": drive.array.reflection, "middle": middle, "acoustics": drive.acoustics}
+        G = palm_matrix(points, drive.array.nominal, **how)
         unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
         stays = np.exp(transducers.pole / drive.rate)
         return cls(
@@ -253,7 +260,7 @@ class _PendingFrames:
         points = np.concatenate([grid.position, settings.silent])
         return cls(
             settings=settings,
-            tracking=EnvelopeTracking.of(first.drive, settings.transducers, points, weights),
+            tracking=EnvelopeTracking.of(first.drive, settings.transducers, points, weights, middle_of(grid)),
             target_weights=target_weights,
             solution=first,
             wanted=np.zeros((0, len(weights)), np.float32),

@@ -297,6 +297,10 @@ class ArrayCalibration:
     measured."""
     pose_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """Covariance of all numbers of `pose`, shape (7 unit, 7 unit); zeros if not measured."""
+    reflection: complex = 0.0
+    """Reflection factor of the array's face for what a palm sends back; 0 if not measured."""
+    reflection_uncertainty: float = 0.0
+    """Of either part of the factor, with its phase at the height of the sensor that was found."""
     level_uncertainty: float = 0.0
     """Relative uncertainty that all magnitudes share: half that of the sensor's level, since radiation pressure is
     proportional to the square of the sound pressure."""
@@ -319,6 +323,7 @@ class ArrayCalibration:
         if self.pole.real.max() >= 0:
             raise InputError(f"pole: expected a real part below 0 rad/s, got {self.pole.real.max():g}")
         within(self.level_uncertainty, "level uncertainty", 0)
+        within(self.reflection_uncertainty, "reflection uncertainty", 0)
         object.__setattr__(self, "array", self.array.nominal)
 
     def __repr__(self) -> str:

@@ -61,6 +61,8 @@ class TransducerArray:
     pole: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)
     """Measured -1 / time constant + j (resonance - drive frequency), in rad/s, shape (transducer,); empty if not
     measured."""
+    reflection: complex = 0.0
+    """Reflection factor of the array's face for what a palm sends back, as far as a solver corrects its echo."""
     name: str = "array"
     """Name of the array in messages and files."""
 
@@ -81,6 +83,7 @@ class TransducerArray:
         object.__setattr__(self, "pole", frozen_array(self.pole, "transducer pole", poles, np.complex128))
         positive(self.pressure, "pressure of one transducer", "Pa m")
         positive(self.frequency, "frequency of the ultrasound", "Hz")
+        within(abs(self.reflection), "reflection factor of the array's face", 0, 1)
 
     def __repr__(self) -> str:
         units = len(np.unique(self.unit))
@@ -137,8 +140,9 @@ class TransducerArray:
 
     @property
     def nominal(self) -> "TransducerArray":
-        """The same array without its measured response."""
-        return self if self.alike else replace(self, response=_UNKNOWN, pole=_UNKNOWN)
+        """The same array without its measured response and reflection."""
+        known = self.reflection or not self.alike
+        return replace(self, response=_UNKNOWN, pole=_UNKNOWN, reflection=0.0) if known else self
 
     def same_as(self, other: "TransducerArray") -> bool:
         """True if phases for one array fit the other: equal positions (to 1 µm), normals and frequency."""

@@ -1,6 +1,9 @@
 """Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
 from .echo import echo_matrix as echo_matrix
+from .echo import mean_reflection as mean_reflection
+from .echo import palm_echo as palm_echo
+from .echo import palm_matrix as palm_matrix
 from .exposure_level import MEASURED as MEASURED
 from .exposure_level import UNLIKE as UNLIKE
 from .exposure_level import Exposure as Exposure

@@ -9,11 +9,45 @@ are neglected.
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.model import Acoustics, TransducerArray
+from midair.model import Acoustics, Palm, TransducerArray
 from midair.physics.propagation import transfer_matrix, wavenumber
 
 _ACROSS = 0.6
 """Distance in wavelengths between the points of the array's face; waves at 50 degrees need .65."""
+
+
+_PITCH = 11e-3 / 3
+"""Distance between the points of a palm in m."""
+
+
+def palm_matrix(
+    points: Array, array: TransducerArray, *, reflection: complex, middle: Array, acoustics: Acoustics | None = None
+) -> Complex:
+    """`transfer_matrix` with the echo of a round palm parallel to z = 0, complex, in Pa, shape (point, transducer).
+
+    `points` (point, 3) and the `middle` (3,) of the palm, which is 85 mm wide, are in m; `reflection` is the factor of
+    the array's face.
+    """
+    direct = transfer_matrix(points, array, acoustics=acoustics)
+    return direct + reflection * palm_echo(points, array, middle=middle, acoustics=acoustics) if reflection else direct
+
+
+def palm_echo(
+    points: Array, array: TransducerArray, *, middle: Array, diameter: float = 85e-3, acoustics: Acoustics | None = None
+) -> Complex:
+    """The echo of a rigid face of the array, `echo_matrix`, for a round palm of this `diameter` in m."""
+    skin, area = Palm.disc(diameter, pitch=_PITCH).points(middle), _PITCH**2 * np.array([0.0, 0.0, 1.0])
+    return echo_matrix(points, skin, array, area=area, acoustics=acoustics)
+
+
+def mean_reflection(reflection: complex, height_uncertainty: float, k: float) -> complex:
+    """Reflection factor whose echo is the mean over heights with this standard uncertainty in m; k in rad/m.
+
+    The path there and back changes by twice the height: exp(j 2 k z) has the mean exp(-2 (k sigma)^2). Below .02 of
+    the echo it is 0.
+    """
+    share = float(np.exp(-2 * (k * height_uncertainty) ** 2))
+    return reflection * share if share > 0.02 else 0.0
 
 
 def echo_matrix(

@@ -59,11 +59,15 @@ class TargetSettings:
     """
     grid: ControlGrid = field(default_factory=ControlGrid)
     """Control points (4.1)."""
+    height_uncertainty: float = 3e-3
+    """Standard uncertainty of the palm's height in m. It says how much of the echo between palm and array is corrected,
+    where the reflection was measured: a half at .8 mm, nothing above 2 mm."""
     circle: Circle | None = None
     """Slow circle on which the pattern moves, for touch below 20 Hz; not in the paper, not validated on people."""
 
     def __post_init__(self) -> None:
         within(self.gain, "gain", 0, MOST_GAIN, above=True)
+        within(self.height_uncertainty, "height uncertainty", 0, 0.1, unit="m")
         if self.ears is not None:
             within(self.ears, "ears", *EARS, unit="dB", advice="typical value: 110")
         if self.strength is not None:

@@ -64,6 +64,7 @@ class Lattice:
             normal=np.repeat(array.normal[:1], len(position), axis=0),
             pressure=array.pressure,
             frequency=array.frequency,
+            reflection=array.reflection,
         )
         return cls(array=whole, place=place, weight=weight, angle=np.angle(array.response))
 

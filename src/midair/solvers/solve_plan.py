@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError
-from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
-from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Progress, Setting, Solution, TransducerArray
+from midair.physics import middle_of, palm_matrix, quantise_phase, radiation_pressure
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
 from midair.solvers.fast import Fast
@@ -58,6 +58,11 @@ def automatic_level(amplitude: Array, *, strength: float = 0.1, lowest: float = 
     return float(np.clip(amplitude.max() / strength, lowest, 1.0))
 
 
+def _matrix(points: Array, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
+    """Transfer matrix with the echo of a palm in the middle of the grid, as far as the array's reflection is known."""
+    return palm_matrix(points, array, reflection=array.reflection, middle=middle_of(grid), acoustics=acoustics)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalisedSetup:
     """Target and transfer matrices in units of the strongest focus, in which tolerances and weights suit any array."""
@@ -72,7 +77,7 @@ class NormalisedSetup:
     @classmethod
     def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
         """Compute the matrix for each air, divided by the strongest focus in the first."""
-        G = [transfer_matrix(target.grid, array, acoustics=each) for each in airs]
+        G = [_matrix(target.grid.position, target.grid, array, each) for each in airs]
         focus = float(np.abs(G[0]).sum(axis=1).max())
         for each in G:
             each /= focus
@@ -80,7 +85,8 @@ class NormalisedSetup:
 
     def folded(self, lattice: Lattice) -> "NormalisedSetup":
         """The same setup on the places of the array's lattice."""
-        G = [transfer_matrix(self.target.grid, lattice.array, acoustics=each) / self.focus for each in self.airs]
+        grid = self.target.grid
+        G = [_matrix(grid.position, grid, lattice.array, each) / self.focus for each in self.airs]
         return replace(self, array=lattice.array, G=G, lattice=lattice)
 
     def problem(self, level: float, settings: SolverSettings | None = None) -> Problem:
@@ -102,7 +108,7 @@ class NormalisedSetup:
             return problem
         if ring := settings.ring:
             points = ring.points(grid)
-            G = np.concatenate([transfer_matrix(points, self.array, acoustics=each) for each in self.airs])
+            G = np.concatenate([_matrix(points, grid, self.array, each) for each in self.airs])
             guard = GuardField(G=G / self.focus, ceiling=ring.ceiling, weight=ring.weight)
             problem = replace(problem, guard=guard)
         if means := settings.means:

@@ -6,14 +6,15 @@ from tests.palms import palm_path
 from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import VirtualArray, VirtualSkin
-from midair.errors import RateError
+from midair.errors import InputError, RateError
 from midair.evaluate import error_at_temperature
-from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
+from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Palm, TransducerArray
 from midair.physics import (
     PlaybackChain,
     SensorModel,
     Transducers,
     cell_weights,
+    echo_matrix,
     focus_phase,
     middle_of,
     on_the_palm,
@@ -44,6 +45,19 @@ def steady(level=0.2, **options):
     with VirtualArray(ARRAY, skin, **options) as array:
         array.play(clear_any_exposure(focus(level=level), array))
     return felt(skin)[-1]
+
+
+def test_the_echo_of_the_array_s_face_presses_too():
+    """Weights of the cells times the radiation pressure of (G + R E) q, with points 3 mm apart on the palm."""
+    skin, q = VirtualSkin(SensorModel()), 0.2 * np.exp(1j * focus().phase[0])
+    palm, area = Palm.disc(pitch=3e-3).points(np.array([0, 0, 0.2])), 9e-6 * np.array([0, 0, 1.0])
+    field = transfer_matrix(skin.points, ARRAY) + 0.9j * echo_matrix(skin.points.position, palm, ARRAY, area=area)
+    expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field @ q, Medium())
+    found = steady(**EXACT, reflection=0.9j).ravel()
+    np.testing.assert_allclose(found, expected, atol=0.01 * expected.max())
+    assert np.abs(found - steady(**EXACT).ravel()).max() > 0.05 * expected.max()
+    with pytest.raises(InputError, match="a palm at rest under an echo"):
+        steady(**EXACT, reflection=0.5, palm=palm_at((0, 0, 0.2)))
 
 
 @pytest.mark.long

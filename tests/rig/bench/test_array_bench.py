@@ -11,10 +11,10 @@ from midair.cli.commands.calibrate import measure_array as command
 from midair.devices import ExposureChoices, RawPose, Tracker, VirtualArray, VirtualSensor, VirtualSkin
 from midair.devices.trackers.tracker import TrackerOptions
 from midair.errors import DeviceError, ExposureError, InputError, MismatchError, RateError
-from midair.files import load_tracker, profile_named
+from midair.files import load_array_calibration, load_tracker, profile_named, save_array_calibration
 from midair.model import Acoustics, SensorGrid, TransducerArray
 from midair.physics import SensorModel, Transducers, calibration_of, channel_response, sense
-from midair.rig import PLACES, VirtualRig, calibrate_array, calibrate_tracker
+from midair.rig import PLACES, ArraySession, VirtualRig, calibrate_array, calibrate_tracker
 from midair.rig.bench.array_bench import calibrate_by_beam, check_silence
 
 WHOLE = TransducerArray.autd3(columns=1, rows=1)
@@ -23,8 +23,8 @@ NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])
 STRONG = TransducerArray(position=WHOLE.position[NEAR], normal=WHOLE.normal[NEAR], pressure=90.0, name="strong")
 
 
-def opened(seed):
-    rig = VirtualRig(array=STRONG, seed=seed)
+def opened(seed, array=STRONG, echo=0.0):
+    rig = VirtualRig(array=array, seed=seed, echo=echo)
     skin = rig.skin()
     array = rig.array_device(skin)
     array.silencer = "off"
@@ -45,6 +45,19 @@ def test_measures_the_virtual_array_as_its_seed_made_it():
     assert not found.dead.any()
     assert found.provenance.simulated
     assert [step.stage for step in found.provenance.steps] == ["measure array", "fit array"]
+
+
+@pytest.mark.long
+def test_the_reflection_of_the_array_s_face_is_measured_by_a_plate(tmp_path):
+    near = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:100])
+    some = TransducerArray(position=WHOLE.position[near], normal=WHOLE.normal[near], pressure=27.0)
+    array, sensor = opened(4, some, echo=0.3 + 0.4j)
+    with array, sensor:
+        found = calibrate_array(array, sensor, ArrayPlan(duration=0.8, group=50), session=ArraySession(plate=85e-3))
+    assert abs(found.reflection) == pytest.approx(0.5, abs=0.05)
+    assert found.reflection_uncertainty < 0.05
+    save_array_calibration(found, tmp_path / "a.array.h5")
+    assert load_array_calibration(tmp_path / "a.array.h5").reflection == found.reflection
 
 
 def test_a_sensor_must_be_calibrated_and_of_the_codes_rate():

@@ -12,6 +12,7 @@ derivatives with respect to every unknown.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,15 @@ from numpy.typing import NDArray
 from midair.array_types import Array, Complex
 from midair.errors import InputError, ShapeError
 from midair.model import BAND, HEIGHT, RATE, Acoustics, Calibration, ControlGrid, SensorGrid, TransducerArray
-from midair.physics import SensorModel, cell_weights, quantise_phase, radiation_pressure, transfer_matrix
+from midair.physics import (
+    ArrayKey,
+    SensorModel,
+    cell_weights,
+    palm_echo,
+    quantise_phase,
+    radiation_pressure,
+    transfer_matrix,
+)
 from midair.validation import positive, within
 
 
@@ -159,6 +168,15 @@ class SensorPlace:
     """Pressure relative to the model."""
     spread: float = 1e-3
     """Standard deviation of the gel's point spread, in m."""
+    echo: float = 0.0
+    """Real part of the reflection factor of the array's face."""
+    echo_imag: float = 0.0
+    """Its imaginary part."""
+
+    @property
+    def reflection(self) -> complex:
+        """Reflection factor of the array's face."""
+        return complex(self.echo, self.echo_imag)
 
 
 def placed(flat: Array, place: SensorPlace) -> Array:
@@ -166,6 +184,12 @@ def placed(flat: Array, place: SensorPlace) -> Array:
     cos, sin = np.cos(place.turn), np.sin(place.turn)
     flat = flat @ np.array([[cos, sin], [-sin, cos]]) + np.array([place.x, place.y])
     return np.column_stack([flat, np.full(len(flat), place.z)])
+
+
+@lru_cache(maxsize=8)
+def _echo(key: ArrayKey, acoustics: Acoustics, plate: float, middle: tuple[float, ...], points: bytes) -> Complex:
+    places = np.frombuffer(points).reshape(-1, 3)
+    return palm_echo(places, key.array, middle=np.array(middle), diameter=plate, acoustics=acoustics)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -188,13 +212,25 @@ class ArrayField:
     """Time steps per frame."""
     aperture: float = 8e-3
     """Side of the square over which a cell averages, in m."""
+    plate: float = 0.0
+    """Diameter in m of the rigid plate in which the sensor lies; 0 for none, without echo."""
 
     def matrix(self, place: SensorPlace) -> tuple[Complex, Array]:
         """Transfer matrix (point, transducer) in roots of Pa to points around the cells, and weights (cell, point)."""
         points, model = self._grid(place)
-        G = transfer_matrix(self.points(place), self.array.nominal, acoustics=self.acoustics)
+        G = self.field(self.points(place), place)
         factor = float(radiation_pressure(np.ones(1), self.acoustics.medium)[0]) * place.gain
         return G * np.sqrt(factor), cell_weights(model, points, between="waves")
+
+    def field(self, points: Array, place: SensorPlace) -> Complex:
+        """Sound at points (point, 3) in Pa for each transducer, with the echo of the plate, (point, transducer)."""
+        G = transfer_matrix(points, self.array.nominal, acoustics=self.acoustics)
+        return G if not place.reflection else G + place.reflection * self.echo(points, place)
+
+    def echo(self, points: Array, place: SensorPlace) -> Complex:
+        """`palm_echo` of the plate at points (point, 3), of a rigid face, (point, transducer)."""
+        middle, key = (place.x, place.y, place.z), ArrayKey(self.array.nominal)
+        return _echo(key, self.acoustics, self.plate, middle, np.ascontiguousarray(points).tobytes())
 
     def points(self, place: SensorPlace) -> Array:
         """Positions of the points around the cells in m, shape (point, 3)."""
@@ -263,3 +299,8 @@ class ArrayField:
             q[frame] = drive + (now - drive) * decay
             now, moving = q[frame, -1], change[frame, -1]
         return q.reshape(-1, len(members)), change.reshape(-1, len(members))
+
+
+def cell_places(model: ArrayField, place: SensorPlace) -> Array:
+    """Position of the cells under the beam in m, shape (cell, 3)."""
+    return placed(np.array([model.calibration.sensor.channel_position(cell) for cell in model.codes.cells]), place)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
-from midair.calibration.measure.array_field import ArrayField, SensorPlace
+from midair.calibration.measure.array_field import ArrayField, SensorPlace, cell_places
 from midair.calibration.measure.group_fit import (
     DEAD,
     ArrayState,
@@ -26,7 +26,7 @@ from midair.calibration.measure.group_fit import (
     group_displacement,
     position_phase_error,
 )
-from midair.calibration.measure.unit_poses import cell_places, differences, fit_units
+from midair.calibration.measure.unit_poses import differences, fit_units
 from midair.errors import MismatchError
 from midair.model import ArrayCalibration, Progress, Provenance
 from midair.physics import TransducerDynamics, transfer_matrix, wavenumber
@@ -85,7 +85,7 @@ def fit_array(
     common = np.zeros((2, len(groups)))
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
-    left, settled = [np.inf], units == 1
+    left, settled, echo = [np.inf], units == 1, 0.0
     for sweep in range(_SWEEPS):
         if sweep > 3 and settled and (left[-1] < _CLOSE or left[-1] > 0.97 * min(left[:-2])):
             break
@@ -100,15 +100,16 @@ def fit_array(
             fit.step(group)
             if progress:
                 progress(sweep * len(groups) + group + 1, _SWEEPS * len(groups))
+        if field.plate:
+            echo = fit.fit_echo()
         common = fit.balance()
         left.append(float(np.mean([np.square(fit.residual(group)).mean() / fit.noise[group] for group in groups])))
         if sweep < 2:
             before = state.response.copy()
             absorb_displacement(fit.field, state, strength, usual)
             fit.turn(before)
-    return _result(
-        fit, field, common, 0.0 if synchronous else usual.pole, level_uncertainty, (pose, covariance), date, provenance
-    )
+    shared = 0.0 if synchronous else usual.pole
+    return _result(fit, field, common, shared, level_uncertainty, (pose, covariance), echo, date, provenance)
 
 
 def _result(
@@ -118,6 +119,7 @@ def _result(
     shared: float,
     level_uncertainty: float,
     units: tuple[Array, Array],
+    echo: float,
     date: str,
     provenance: Provenance | None,
 ) -> ArrayCalibration:
@@ -168,6 +170,8 @@ def _result(
         dead=dead,
         pose=pose,
         pose_covariance=covariance,
+        reflection=state.place.reflection,
+        reflection_uncertainty=float(np.sqrt(worst)) * echo,
         level_uncertainty=float(np.hypot(level_uncertainty / 2, level)),
         date=date,
         provenance=(provenance or Provenance()).then("fit array", told),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
-from midair.calibration.measure.array_field import ArrayField, SensorPlace
+from midair.calibration.measure.array_field import ArrayField, SensorPlace, cell_places
 from midair.errors import InputError
 from midair.physics import wavenumber
 
@@ -343,3 +343,38 @@ class GroupFit:
         part = covariance[len(groups) :, len(groups) :]
         across = np.sqrt(np.diag(keep @ part @ keep.T))
         return np.stack([np.sqrt(np.diag(covariance)[: len(groups)]), across])
+
+    def fit_echo(self) -> float:
+        """One Gauss-Newton step of the reflection factor of the array's face; returns the uncertainty of either part.
+
+        The responses keep the sound at the cells as it is: the echo is told by what it does differently on each cell.
+        """
+        model, state, place = self.field, self.state, self.state.place
+        cells = cell_places(model, place)
+        G, echo = model.field(cells, place), model.echo(cells, place)
+        absorbed = (G.conj() * echo).sum(axis=0) / np.square(np.abs(G)).sum(axis=0)
+        information, gradient = np.eye(2), -np.array([place.echo, place.echo_imag])
+        for group, slope in enumerate(self.slopes):
+            noise, rest, columns = self.noise[group], self.residual(group), list[Array]()
+            for turned in (1, 1j):
+                step = _ECHO * turned
+                changed = replace(place, echo=place.echo + step.real, echo_imag=place.echo_imag + step.imag)
+                moved = ArrayState(state.response * (1 - step * absorbed), state.pole, changed)
+                columns.append((replace(self, state=moved).residual(group) - rest) / -_ECHO)
+            moved = np.column_stack(columns)
+            cross = slope.jacobian.T @ moved / noise
+            solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise])
+            share = min(1.0, noise / float(np.square(rest).mean()))
+            information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
+            gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
+        covariance = np.linalg.inv(information)
+        change = covariance @ gradient
+        before = state.response.copy()
+        state.response = before * (1 - complex(*change) * absorbed)
+        state.place = replace(place, echo=place.echo + float(change[0]), echo_imag=place.echo_imag + float(change[1]))
+        self.turn(before)
+        return float(np.sqrt(covariance.trace() / 2))
+
+
+_ECHO = 0.05
+"""Step of the reflection factor for differences."""

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array
-from midair.calibration.measure.array_field import ArrayField, SensorPlace, placed
+from midair.calibration.measure.array_field import ArrayField, SensorPlace, cell_places
 from midair.calibration.measure.group_fit import (
     DEAD,
     ArrayState,
@@ -152,11 +152,6 @@ def phase_pattern(array: TransducerArray, points: Array, model: ArrayField) -> A
         pattern[:, own, number, 3:6] = -k * np.cross(away, way[:, own])
         pattern[:, own, number, 6] = 2 * np.pi * array.frequency
     return pattern.reshape(*pattern.shape[:2], -1)
-
-
-def cell_places(model: ArrayField, place: SensorPlace) -> Array:
-    """Position of the cells under the beam in m, shape (cell, 3)."""
-    return placed(np.array([model.calibration.sensor.channel_position(cell) for cell in model.codes.cells]), place)
 
 
 def moved_array(array: TransducerArray, pose: Array) -> TransducerArray:

@@ -38,12 +38,12 @@ from midair.physics import (
     cell_weights,
     fade_window,
     middle_of,
+    palm_matrix,
     radiate,
     sense,
     simulate,
     steps_per_frame,
     storage_precision,
-    transfer_matrix,
 )
 from midair.streaming import LazyFrames, TempFrames, cached_blocks
 
@@ -180,7 +180,8 @@ class VirtualArray(ArrayDevice):
     The deviations are intended: they are what calibration and correction measure and compensate.
 
     `skin` is the surface that the sound presses on, in poses `palm` in array coordinates from the first frame of each
-    play on, the last of which holds; it rests in the middle above the array if None. `acoustics` is the air in which
+    play on, the last of which holds; it rests in the middle above the array if None. `reflection` is the factor of the
+    array's face, for the echo of a skin as wide as a palm. `acoustics` is the air in which
     the sound propagates, whatever a drive was solved for; each drive's own if None. `dynamics` is the mean response of
     a transducer to a change of its drive; phases are not quantised if `phase_bits` is None. `strength` is the mean
     strength relative to the model, `spread` and `quality_spread` the relative standard deviations of strengths and
@@ -209,10 +210,11 @@ class VirtualArray(ArrayDevice):
         silencer: SilencerChoice = "off",
         chain: PlaybackChain | None = None,
         palm: PalmPath | None = None,
+        reflection: complex = 0.0,
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
-        self.acoustics = acoustics
+        self.acoustics, self.reflection = acoustics, reflection
         self.silencer: SilencerChoice = silencer
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
@@ -249,7 +251,10 @@ class VirtualArray(ArrayDevice):
         acoustics = self.acoustics or Acoustics(medium=drive.acoustics.medium)
         skin = self._skin
         if skin is not None and self._air != acoustics:
-            self._matrix = transfer_matrix(skin.points, self.array, acoustics=acoustics)
+            places, middle = skin.points.position, middle_of(skin.points)
+            self._matrix = palm_matrix(
+                places, self.array, reflection=self.reflection, middle=middle, acoustics=acoustics
+            )
             self._pressure = self._propagation(skin, acoustics)
             self._air = acoustics
         silencer, chain = silencer_named(self.silencer, drive.rate), self.chain
@@ -289,6 +294,8 @@ class VirtualArray(ArrayDevice):
             return lambda q, _: still.pressure(q)
         if self.chain.hold == "ideal":
             raise InputError("virtual array: expected frames that are held for a palm that moves, got an ideal hold")
+        if self.reflection:
+            raise InputError("virtual array: expected a palm at rest under an echo, got one that moves")
         return MovingSpread(
             skin.points.position,
             self.array,

@@ -142,6 +142,10 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
         **{name: getattr(calibration, name) for name in _ERRORS},
         "dead": calibration.dead.astype(np.int8),
     }
+    if calibration.reflection_uncertainty:
+        both = {"real": calibration.reflection.real, "imag": calibration.reflection.imag}
+        values |= {f"reflection_{name}": value for name, value in both.items()}
+        values["reflection_uncertainty"] = calibration.reflection_uncertainty
     if calibration.pose_covariance.any():
         values |= {"pose": np.arange(calibration.pose.size), "unit_pose": calibration.pose.ravel()}
         values["unit_pose_covariance"] = calibration.pose_covariance
@@ -166,6 +170,8 @@ def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
         # Without uncertainties there are no poses.
         pose=np.reshape(values.get("unit_pose", []), (-1, 7)),
         pose_covariance=values.get("unit_pose_covariance", np.zeros((0, 0))),
+        reflection=values.get("reflection_real", 0.0) + 1j * values.get("reflection_imag", 0.0),
+        reflection_uncertainty=values.get("reflection_uncertainty", 0.0),
         level_uncertainty=values["level_uncertainty"],
         date=values["date"],
         provenance=from_json(values["provenance"]),

@@ -60,7 +60,7 @@ from midair.physics import (
 )
 from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.session import Session
-from midair.validation import length
+from midair.validation import length, within
 
 FINE = 8
 """Points per frame at which the commanded pressure is computed."""
@@ -167,6 +167,8 @@ class ArraySession:
 
     height: float = HEIGHT
     """Height of the sensor above the array in m, to about 1 mm; the fit finds the rest."""
+    plate: float = 0.0
+    """Diameter in m of a rigid plate in which the sensor lies flush: the reflection of the array's face is measured."""
     acoustics: Acoustics = field(default_factory=Acoustics)
     """Air of the room and directivity."""
     exposure: ExposureChoices | None = None
@@ -178,6 +180,7 @@ class ArraySession:
 
     def __post_init__(self) -> None:
         length(self.height, "height", HEIGHTS)
+        within(self.plate, "diameter of the plate", 0, 1, unit="m")
 
 
 def calibrate_array(
@@ -240,7 +243,13 @@ def _recorded(
         provenance=Provenance(source=f"codes of {array.name}"),
     )
     model = ArrayField(
-        array=nominal, codes=codes, acoustics=acoustics, calibration=known, height=height, rate=sensor.rate
+        array=nominal,
+        codes=codes,
+        acoustics=acoustics,
+        calibration=known,
+        height=height,
+        rate=sensor.rate,
+        plate=session.plate,
     )
     silence = record_silence(sensor, duration=_SILENCE)
     check_silence(silence.samples.reshape(silence.frames, -1), model, session.warn)

@@ -16,10 +16,11 @@ from midair.physics import (
     calibration_of,
     cell_weights,
     level_if_unlike,
+    middle_of,
+    palm_matrix,
     radiation_pressure,
     sense,
     simulate,
-    transfer_matrix,
 )
 from midair.pipeline import (
     Reproduction,
@@ -198,7 +199,8 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     )
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
-    G = transfer_matrix(skin.points, rig.array, acoustics=around)
+    middle = middle_of(skin.points)
+    G = palm_matrix(skin.points.position, rig.array, reflection=rig.echo, middle=middle, acoustics=around)
     # Before the transducer stage, the transducers are those of the solver.
     believed = G * drive.array.response
     cells = on_cells

@@ -9,7 +9,7 @@ from midair.errors import InputError, MismatchError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
 from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFrames, Progress, Provenance, Recording
-from midair.physics import PlaybackChain, simulate, transfer_matrix
+from midair.physics import PlaybackChain, middle_of, palm_matrix, simulate
 from midair.pipeline import calibrated_pressure, resample_pressure
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.iteration import Stage, no_progress
@@ -62,7 +62,8 @@ def _palm_pressure(
     """Target and resulting pressure in Pa on the palm's skin, their rates, and half the sides of the sensor's area."""
     grid, skin, sensor = palm.grid(rig.height), palm.inside.ravel(), asked.sensor
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
-    G = transfer_matrix(grid.position[skin], rig.array, acoustics=around)
+    middle = middle_of(grid)
+    G = palm_matrix(grid.position[skin], rig.array, reflection=rig.echo, middle=middle, acoustics=around)
     rate, square = rig.skin().rate, (sensor.pitch / 2 * (sensor.columns + 1), sensor.pitch / 2 * (sensor.rows + 1))
     came = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
     # Of all pressures that give these readings of the cells, the interpolated one.

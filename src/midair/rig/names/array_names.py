@@ -20,6 +20,7 @@ from midair.devices import (
 from midair.errors import InputError, UnknownDeviceError, did_you_mean
 from midair.files import ARRAY_SUFFIX, load_array_calibration, save_array_calibration, write_file
 from midair.model import ArrayCalibration, Medium, Placement, PressureFrames, TransducerArray
+from midair.physics import mean_reflection, wavenumber
 from midair.registry import Registry
 from midair.settings import Settings
 
@@ -118,7 +119,10 @@ class KeptCalibration:
         known = self.known
         told = {"id": known.identifier, "date": known.date, "age": self.described(settings)}
         life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
-        return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
+        k = wavenumber(array, settings.acoustics.medium)
+        reflection = mean_reflection(known.reflection, settings.target.height_uncertainty, k)
+        solved = replace(known.applied(array), reflection=reflection)
+        return solved, settings.measured(known), replace(pressure, provenance=life)
 
 
 def array_calibration_named(name: str | os.PathLike[str]) -> ArrayCalibration | Literal["none"]:

@@ -10,7 +10,7 @@ from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.keys import Keys
-from midair.cli.options import Force, Json, Length, Placement, Spread, Time, quantity
+from midair.cli.options import Echo, Force, Json, Length, Placement, Spread, Time, quantity
 from midair.cli.output import describe, may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
@@ -51,11 +51,13 @@ def array_command(
     duration: Time = 8.0,
     top: Annotated[float, quantity("Pa")] = 100.0,
     height: Length = HEIGHT,
+    plate: Length = 0.0,
     date: str | None = None,
     check: bool = False,
     placement: Placement = None,
     room: RoomOptions | None = None,
     spread: Spread = "default",
+    echo: Echo = 0.0,
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -82,6 +84,9 @@ def array_command(
         Highest pressure in the centre of each focus.
     height
         Height of the sensor above the array, to about a millimetre.
+    plate
+        Diameter of a rigid plate in which the sensor lies flush, as wide as a palm: measures the reflection of the
+        array's face, for the echo of a palm.
     date
         Date of the measurement, ISO 8601. [default: today]
     check
@@ -98,11 +103,12 @@ def array_command(
     $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5 --check
     """
     room = room or RoomOptions()
-    rig = VirtualRig(seed=seed, height=height, spread=spread)
+    rig = VirtualRig(seed=seed, height=height, spread=spread, echo=echo)
     units = None if placement is None else load_placement(placement)
     source, array = _devices(sensor, device, calibration, rig, units)
     session = ArraySession(
         height=height,
+        plate=plate,
         acoustics=Acoustics(medium=room.assumed()),
         exposure=room.limits(),
         warn=lambda line: print_note(f"midair: warning: {line}", warn=True),
