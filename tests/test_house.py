@@ -24,12 +24,12 @@ LINES = {
     "model": 1911,
     "settings streaming .": 2746,
     "physics": 3334,
-    "recordings targets correct evaluate": 4129,
+    "recordings targets correct evaluate": 4140,
     "calibration": 3177,
     "solvers": 4308,
     "files": 4829,
     "devices": 7922,
-    "rig": 9085,
+    "rig": 9087,
     "patterns datasets": 1767,
     "view figures": 2045,
     "cli": 6655,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_954, "benchmarks": 4_500}
+BESIDE = {"tests": 51_980, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -17,6 +17,7 @@ from .distortion import find_delay as find_delay
 from .distortion import in_band as in_band
 from .distortion import ratio_text as ratio_text
 from .error_budget import ALL as ALL
+from .error_budget import ALL_FOLLOWED as ALL_FOLLOWED
 from .error_budget import ALL_MEASURED as ALL_MEASURED
 from .error_budget import Budget as Budget
 from .error_budget import LaboratoryLoss as LaboratoryLoss

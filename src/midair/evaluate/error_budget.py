@@ -155,12 +155,12 @@ def leak(drive: Drive, amplitude: Array, grid: ControlGrid, *, acoustics: Acoust
     )
 
 
-ALL, ALL_MEASURED = "all together", "all, array measured"
+ALL, ALL_MEASURED, ALL_FOLLOWED = "all together", "all, array measured", "all, palm followed"
 
 ADVICE: Mapping[str, str] = {
-    "palm sideways": "support the hand and mark its place, or follow it with --follow",
-    "palm height": "support the hand at the height of the solve, or follow it with --follow",
-    "palm tilt": "support wrist and fingers at the same height, or follow the hand with --follow",
+    "palm sideways": "support the hand and mark its place",
+    "palm height": "support the hand at the height of the solve",
+    "palm tilt": "support wrist and fingers at the same height",
     "palm rotation": "mark the direction of the fingers, or solve for the rotated palm",
     "temperature": "measure it and solve with --temperature, or play with --correct-air",
     "units": "measure their places with midair calibrate array, or state them with --placement",
@@ -180,7 +180,7 @@ class LaboratoryLoss:
     """Without any uncertainty, in dB."""
     ratios: Mapping[str, Array]
     """Signal to distortion of each draw in dB, by uncertainty; `ALL` for all of them at once, `ALL_MEASURED` for the
-    same laboratories after the array is measured."""
+    same laboratories after the array is measured, `ALL_FOLLOWED` if then a tracker also follows the palm."""
     stated: Mapping[str, str]
     """Size of each uncertainty as text."""
     seed: int
@@ -204,11 +204,21 @@ class LaboratoryLoss:
         return said if name == ALL else f"{said}; {np.median(self.ratios[ALL]):.0f} dB if not"
 
     @property
+    def remedy(self) -> str:
+        """What to do about the largest uncertainty; to follow a palm only where that gains 1 dB and more."""
+        known = self.ratios.get(ALL_MEASURED, self.ratios[ALL])
+        followed = self.ratios.get(ALL_FOLLOWED, known)
+        # The same palms: there are fewer draws with a tracker.
+        gained = float(np.median(followed) - np.median(known[: len(followed)]))
+        follow = self.largest.startswith("palm") and gained >= 1
+        return ADVICE[self.largest] + (f", or follow it with --follow, which gains {gained:.0f} dB" if follow else "")
+
+    @property
     def advice(self) -> str:
         """One line: the largest uncertainty and what to do about it."""
         name = self.largest
         lost = self.nominal - float(np.median(self.ratios[name]))
-        return f"the biggest risk, {name} ({self.stated[name]}), costs {lost:.1f} dB: {ADVICE[name]}"
+        return f"the biggest risk, {name} ({self.stated[name]}), costs {lost:.1f} dB: {self.remedy}"
 
     def rows(self) -> list[tuple[str, str, float, float, float]]:
         """Name, size, median, 5th and 95th percentile of each uncertainty in dB, the largest loss first."""
@@ -237,7 +247,7 @@ class LaboratoryLoss:
                 for name, said, mid, low, high in self.rows()
             },
             "largest": self.largest,
-            "advice": ADVICE[self.largest],
+            "advice": self.remedy,
         }
 
 

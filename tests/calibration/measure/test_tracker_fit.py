@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from midair.calibration import fit_tracker
 from midair.errors import InputError
+from midair.rig.correction.laboratory import FOLLOWED
 
 PLACES = np.array([[-0.05, -0.04, 0.18], [0.05, -0.04, 0.22], [0.05, 0.04, 0.18], [-0.05, 0.04, 0.22]])
 TURN = Rotation.from_euler("xyz", [20, -10, 160], degrees=True).as_matrix()
@@ -47,6 +48,20 @@ def test_twice_the_uncertainty_covers_the_error(count):
 def test_too_few_and_collinear_places_are_refused(places, told):
     with pytest.raises(InputError, match=told):
         fit_tracker(held(places), places)
+
+
+def test_a_followed_palm_is_known_as_well_as_places_felt_within_5_mm():
+    """The palm is over the middle of the array; the budget's numbers are from the same simulation."""
+    rng, middle, off = np.random.default_rng(3), held(np.array([[0, 0, 0.2]])), []
+    for _ in range(2000):
+        found = fit_tracker(held(PLACES, 5e-3, rng), PLACES)
+        turned = Rotation.from_matrix(found.rotation @ TURN.T).as_euler("xyz", degrees=True)
+        off.append([*(1e3 * (found.points(middle)[0] - [0, 0, 0.2])), *turned])
+    x, y, z, *tilt, turn = np.sqrt(np.square(off).mean(axis=0))
+    expected = [FOLLOWED[name] for name in ("palm_aside_mm", "palm_height_mm", "palm_tilt_deg", "palm_turn_deg")]
+    np.testing.assert_allclose(
+        [np.hypot(x, y) / np.sqrt(2), z, np.hypot(*tilt) / np.sqrt(2), turn], expected, rtol=0.05
+    )
 
 
 def test_places_in_another_order_are_refused():

@@ -7,7 +7,7 @@ import pytest
 
 from midair.cli.app import run
 from midair.errors import BrokenFileError
-from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss
+from midair.evaluate import ALL, ALL_FOLLOWED, ALL_MEASURED, LaboratoryLoss
 from midair.files import Laboratory, load_laboratory, save_laboratory
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
@@ -51,7 +51,10 @@ def test_a_palm_that_lies_aside_and_turned_is_told_and_no_distortion(focus) -> N
     np.testing.assert_allclose(free.ratios[ALL], free.nominal, atol=1e-6)
     assert np.median(fixed.ratios[ALL]) < fixed.nominal - 10
     assert free.place.startswith("4.2 mm, 5° off; people feel points")
-    assert (fixed.place, set(fixed.ratios) - set(free.ratios)) == ("", {"palm sideways", "palm rotation"})
+    assert (fixed.place, set(fixed.ratios) - set(free.ratios)) == (
+        "",
+        {"palm sideways", "palm rotation", ALL_FOLLOWED},
+    )
 
 
 @pytest.mark.long
@@ -64,6 +67,14 @@ def test_each_uncertainty_costs_more_when_it_is_larger(focus) -> None:
     assert np.median(other.ratios[ALL]) < np.median([np.median(other.ratios[name]) for name in PARTS])
     assert other.rows()[0][0] == other.largest
     assert other.advice.startswith(f"the biggest risk, {other.largest} (")
+
+
+def test_following_is_advised_only_where_it_gains() -> None:
+    ratios = {"palm height": np.full(3, 20.0), ALL: np.full(3, 10.0), ALL_MEASURED: np.full(3, 18.0)}
+    for gained, advised in ((0.4, False), (6.0, True)):
+        found = ratios | {ALL_FOLLOWED: np.full(3, 18.0 + gained)}
+        loss = LaboratoryLoss(nominal=30, ratios=found, stated={"palm height": "3 mm"}, seed=0)
+        assert ("--follow, which gains 6 dB" in loss.advice) == advised
 
 
 @pytest.mark.long
@@ -121,5 +132,5 @@ def test_the_budget_has_the_part_of_the_laboratory(tmp_path, monkeypatch, capsys
     quick = ["--method", "fast", "--start-at", "0.4s", "--duration", "0.03s", "--lead", "0s"]
     assert run(["budget", "take.h5", "--lab", "lab.toml", *quick, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["laboratory"]
-    assert set(found["uncertainties"]) == {*PARTS, ALL, ALL_MEASURED} - {"palm sideways", "palm rotation"}
+    assert set(found["uncertainties"]) == {*PARTS, ALL, ALL_MEASURED, ALL_FOLLOWED} - {"palm sideways", "palm rotation"}
     assert found["uncertainties"][ALL]["median_db"] < found["nominal_db"]

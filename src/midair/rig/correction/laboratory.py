@@ -6,14 +6,13 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array, Complex
-from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss, Place, fidelity
+from midair.evaluate import ALL, ALL_FOLLOWED, ALL_MEASURED, LaboratoryLoss, Place, fidelity
 from midair.files import Laboratory
 from midair.model import (
     Acoustics,
     ArrayCalibration,
     ControlGrid,
     Drive,
-    Palm,
     PalmPath,
     PressureFrames,
     Progress,
@@ -25,9 +24,8 @@ from midair.physics import (
     Transducers,
     array_from_palm,
     cell_weights,
-    echo_matrix,
     middle_of,
-    transfer_matrix,
+    palm_matrix,
     wavenumber,
 )
 from midair.rig.correction.correction_loop import Loop
@@ -38,6 +36,9 @@ LONGEST = 0.1
 
 AS_MEASURED = (0.0133, 0.0151)
 """Relative strength and phase in rad that `midair calibrate array` leaves unknown (`benchmarks.unknown_arrays`)."""
+
+FOLLOWED = {"palm_aside_mm": 2.5, "palm_height_mm": 2.5, "palm_tilt_deg": 3.1, "palm_turn_deg": 2.2}
+"""Standard uncertainties of a palm whose tracker was placed where foci are felt, within 5 mm each (assumed)."""
 
 PARTS: dict[str, tuple[str, ...]] = {
     "palm sideways": ("palm_aside_mm",),
@@ -96,6 +97,8 @@ def laboratory_loss(
     plan = [*plan, (ALL, stage, laboratory, draws[1])]
     if measured is None:
         plan.append((ALL_MEASURED, replace(stage, supposed=True), laboratory, draws[1]))
+    if moves := {name: value for name, value in FOLLOWED.items() if getattr(laboratory, name)}:
+        plan.append((ALL_FOLLOWED, replace(stage, supposed=True), laboratory.but(**moves), draws[0]))
     total, done = sum(count for *_, count in plan), 0
     ratios: dict[str, Array] = {}
     nominal = ratio(stage, nothing)
@@ -103,7 +106,7 @@ def laboratory_loss(
         found = []
         for number in range(count):
             # The same palm before and after the array is measured.
-            found.append(ratio(where, own, [*PARTS, ALL].index(name.replace(ALL_MEASURED, ALL)), number))
+            found.append(ratio(where, own, [*PARTS, ALL].index(name if name in PARTS else ALL), number))
             done += 1
             if progress is not None:
                 progress(done, total)
@@ -111,6 +114,7 @@ def laboratory_loss(
     stated = {name: ", ".join(_stated(*each) for each in own.items()) for name, own in kept.items()}
     if measured is not None:
         stated |= {"transducers": "as measured", "dead transducers": "as measured", "units": "as measured"}
+        stated |= {"echo": "as measured"} if measured.reflection_uncertainty else {}
     return LaboratoryLoss(
         nominal=nominal,
         ratios=ratios,
@@ -183,12 +187,10 @@ class _Stage:
         acoustics = Acoustics(medium=warmer if lab.temperature_k else air.medium, directivity=air.directivity)
         pose = _pose(lab, solved, rng)
         array = array_from_palm(self._array(lab, solved, rng), solved, pose)
-        matrix = transfer_matrix(there, array, acoustics=acoustics)
-        if lab.echo:
-            turn = np.exp(2j * np.pi * rng.random())
-            skin = Palm.disc(pitch=points.pitch).points(solved)
-            area = points.pitch**2 * np.array([0.0, 0.0, 1.0])
-            matrix = matrix + lab.echo * turn * echo_matrix(there, skin, array, area=area, acoustics=acoustics)
+        reflection = lab.echo and lab.echo * np.exp(2j * np.pi * rng.random())
+        if lab.echo and self.measured is not None and self.measured.reflection_uncertainty:
+            reflection = self.measured.reflection
+        matrix = palm_matrix(there, array, reflection=reflection, middle=solved, acoustics=acoustics)
         return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
 
     def _array(self, lab: Laboratory, solved: Array, rng: np.random.Generator) -> TransducerArray:
