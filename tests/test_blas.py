@@ -1,11 +1,11 @@
-"""The wide kernel is selected where OpenBLAS would miss it, before NumPy is loaded; a value set by the user stays."""
+"""Threads and kernel of BLAS are selected before NumPy is loaded; a value set by the user stays."""
 
 import subprocess
 import sys
 
 import pytest
 
-from midair.blas import misses_wide_kernel, select_wide_kernel
+from midair.blas import misses_wide_kernel, select_wide_kernel, use_one_thread
 
 WIDE = "fpu sse avx2 avx512f avx512dq avx512cd avx512bw avx512vl avx512_bf16"
 
@@ -36,13 +36,17 @@ def test_a_value_set_by_the_user_stays(tmp_path):
     assert select_wide_kernel(nobody_s, told)
     assert nobody_s == {"OPENBLAS_CORETYPE": "SkylakeX"}
     assert not select_wide_kernel({}, tmp_path / "no such file")
+    one, two = {}, {"OPENBLAS_NUM_THREADS": "2"}
+    for environ, threads in ((one, "1"), (two, "2")):
+        use_one_thread(environ)
+        assert environ["OPENBLAS_NUM_THREADS"] == threads
 
 
 @pytest.mark.long
 def test_the_command_line_sets_it_before_numpy_is_loaded():
     code = (
         "import sys, midair.__main__ as start; "
-        "start.select_wide_kernel = lambda: print('numpy' in sys.modules); "
+        "start.use_one_thread = lambda: print('numpy' in sys.modules); "
         "sys.argv = ['midair', '--version']; start.main()"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -4,7 +4,7 @@ import gc
 import signal
 import sys
 
-from midair.blas import select_wide_kernel
+from midair.blas import select_wide_kernel, use_one_thread
 from midair.processes import protect_command
 from midair.ram import return_large_arrays
 
@@ -13,11 +13,12 @@ def main() -> None:
     """Run the command line and exit with its status."""
     protect_command()
     select_wide_kernel()
+    use_one_thread()
     return_large_arrays()
     # Collecting garbage while modules load takes a twelfth of the start-up time.
     gc.set_threshold(50_000)
     try:
-        # Imported only now: this loads NumPy, and OpenBLAS chooses its kernel when NumPy loads it.
+        # Imported only now: this loads NumPy, which loads OpenBLAS with the settings above.
         from midair.cli import main as command_line
 
         command_line()

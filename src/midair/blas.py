@@ -1,8 +1,8 @@
-"""Select the AVX-512 kernel of OpenBLAS on processors where it chooses a narrower one.
+"""Settings of the BLAS library, which it reads only when NumPy loads it: one thread, and OpenBLAS's widest kernel.
 
 OpenBLAS up to 0.3.31 does not list AMD's family 26 (Zen 5). Where its check of the processor's features fails too, it
 uses a 256-bit kernel on a processor with 512-bit instructions (github.com/OpenMathLib/OpenBLAS, issue 6029, pull
-request 6033), and complex products take twice as long. It reads OPENBLAS_CORETYPE only once, when NumPy loads it.
+request 6033), and complex products take twice as long.
 """
 
 import os
@@ -31,3 +31,12 @@ def select_wide_kernel(environ: MutableMapping[str, str] = os.environ, cpuinfo: 
         return False
     environ[VARIABLE] = WIDE
     return True
+
+
+def use_one_thread(environ: MutableMapping[str, str] = os.environ) -> None:
+    """Let BLAS use one thread in this process and its children, unless the user chose another number.
+
+    The matrices of an array are so small that several threads mostly wait: on two cores a solve takes twice the time.
+    """
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        environ.setdefault(name, "1")

@@ -205,12 +205,12 @@ def exposure(
     lasted.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
-    sound = SoundInTime.of(drive, profile, airs, steps, alone=alone)
-    duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
     level = np.zeros((drive.frames, len(profile.places)))
     loudest = np.zeros(level.shape, np.int8)
     # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as threads:
+        sound = SoundInTime.of(drive, profile, airs, steps, alone=alone)
+        duty, warming = heat or heat_so_far(drive.frames, profile, airs, repeats=repeats).add(drive)
         for run in _runs(drive.frames, sound.lead, earlier, ends=ends, repeats=repeats):
             frames, amplitude, air = sound.measure(run, threads.map)
             # The silence after a drive counts as its last frame.

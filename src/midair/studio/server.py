@@ -1,6 +1,5 @@
 """The studio's web server on the loopback interface, with its login link."""
 
-import os
 import socket
 import sys
 import webbrowser
@@ -40,9 +39,6 @@ def open_studio(plan: StudioPlan, *, port: int = 0, browser: bool = True) -> Non
     Port 0 chooses a free one; `browser` opens the login link there. Raises InputError if the port is invalid,
     DeviceError if it is in use, MissingFileError if the folder does not exist.
     """
-    # One BLAS thread in each child process: several of them spin and delay the feed for seconds.
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     with listen(port) as listening, folder_of_session() as samples:
         studio = Studio(plan, samples, listening.getsockname()[1])
         config = uvicorn.Config(
