@@ -86,8 +86,8 @@ class PlaceSearch:
 
     def late(self, points: Array) -> Array:
         """Arrival of each transducer after the first one, shape (point, transducer), in s, in the middle air."""
-        pairs = (np.subtract.outer(*each) for each in zip(points.T, self.array.position.T, strict=True))
-        path = np.sqrt(sum(np.square(each, out=each) for each in pairs))
+        squares = np.square(points).sum(axis=1)[:, None] + np.square(self.array.position).sum(axis=1)
+        path = np.sqrt(np.abs(squares - 2 * points @ self.array.position.T))
         speed = self.airs[len(self.airs) // 2].medium.speed
         return np.asarray((path - path.min(axis=1, keepdims=True)) / speed, np.float64)
 

@@ -47,6 +47,7 @@ _FEW = 32
 _SHARE = 16
 """Blocks per thread between two progress reports."""
 
+Complex = NDArray[np.complex64]
 Frames = NDArray[np.intp]
 Moment = tuple[Single, float]
 """Modes at a moment of each frame, (parts x mode, frame), and the share of transducers whose frame has arrived."""
@@ -62,14 +63,15 @@ class Arrivals:
     """Moments of a frame: the groups arrive one after the other, this many in the time of a frame."""
 
     @classmethod
-    def of(cls, modes: NDArray[np.complex64], late: Array, rate: float, apart: float) -> Self:
+    def of(cls, modes: Complex, late: Array, rate: float, apart: float) -> Self:
         """From modes (mode, transducer), arrivals (transducer,) in s, the rate of frames in Hz and the longest time
         between two moments in s.
         """
         count = max(2, ceil(1 / (rate * apart) - 1e-6))
         number = (late * rate * count).astype(np.intp)
         members = [np.flatnonzero(number == each) for each in range(number.max() + 1)]
-        return cls(groups=tuple((each, in_parts(modes[:, each])) for each in members), count=count)
+        parts = in_parts(modes).reshape(2 * len(modes), 2, -1)
+        return cls(groups=tuple((each, parts[:, :, each].reshape(len(parts), -1)) for each in members), count=count)
 
     def moments(self, parts: Single, reach: int, space: Workspace) -> list[Moment]:
         """The moments of each frame, from the last one of the frame before to its own last one.
@@ -100,7 +102,7 @@ class Arrivals:
         return [*found, (ends[:, 1:], 1.0)]
 
 
-def in_parts(matrix: NDArray[np.complex64]) -> Single:
+def in_parts(matrix: Complex) -> Single:
     """The matrix for real parts followed by imaginary parts."""
     return np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]).astype(np.float32)
 
@@ -219,14 +221,14 @@ def place_in_time(search: PlaceSearch, rate: float) -> PlaceInTime:
     return PlaceInTime(search=search, arrivals=arrivals, squares=np.tile(squares, 2), spread=spread)
 
 
-def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Array:
+def _weights(field: Complex, modes: Complex) -> Array:
     """Weights of modes, (mode,), in Pa: the norm of weighted modes is at least the magnitude at any point and air.
 
     They make this bound low for modes as strong as those of unrelated transducers. Found like an optimal design, by
     multiplicative steps for the share of each point (Silvey, Titterington & Torsney 1978, Communications in Statistics
     7, 1379).
     """
-    power = np.square(np.abs(field.reshape(-1, field.shape[2]).T))
+    power = np.square(np.abs(field.reshape(-1, field.shape[2]).T)).astype(np.float64)
     strength = np.square(np.abs(modes)).sum(axis=1)
     squares, at_points = np.ones(len(modes)), np.ones(power.shape[1])
     share = at_points / len(at_points)
@@ -237,6 +239,21 @@ def _weights(field: NDArray[np.complex64], modes: NDArray[np.complex64]) -> Arra
     return np.asarray(np.sqrt(squares * at_points.max()), np.float64)
 
 
+def _modes_at(field: Complex, search: PlaceSearch) -> tuple[Complex, Complex, float]:
+    """Shapes (point, mode), modes (mode, transducer) and `left_out` of points that `field` computes from modes."""
+    if search.field is None:
+        return np.eye(len(field), dtype=np.complex64), field @ search.modes, 0.0
+    # The modes of a place are orthogonal: in units of their norms, those of its parts need no sum over transducers.
+    norms, root = np.linalg.norm(search.modes, axis=1), np.sqrt(search.modes.shape[1])
+    enough = TRUNCATED * float(search.ceiling.sum()) * np.sqrt(len(norms)) / root
+    shapes, turned = modes_of(field * norms, len(norms), enough)
+    rest = field - shapes @ (turned := turned / norms)
+    # The sum over all transducers is at most `root` norms; it is computed where it can be the highest.
+    most = np.linalg.norm(rest * norms, axis=1) * root
+    some = most >= 0.999 * np.abs(rest[most.argmax()] @ search.modes).sum()
+    return shapes, turned @ search.modes, float(np.abs(rest[some] @ search.modes).sum(axis=1).max())
+
+
 @lru_cache(maxsize=32)
 def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
     """The octants of a place for frames at `rate` in Hz."""
@@ -245,18 +262,14 @@ def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
     field, found = search.at_points(), []
     for each in np.unique(number):
         points = search.points[number == each]
-        pressure = field[:, number == each].reshape(-1, len(search.modes)) @ search.modes
-        if search.field is None:
-            shapes, modes = np.eye(len(pressure), dtype=np.complex64), pressure
-        else:
-            shapes, modes = modes_of(pressure, len(search.modes), TRUNCATED * float(search.ceiling.sum()))
+        shapes, modes, left_out = _modes_at(field[:, number == each].reshape(-1, field.shape[2]), search)
         late = search.late((points.min(axis=0, keepdims=True) + points.max(axis=0)) / 2)
         octant = Octant(
             arrivals=Arrivals.of(modes, late[0], rate, FINE),
             points=in_parts(np.complex64(search.allowed) * shapes),
             airs=len(search.airs),
             rough=float(np.abs(search.late(points) - late).max()),
-            left_out=float(np.abs(pressure - shapes @ modes).sum(axis=1).max()),
+            left_out=left_out,
         )
         found.append(octant)
     return tuple(found)
