@@ -386,12 +386,12 @@ def test_the_pressure_left_after_attenuation_is_reported():
 
 
 def test_what_is_read_again_is_what_was_measured():
-    frames = np.random.default_rng(0).uniform(0, 6, (2600, ARRAY.count))
+    frames = np.random.default_rng(0).uniform(0, 6, (9300, ARRAY.count))
     reel = LazyFrames(lambda first, last: frames[first:last].copy(), frames.shape)
-    drive = with_checked_reading(Drive(phase=reel, level=np.full(2600, 0.02), rate=1000.0, array=ARRAY))
+    drive = with_checked_reading(Drive(phase=reel, level=np.full(9300, 0.02), rate=1000.0, array=ARRAY))
     np.testing.assert_array_equal(drive.phase, frames)
     np.testing.assert_array_equal(drive.phase.read(100, 700), frames[100:700])
-    drive.phase.read(1100, 2600)  # the last three stretches are still in memory
+    drive.phase.read(1100, 9300)  # the last 16 stretches are still in memory
     frames[600] = 0
     drive.phase.read(0, 512)
     with pytest.raises(ExposureError, match="512 to 1023 as they were checked, got others"):

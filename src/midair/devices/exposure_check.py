@@ -341,5 +341,7 @@ def _checked_reading(lazy: LazyFrames) -> Array:
             )
         return frames
 
+    # Up to 64 MB stay in memory, so that a short drive is read once, checked and played.
+    kept = min(16, max(3, 2**26 * len(lazy) // (512 * max(lazy.nbytes, 1))))
     # Lazy frames are typed as the array that they represent.
-    return cast("Array", cached_blocks(make, lazy.shape, size=512))
+    return cast("Array", cached_blocks(make, lazy.shape, size=512, kept=kept))
