@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 
 from midair.array_types import Array
 from midair.dsp import Band, resample
@@ -138,6 +139,7 @@ def _level(moved: Array, channel: TouchChannel, pitch: float) -> float:
         disc = (place**2 + place[:, None] ** 2 < channel.summed / np.pi).astype(float)
         # At most the area that the channel sums.
         disc *= min(1.0, channel.summed / (disc.sum() * pitch**2)) * pitch**2 / channel.summed
-        mean = scipy.ndimage.correlate(mean, disc[None], mode="constant")
+        wider = np.pad(mean, ((0, 0), (reach, reach), (reach, reach)))
+        mean = np.einsum("tyxab,ab->tyx", sliding_window_view(wider, disc.shape, axis=(1, 2)), disc)
     top = float(mean.max())
     return float(10 * np.log10(2 * top)) if top > 0 else float("-inf")
