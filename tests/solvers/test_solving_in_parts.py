@@ -7,6 +7,7 @@ import pytest
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import PLAIN, Free, Glide, solve, solve_parts
+from midair.solvers.solve_plan import SolvePlan
 from midair.streaming import LazyFrames
 
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -50,3 +51,14 @@ def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
     assert sum((part.status for part in parts), ()) == made.status
     assert all(part.drive.provenance == made.drive.provenance for part in parts)
     assert {total for _, total in calls} == {150}
+
+
+def test_a_later_part_uses_the_matrices_of_the_first():
+    amplitude = np.random.default_rng(0).uniform(100, 200, (5, 36))
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=ControlGrid(rows=6, columns=6, pitch=10e-3))
+    plan = SolvePlan.of(target, UNIT, method="glide")
+    _, first = plan.solve(replace(target, amplitude=amplitude[:3]), None, None)
+    _, later = plan.solve(replace(target, amplitude=amplitude[2:]), first, None)
+    (_, before), (_, after) = first.known, later.known
+    assert after.field is before.field
+    assert len(after.operators.problem.amplitude) == 3

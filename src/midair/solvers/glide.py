@@ -126,8 +126,9 @@ class Glide(StepSettings):
             phase[audible[:1]] = after.theta
         if len(audible) > (after is not None):
             with array_backend.at_work():
-                bisection = BisectionStep.of(self, problem, array_backend)
-                last = None if after is None else after.known
+                last, kept = (None, None) if after is None else after.known
+                bisection = kept or BisectionStep.of(self, problem, array_backend)
+                bisection = replace(bisection, operators=replace(bisection.operators, problem=problem))
                 for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
                     phase[frames], made[frames] = found.theta, found.iterations
@@ -136,7 +137,7 @@ class Glide(StepSettings):
             if progress is not None:
                 # Frames after the last audible one need no work.
                 progress(len(phase), len(phase))
-            after = WarmStart(theta=phase[audible[-1]], known=last)
+            after = WarmStart(theta=phase[audible[-1]], known=(last, bisection))
         held = hold(phase, audible)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=after)
 
