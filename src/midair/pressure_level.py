@@ -4,22 +4,16 @@ Up to some level the produced pressure follows the requested one; beyond it, it 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Complex
 from midair.evaluate import in_band
-from midair.model import (
-    BAND,
-    AmplitudeFrames,
-    ControlGrid,
-    Drive,
-    Palm,
-    Solution,
-)
-from midair.physics import focus_amplitude, radiation_pressure, transfer_matrix
+from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution
+from midair.physics import radiation_pressure, transfer_matrix
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
 from midair.targets import frames_without_lead
@@ -28,7 +22,7 @@ LINEAR = 0.9
 """Ratio of produced to requested pressure at the end of the linear range."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PressureLevel:
     """Pressure that a drive requests, and the pressure that the model predicts for it, without its lead."""
 
@@ -42,8 +36,13 @@ class PressureLevel:
     """Rms of the vibration in the band at the same point, in Pa."""
     comes: float
     """Ratio of predicted to requested pressure in the loudest frames."""
-    peak: float
-    """Highest predicted pressure at any point of a palm of 85 mm, in Pa."""
+    find_peak: Callable[[], float]
+    """Computes `peak`."""
+
+    @cached_property
+    def peak(self) -> float:
+        """Highest predicted pressure at any point of a palm of 85 mm, in Pa; computed on first use."""
+        return self.find_peak()
 
     @property
     def too_loud(self) -> bool:
@@ -60,11 +59,15 @@ class PressureLevel:
             f"--strength {self.strength * np.sqrt(self.comes):.2g}, or a --gain {self.comes:.2g} times as large"
         )
 
-    def rows(self) -> list[tuple[str, str]]:
-        """Label and text of each row of a printed table, the most important first."""
+    def row(self) -> tuple[str, str]:
+        """Label and text of the most important row of a printed table."""
         parts = f"{_pa(self.steady)} steady push, {_pa(self.vibration)} rms vibration"
+        return "pressure", f"peak {_pa(self.asked)}: {parts}"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Label and text of each row, the most important first."""
         return [
-            ("pressure", f"peak {_pa(self.asked)}: {parts}"),
+            self.row(),
             ("reached", f"{100 * self.comes:.0f} % of the peak, by the model"),
             ("loudest point", f"{_pa(self.peak)} on the palm"),
             ("strength", f"{self.strength:.3f} of the sound of a single focus"),
@@ -85,17 +88,17 @@ def level_of(solution: Solution, target: AmplitudeFrames, *, band: tuple[float, 
     wave = _at_point(target, piece, point)
     pressure = radiation_pressure(wave, medium)
     vibration = in_band(pressure[:, None], target.rate, (band[0], min(band[1], target.rate / 2)))
-    focus = focus_amplitude(target.grid, drive.array, acoustics=drive.acoustics)
+    G = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
     powerful = _highest(target, piece, lambda block: (block**2).sum(axis=1), count=16)
     highest = _highest(target, piece, lambda block: block.max(axis=1), count=64)
     return PressureLevel(
-        strength=float(np.sqrt(asked / radiation_pressure(np.array(focus), medium))),
+        strength=float(np.sqrt(asked / radiation_pressure(np.abs(G).sum(axis=1).max(), medium))),
         asked=asked,
         steady=float(pressure.mean()),
         vibration=float(np.sqrt((vibration**2).mean())),
-        comes=_pressure_ratio(drive, target, powerful),
-        peak=_peak_on_palm(_frames_of(drive, highest), target.grid),
+        comes=_pressure_ratio(drive, target, powerful, G),
+        find_peak=lambda: _peak_on_palm(_frames_of(drive, highest), target.grid),
     )
 
 
@@ -105,13 +108,11 @@ def band_of(target: AmplitudeFrames) -> tuple[float, float]:
     return BAND if known is None else known.calibration.band
 
 
-def thinned(grid: ControlGrid) -> tuple[NDArray[np.int64], ControlGrid]:
-    """Every n-th point of a grid, so that a fine grid costs no more than the paper's: their indices and their grid."""
+def thinned(grid: ControlGrid) -> NDArray[np.int64]:
+    """Indices of every n-th point of a grid, so that a fine grid costs no more than the paper's."""
     step = max(1, -(-max(grid.shape) // 16))
     rows, columns = np.arange(0, grid.rows, step), np.arange(0, grid.columns, step)
-    middle = (float(grid.x[columns].mean()) + grid.centre[0], float(grid.y[rows].mean()) + grid.centre[1])
-    part = replace(grid, rows=len(rows), columns=len(columns), pitch=step * grid.pitch, centre=middle)
-    return (rows[:, None] * grid.columns + columns).ravel(), part if step > 1 else grid
+    return (rows[:, None] * grid.columns + columns).ravel()
 
 
 def _pa(value: float) -> str:
@@ -142,13 +143,11 @@ def _blocks(target: AmplitudeFrames, piece: slice) -> Iterator[Array]:
     return blocks(target.amplitude[piece.start : piece.stop])
 
 
-def _pressure_ratio(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
+def _pressure_ratio(drive: Drive, target: AmplitudeFrames, frames: list[int], G: Complex) -> float:
     """Least-squares ratio of produced to requested pressure over some frames in steady state."""
-    medium, part = drive.acoustics.medium, _frames_of(drive, frames)
+    medium, part, chosen = drive.acoustics.medium, _frames_of(drive, frames), thinned(target.grid)
     wanted = np.concatenate([read_frames(target.amplitude, one, one + 1) for one in frames])
-    chosen, grid = thinned(target.grid)
-    G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
-    asked, pressed = radiation_pressure(wanted[:, chosen], medium), radiation_pressure(part.q @ G.T, medium)
+    asked, pressed = radiation_pressure(wanted[:, chosen], medium), radiation_pressure(part.q @ G[chosen].T, medium)
     power = float((asked**2).sum())
     return float((asked * pressed).sum() / power) if power > 0 else 1.0
 

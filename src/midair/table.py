@@ -1,6 +1,6 @@
 """Tables of names and values, which commands print on a terminal or as JSON."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
 
 
@@ -21,8 +21,9 @@ class Details(tuple["Line", ...]):
     """Lines that are printed only with all others, by ``--all``; JSON contains them."""
 
 
-Line = Row | tuple[str, str] | Mapping[str, object] | Details
-"""A row, or a name and a text that are printed only, or values that are in JSON only, or details."""
+Line = Row | tuple[str, str] | Mapping[str, object] | Details | Callable[[], Details]
+"""A row, or a name and a text that are printed only, or values that are in JSON only, or details, or a function that
+computes details, which is called only where they are needed."""
 
 
 def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]]:
@@ -35,6 +36,8 @@ def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]
             rows.append((line.name, str(line.value) if line.text is None else line.text))
         elif isinstance(line, tuple):
             rows.append(line)
+        elif not isinstance(line, Mapping):
+            rows += printed(line(), all=True) if all else []
     return [(name, text) for name, text in rows if text]
 
 
@@ -46,6 +49,8 @@ def plain(table: Iterable[Line]) -> dict[str, object]:
             values |= plain(line)
         elif isinstance(line, Row):
             values[line.key or line.name] = line.value
-        elif not isinstance(line, tuple):
+        elif isinstance(line, Mapping):
             values.update(line)
+        elif not isinstance(line, tuple):
+            values |= plain(line())
     return values

@@ -32,10 +32,18 @@ def test_a_table_is_printed_or_json(capsys):
         {"kind": "take"},
         Details([Row("more", 7), Details([("most", "all")])]),
     ]
-    assert printed(table, all=True)[3:] == [("more", "7"), ("most", "all")]
+    made = []
+
+    def later():
+        made.append(1)
+        return Details([Row("later", 8)])
+
+    table.append(later)
     assert printed(table) == [("rate", "1000 Hz"), ("frames", "3 of 4"), ("source", "towel")]
+    assert not made
+    assert printed(table, all=True)[3:] == [("more", "7"), ("most", "all"), ("later", "8")]
     print_table(table, json=True)
-    values = {"rate_hz": 1000.0, "frames": 3, "note": None, "kind": "take", "more": 7, "simulated": False}
+    values = {"rate_hz": 1000.0, "frames": 3, "note": None, "kind": "take", "more": 7, "later": 8, "simulated": False}
     assert json.loads(capsys.readouterr().out) == values
     how = {"notes": ["cut"], "lost": [FormatLoss(what="rate", text="No rate.")]}
     print_table(table, json=True, simulated=True, **how)

@@ -174,8 +174,7 @@ def pressure_lines(level: PressureLevel) -> list[Line]:
     """Pressure of a drive; prints a warning on stderr if it is too much for the array."""
     if level.too_loud:
         print_note(level.advice(), warn=True)
-    first, *others = level.rows()
-    return [first, Details(others)]
+    return [level.row(), lambda: Details([*level.rows()[1:], {"level": level.plain()}])]
 
 
 def left_out_row(provenance: Provenance) -> tuple[str, str]:
@@ -205,7 +204,7 @@ def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]
     if target is not None and plays.any():
         level = level_of(solution, target, band=band_of(target))
         feeling = felt_of_drive(solution, target, level).at(change)
-        pressure = [Row("felt", feeling.plain(), text=str(feeling)), *pressure_lines(level), {"level": level.plain()}]
+        pressure = [Row("felt", feeling.plain(), text=str(feeling)), *pressure_lines(level)]
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears
     name, count, rate = drive.array.name, drive.array.count, drive.rate

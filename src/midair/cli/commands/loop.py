@@ -97,7 +97,7 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     silencer = str(last.rerecorded.provenance.steps[-1].settings["silencer"])
     table: list[Line] = [
         {"report": str(target), "passes": [plain(one.comparison) | {"step": one.step} for one in loop.passes]},
-        {"taken_back": loop.taken_back, "end": loop.end, "level": level.plain()},
+        {"taken_back": loop.taken_back, "end": loop.end},
         {"perception": card and card.plain()["figures"], "verdict": outcome.verdict.plain()},
         *others,
         *pressure_lines(level),
