@@ -22,13 +22,13 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1911,
-    "settings streaming .": 2746,
-    "physics": 3334,
-    "recordings targets correct evaluate": 4140,
+    "settings streaming .": 2760,
+    "physics": 3347,
+    "recordings targets correct evaluate": 4142,
     "calibration": 3177,
-    "solvers": 4308,
+    "solvers": 4309,
     "files": 4829,
-    "devices": 7922,
+    "devices": 7924,
     "rig": 9087,
     "patterns datasets": 1767,
     "view figures": 2045,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_980, "benchmarks": 4_500}
+BESIDE = {"tests": 52_004, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
