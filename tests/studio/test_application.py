@@ -61,7 +61,7 @@ def test_all_files_of_a_page_are_small_and_preloaded(client):
     scripts = {name for name in wanted if name.endswith(".js")}
     imported = {name for script in scripts for name in re.findall(r'from "(/web/[^"]+)"', client.get(script).text)}
     tabs = re.findall(r'data-room="(\w+)" data-script="([^"]+)"', page)
-    assert " ".join(name for name, _ in tabs) == "record calibrate reproduce compare draw study live gallery"
+    assert " ".join(name for name, _ in tabs) == "start record calibrate reproduce compare draw study live gallery"
     assert imported | {"/web/app.js"} | {script for _, script in tabs} == scripts
     received = 0
     for name in ["/", *wanted]:
