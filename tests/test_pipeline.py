@@ -101,7 +101,7 @@ def test_a_solution_too_large_for_memory_is_refused(monkeypatch, way):
     monkeypatch.setattr("midair.ram.available_memory", lambda: 50_000_000)
     settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
     pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
-    monkeypatch.setattr("midair.solvers.solve_plan.transfer_matrix", None)  # which would be called, and is nothing
+    monkeypatch.setattr("midair.solvers.planes.transfer_matrix", None)  # which would be called, and is nothing
     with pytest.raises(InputError, match=r"0\.05 GB of free memory, got 15936 transducers x 4096 points, .* GB; use"):
         way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
 

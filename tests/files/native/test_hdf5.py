@@ -84,7 +84,7 @@ EDITS = {
     "samples of another length": (replace("samples", np.zeros((39, 3, 5))), "samples: expected 40 along time, got 39"),
     "samples in another unit": (lambda f: f["samples"].attrs.__setitem__("units", "V"), "got 'V' as unit"),
     "samples are a group": (replace_by_group, "expected a dataset samples"),
-    "provenance without notes": (lambda f: f.attrs.__setitem__("provenance", "{}"), "notes: expected a JSON object"),
+    "provenance without notes": (lambda f: f.attrs.__setitem__("provenance", "{}"), "expected source, got none"),
     "provenance is no JSON": (lambda f: f.attrs.__setitem__("provenance", "{"), "JSON"),
 }
 

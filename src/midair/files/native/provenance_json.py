@@ -46,15 +46,14 @@ def from_plain(plain: Any) -> Provenance:
     """Provenance from the output of `to_plain`; raises BrokenFileError if a part is missing or has the wrong type."""
     try:
         source, simulated, notes, listed = (plain[name] for name in ("source", "simulated", "notes", "steps"))
-        kinds = [type(each) for each in (source, simulated, notes, listed)]
-        steps = tuple(
-            Step(stage=one["stage"], settings={name: _decode(each) for name, each in one["settings"].items()})
-            for one in listed
-        )
-        texts = [*notes.values(), *(step.stage for step in steps)]
-    except (TypeError, KeyError, AttributeError, ValueError) as wrong:
+        decoded = [{name: _decode(each) for name, each in one["settings"].items()} for one in listed]
+        steps = tuple(Step(stage=one["stage"], settings=own) for one, own in zip(listed, decoded, strict=True))
+        texts = {type(text) for text in (source, *notes.values(), *(step.stage for step in steps))}
+    except KeyError as missing:
+        raise BrokenFileError(f"provenance: expected {missing.args[0]}, got none") from missing
+    except (TypeError, AttributeError, ValueError) as wrong:
         raise BrokenFileError(f"expected a provenance of midair, got {reason(wrong)}") from wrong
-    if kinds != [str, bool, dict, list] or not all(isinstance(text, str) for text in texts):
+    if texts != {str} or (type(simulated), type(notes), type(listed)) != (bool, dict, list):
         raise BrokenFileError("expected a provenance of midair, got parts of other types")
     return Provenance(source=source, simulated=simulated, notes=notes, steps=steps)
 

@@ -1073,7 +1073,8 @@ export default class Reproduce {
       ),
     );
     const shown = () => {
-      part.hidden = !transport.loop.on || !this.link.controls;
+      const { loop, last } = transport;
+      part.hidden = !loop.on || (loop.from === 0 && loop.to >= last) || !this.link.controls;
     };
     transport.addEventListener("change", shown);
     shown();
