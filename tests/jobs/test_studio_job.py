@@ -18,6 +18,7 @@ def page(chromium, tmp_path):
             page = chromium.new_page(viewport={"width": 1280, "height": 800})
             page.goto(studio.stdout.readline().strip())
             page.wait_for_url(lambda url: "/enter" not in url)
+            page.goto(f"{page.url}#reproduce")
             yield page
             page.close()
         finally:
@@ -35,6 +36,8 @@ def until(page, script, limit=120.0):
 
 @pytest.mark.timeout(600)
 def test_studio(page):
+    until(page, "!!globalThis.studio?.name")
+    page.evaluate("location.hash = '#reproduce'")
     until(page, "!!globalThis.studio?.room?.played && studio.room.take.played.last > 0")
     page.evaluate("studio.room.transport.pause()")
     page.get_by_role("button", name="Play on array").click()
@@ -42,6 +45,5 @@ def test_studio(page):
     page.locator("#hold").click(delay=900)  # held, since it starts the sound
     until(page, "!!document.querySelector('#to-compare')")
     page.locator("#to-compare").click()
-    figures = dict(map(tuple, until(page, "studio.room.found")["figures"]))
-    assert 0.8 < float(figures["correlation"]) <= 1
+    assert 0.8 < float(dict(until(page, "studio.room.found")["figures"])["correlation"]) <= 1
     assert page.locator("#simulated").is_visible()
