@@ -16,7 +16,7 @@ def page(chromium, tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         try:
             page = chromium.new_page(viewport={"width": 1280, "height": 800})
-            page.goto(studio.stdout.readline().strip())
+            page.goto(f"{studio.stdout.readline().strip()}#reproduce")
             page.wait_for_url(lambda url: "/enter" not in url)
             page.goto(f"{page.url}#reproduce")
             yield page
@@ -36,8 +36,6 @@ def until(page, script, limit=120.0):
 
 @pytest.mark.timeout(600)
 def test_studio(page):
-    until(page, "!!globalThis.studio?.name")
-    page.evaluate("location.hash = '#reproduce'")
     until(page, "!!globalThis.studio?.room?.played && studio.room.take.played.last > 0")
     page.evaluate("studio.room.transport.pause()")
     page.get_by_role("button", name="Play on array").click()
