@@ -121,6 +121,8 @@ def test_time_is_zoomed_by_drag_and_wheel_and_a_part_is_chosen(takes_at, look):
 def test_a_session_by_keyboard_alone(takes_at, look):
     """Choose a take, solve it quickly, play it on the virtual array and read the comparison; no mouse."""
     page = look(takes_at(), reduced_motion="reduce")
+    page.until("document.querySelectorAll('.takes a').length === 6", timeout=120)
+    page.go("#reproduce/sample:orbit")
     page.until("studio.room?.take?.name === 'sample:orbit'", timeout=120)
     press, value = page.page.keyboard.press, page.page.evaluate
 
@@ -135,7 +137,6 @@ def test_a_session_by_keyboard_alone(takes_at, look):
                 return
         raise AssertionError(words)
 
-    page.until("document.querySelectorAll('.takes a').length === 6", timeout=120)
     value("document.activeElement.blur()")
     tab_to("orbitsample")
     press("Home")
