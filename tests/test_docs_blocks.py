@@ -248,8 +248,13 @@ PREPARED = {
 AFTERWARDS = {"midair calibrate bench lab": of_the_lab}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", RUN)
+LONGEST = {f"docs/{name}.md" for name in ("air", "calibrate", "error-budget", "settings", "start", "sweep", "tutorial")}
+"""Pages that take more than a minute."""
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.slow if page in LONGEST else pytest.mark.long) for page in RUN]
+)
 def test_every_command_of_a_page_prints_what_the_page_shows(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")

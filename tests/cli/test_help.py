@@ -40,34 +40,16 @@ HARDWARE = [
     "midair stop --watch serial:/dev/ttyUSB0",
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
     "midair live --device autd3 --follow leap: --tracker-latency 12ms",
-    *(line for line in EXAMPLES if line.startswith("midair calibrate array lsl:Skin")),
 ]
 """These need a sensor, an array or a switch."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
 SERVED = [line for line in EXAMPLES if line.startswith(("midair studio", "midair serve"))]
 """These run until stopped; `tests/studio/test_browser.py` opens them, and `tests/rig/test_remote.py` plays."""
-SLOW = (
-    "midair demo",
-    "midair loop",
-    "midair budget",
-    "midair paper",
-    "midair solve take.h5",
-    "midair play take.h5",
-    "midair compare take.h5 take.drive.h5",
-    "midair sweep",
-    "midair calibrate array",
-    "midair calibrate beam",
-    "midair calibrate bench",
-    "midair calibrate measure",
-    "midair doctor",
-    "midair identify",
-    "midair live",
-    "midair study",
-)
+ELSEWHERE = ("demo", "loop", "budget", "paper --fidelity", "calibrate array", "calibrate beam")
+"""These take minutes; their own slow tests and the pages of the docs run them."""
 PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
-    "budget take.h5": ["doctor --lab lab.toml"],
     "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],
     "study withdraw": [PLAN, "study run touch --simulate"],
@@ -77,6 +59,7 @@ BEFORE = {
 }
 """Commands to run before an example."""
 HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL, *SERVED)]
+RUN = [line for line in HERE if not line.removeprefix("midair ").startswith(ELSEWHERE)]
 
 
 def test_every_command_has_an_example_that_names_it():
@@ -158,11 +141,8 @@ def folder(made, tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "line",
-    [pytest.param(one, marks=pytest.mark.slow if one.startswith(SLOW) else pytest.mark.long) for one in HERE],
-    ids=str,
-)
+@pytest.mark.long
+@pytest.mark.parametrize("line", RUN, ids=str)
 def test_an_example_runs(folder, line):
     words = shlex.split(line)[1:]
     if "take.rerecorded.h5" in words:

@@ -25,17 +25,8 @@ for name, options in OPTIONS.items():
 LINES = dict(row.split(" | ") for row in ROWS.splitlines() if row and not row.startswith("#"))
 """Command lines, and their message after Ctrl-C at the first progress bar."""
 
-SLOW = (
-    "paper",
-    "compare take.h5 take.drive.h5",
-    "calibrate beam",
-    "calibrate array",
-    "sweep",
-    "loop",
-    "demo",
-    "budget",
-)
-"""Beginnings of those whose whole run takes longer than a fast test may."""
+SLOW = ("paper figures --figure 4", "calibrate beam", "calibrate array")
+"""Beginnings of those whose whole run takes minutes."""
 
 FAST = ("import song.csv", "info take.drive.h5")
 """Beginnings of a reader and an inspection, which are fast tests."""
@@ -99,16 +90,12 @@ def files_here():
     return {path: path.stat().st_mtime_ns for path in Path().rglob("*") if path.is_file()}
 
 
-def lines(*slow):
-    marks = {each: pytest.mark.slow if each.startswith(slow) else pytest.mark.long for each in LINES}
-    return [pytest.param(each, marks=() if each.startswith(FAST) else marks[each]) for each in LINES]
+def lines(begin, *slow):
+    marks = {each: pytest.mark.slow if each.startswith(slow) else pytest.mark.long for each in LINES if begin(each)}
+    return [pytest.param(each, marks=() if each.startswith(FAST) else mark) for each, mark in marks.items()]
 
 
-def with_bars(*slow):
-    return [each for each in lines(*slow) if not each.values[0].startswith(AT_ONCE)]
-
-
-@pytest.mark.parametrize("line", with_bars("sweep"))
+@pytest.mark.parametrize("line", lines(lambda each: not each.startswith(AT_ONCE)))
 def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, capsys, monkeypatch):
     made_now(line)
     begin, begun = Progress.add_task, []
@@ -174,7 +161,7 @@ def test_ctrl_c_at_the_last_moment_leaves_nothing(line, folder, capsys, monkeypa
     check_stopped(line, capsys)
 
 
-@pytest.mark.parametrize("line", [each for each in lines(*SLOW) if each.values[0].startswith(OWN_BARS)])
+@pytest.mark.parametrize("line", lines(lambda each: each.startswith(OWN_BARS), *SLOW))
 def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
     """So that it shows the time left: every task of every bar states how much there is in all."""
     ends, finish = [], Progress.stop

@@ -33,7 +33,7 @@ def test_a_pattern_no_worse_than_an_independent_form(pattern, transfer, patterns
     assert errors_from_zero(transfer, patterns_to_points([pattern]))[0] <= TEN[pattern] + 0.0005
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ten_patterns_no_worse_than_an_independent_form(transfer, patterns_to_points):
     error = errors_from_zero(transfer, patterns_to_points(TEN))
     assert error.mean() <= 0.0535
@@ -47,7 +47,7 @@ def ten(transfer, patterns_to_points, array, lossless):
     return lambda strength: Problem(G=transfer, amplitude=strength * patterns_to_points(TEN), psi=psi)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("strength", "mean", "worst"), [(0.1, 0.0527, 0.0736), (0.2, 0.1561, 0.2611)])
 def test_thirteen_steps_are_no_worse_than_fifty_plain_ones(ten, strength, mean, worst):
     problem = ten(strength)
@@ -118,7 +118,7 @@ def test_a_frame_starts_at_the_previous_one_through_silence_or_at_zero(random_pr
     assert np.abs(warm.phase[3] - warm.phase[1]).max() > 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_moving_blob_is_followed_below_one_percent(transfer, channels_to_points):
     """A Gaussian of 11 mm that moves at .25 m/s, its pressure modulated at 100 Hz."""
     time, sensor = np.arange(60) / 1000.0, SensorGrid()

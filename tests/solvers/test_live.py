@@ -90,7 +90,7 @@ def test_the_loops_allocate_nothing(blob):
     assert counts[0] == counts[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, lossless):
     """The spot moves back and forth for a second; the error of the last fifth equals that of the first.
 

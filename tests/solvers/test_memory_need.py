@@ -41,7 +41,7 @@ print(solved(units, side, frames) - before)
         (2, 32, 4, "glide"),
         (2, 32, 4, "glide windows"),
         *(
-            pytest.param(*case, marks=pytest.mark.slow)
+            pytest.param(*case, marks=pytest.mark.long)
             for case in [(2, 16, 800, "fast"), (2, 32, 4, "fast"), (4, 32, 1, "fast"), (2, 32, 1, "live")]
         ),
     ],

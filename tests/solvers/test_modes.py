@@ -74,7 +74,7 @@ def test_a_sketch_has_the_modes_that_lapack_finds(fine, tolerance):
     np.testing.assert_allclose(np.linalg.norm(U[:, : kept.rank].conj().T @ kept.U, axis=0)[strong], 1, atol=1e-6)
 
 
-@pytest.mark.parametrize("points", [(1100, 60), pytest.param((1100, 1200), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("points", [(1100, 60), pytest.param((1100, 1200), marks=pytest.mark.long)])
 def test_many_points_without_few_modes_are_factored_as_exactly(points):
     G = random_matrix(*points, 3)
     kept = modes(G, tolerance=1e-3)

@@ -119,7 +119,7 @@ def test_threshold_of_one_take_is_measured_by_its_drive():
     assert {one.source for one in design.stimuli if one.kind == "drive"} == {"wool.drive.h5"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_budget_is_that_of_the_solved_part(solved):
     said = []
     found = budget_of_take((solved.take, solved.drive), lambda *told: said.append(told))
@@ -134,7 +134,7 @@ def test_budget_is_that_of_the_solved_part(solved):
     assert said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_palm_of_a_take_is_that_of_its_drive(solved):
     request, said = solved, []
     found = palm_of_take((request.take, request.drive), lambda *told: said.append(told))

@@ -16,7 +16,7 @@ from midair.study.session.event_log import read_events
 from midair.study.tables import read_csv
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
-KILLS = [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.slow)]
+KILLS = [pytest.param(2, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module")

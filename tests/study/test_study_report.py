@@ -60,7 +60,7 @@ def test_a_picture_is_no_wider_than_half_a_page(reported):
     assert max(panel.size[0] for row in rows for panel in row.panels) * 0.6 < 346
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "media"), [(1200, "screen"), (390, "screen"), (718, "print")])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_does_not_overflow(reported, overflowing, width, media, scheme):

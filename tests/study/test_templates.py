@@ -69,7 +69,7 @@ def test_every_template_drive_has_a_virtual_source(template):
     assert {one.source for one in design.stimuli if one.made_from} == sources
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_threshold_vibration_is_solved(tmp_path):
     plan = draw_plan(read_design(template_text("detection")))
     (made,) = prepare_drives(plan.design, tmp_path, found_in=None)

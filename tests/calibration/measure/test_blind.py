@@ -37,7 +37,7 @@ def test_the_response_of_one_take(kind, bench, covered):
     assert max(sure) < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["noise", "sweep"])
 @pytest.mark.parametrize("rms", [0.3, 3.0, 30.0])
 def test_the_response_at_any_level(kind, rms, bench, covered):
@@ -51,7 +51,7 @@ def test_the_response_at_any_level(kind, rms, bench, covered):
     assert 0.94 < phase < 0.965
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_reference_with_an_error_within_its_uncertainty(bench, covered):
     """All bins and channels share its error: one number per seed, within the limits for about 95 % of the seeds."""
     inside = []
@@ -65,7 +65,7 @@ def test_a_reference_with_an_error_within_its_uncertainty(bench, covered):
     assert 88 <= sum(inside) <= 100
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_takes_that_do_not_repeat(bench, covered):
     inside = []
     for seed in range(100):
@@ -130,7 +130,7 @@ def test_crosstalk(bench, blind_model):
     assert np.median(found.crosstalk.uncertainty[away]) < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_crosstalk_of_takes_that_do_not_repeat(bench):
     grid = SensorGrid(rows=1, columns=3)
     true = np.array([[1, 0.1, 0.02], [0.12, 1, 0.08], [0.03, 0.09, 1]])

@@ -182,7 +182,7 @@ def decibels(x, y):
     return 10 * np.log10(gain**2 * (x**2).sum() / ((y - gain * x) ** 2).sum())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_second_simulator_finds_the_same_within_a_decibel(played):
     cells, drive = played
     chain = PlaybackChain(transducers=Transducers.alike(POINT_RIG.array.count, POINT_RIG.dynamics))

@@ -50,7 +50,7 @@ def test_a_towel_is_as_true_as_by_the_batch_solver(problem_of, towel):
     assert rms_step(ours.phase) <= 0.25
 
 
-@pytest.mark.parametrize("jobs", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("jobs", [2, pytest.param(4, marks=pytest.mark.long)])
 def test_any_number_of_jobs_gives_the_same_to_the_last_bit(problem_of, moving_spot, jobs):
     problem = problem_of(moving_spot(40))
     one, more = (Glide(block=16, jobs=each).solve(problem).phase for each in (1, jobs))

@@ -31,7 +31,7 @@ def long_drive(folder):
     return {"f.drive.h5": hashlib.sha256((folder / "f.drive.h5").read_bytes()).hexdigest()}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
     folder, samples = tmp_path / "folder", tmp_path / "samples"

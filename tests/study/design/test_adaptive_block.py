@@ -55,7 +55,7 @@ def session(plan, number, path, stop_after=None):
     return replay(read_events(path), plan, number)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
 def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive):
     plan = draw_plan(design(adaptive, trials=120))
@@ -110,7 +110,7 @@ def test_levels_that_reveal_the_answer_are_refused(sides, drop, why):
 
 
 @pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
-@pytest.mark.parametrize("people", [20, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("people", [20, pytest.param(500, marks=pytest.mark.long)])
 def test_constant_answers_are_correct_by_chance(adaptive, people):
     made = replace(design(adaptive, trials=20, strengths=[0.5, 1, 2]), participants=people)
     plan = draw_plan(made)

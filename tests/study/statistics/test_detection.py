@@ -156,7 +156,7 @@ def test_two_answers_need_enough_signals_and_blanks(measure, least):
         two_answers_limits(measure, enough - np.array([[0, 0, 0, 1]] + [[0, 0, 0, 0]] * 4))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("d", [2.5, 3.0])
 def test_limits_cover_near_a_share_of_one(d):
     # On the logit alone they hold the true share in .98 of studies of five people with twelve trials.

@@ -67,7 +67,7 @@ def test_too_few_people_are_refused():
         limits_over_people(np.mean, np.ones(5), scale="odds")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("people", [5, 10])
 def test_limits_of_macro_f_cover(people):
     # People with individual d' and bias; BCa limits of five people cover .83 to .86.

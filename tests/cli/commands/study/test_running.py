@@ -149,7 +149,6 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
     ("template", "least", "questions"),
     [
         ("detection", 10.0, ["felt"]),
-        ("intervals", 20.0, ["stronger"]),
         ("paired", 0.0, ["closer", "how_close", "words"]),
     ],
 )

@@ -46,14 +46,14 @@ def test_from_patterns_to_a_report(capsys, one_line):
     ("words", "medium"),
     [
         pytest.param("", Medium(attenuation=0.0), marks=pytest.mark.long),
-        pytest.param("--attenuation 0.1", Medium(attenuation=0.1), marks=pytest.mark.slow),
+        pytest.param("--attenuation 0.1", Medium(attenuation=0.1), marks=pytest.mark.long),
         pytest.param(
-            "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.slow
+            "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.long
         ),
         pytest.param(
             "--temperature 25C --attenuation 0",
             replace(Medium.at(temperature=25.0), attenuation=0.0),
-            marks=pytest.mark.slow,
+            marks=pytest.mark.long,
         ),
     ],
 )
@@ -64,7 +64,7 @@ def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
     assert sweep.acoustics == Acoustics(medium=medium, directivity="point")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ctrl_c_is_one_line_and_results_are_kept():
     """A terminal sends it to every process of the command."""
     program = [sys.executable, "-c", "from midair.cli import main; main()", "sweep", "patterns", "s.sweep"]
