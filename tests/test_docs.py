@@ -230,4 +230,4 @@ def test_each_call_of_the_tasks_in_python_runs(folder):
     names = {"midair": midair, "values": np.zeros((10, 4, 4))}
     for call in calls:
         exec(call, names)
-    assert all(Path(name).exists() for name in ("traces.png", "phases.csv", "part.h5", "best.drive.h5"))
+    assert all(Path(name).exists() for name in ("part.png", "phases.csv", "part.h5", "best.drive.h5"))
