@@ -24,7 +24,7 @@ LINES = {
     "model": 1911,
     "settings streaming .": 2760,
     "physics": 3347,
-    "recordings targets correct evaluate": 4142,
+    "recordings targets correct evaluate": 4143,
     "calibration": 3177,
     "solvers": 4309,
     "files": 4829,

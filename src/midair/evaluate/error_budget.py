@@ -167,7 +167,7 @@ ADVICE: Mapping[str, str] = {
     "transducers": "measure them with midair calibrate array",
     "dead transducers": "find them with midair calibrate array, which the solver then takes into account",
     "frequency": "measure the frequency of the ultrasound",
-    "echo": "tilt the palm or the array by 15 degrees about its long side, or lay a cloth around the transducers",
+    "echo": "tilt the palm by 15 degrees about the array's long side, or lay a cloth around the transducers",
 }
 """What to do about each uncertainty."""
 

@@ -82,10 +82,11 @@ class Verdict:
         if self.gain <= 0:
             return "the original is not in it"
         times = abs(20 * float(np.log10(self.gain)))
-        share = f"{abs(100 * (self.gain - 1)):.0f} % {'stronger' if self.gain > 1 else 'weaker'}"
+        percent = round(100 * abs(self.gain - 1))
+        share = f"{percent} % {'stronger' if self.gain > 1 else 'weaker'}"
         share = share if 0.5 <= self.gain <= 2 else f"{self.gain:.2g} times as strong"
         if times <= STEP:
-            return "as strong as the original" + (f" ({share})" if share[0] != "0" else "")
+            return f"as strong as the original ({share})" if percent else "as strong as the original"
         return f"{share}: {self.option}" if self.option else share
 
     def plain(self) -> dict[str, object]:

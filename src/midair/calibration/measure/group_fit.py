@@ -344,6 +344,15 @@ class GroupFit:
         across = np.sqrt(np.diag(keep @ part @ keep.T))
         return np.stack([np.sqrt(np.diag(covariance)[: len(groups)]), across])
 
+    def shared(self, group: int, moved: Array) -> tuple[Array, Array]:
+        """Information and gradient of unknowns that change the spectrum of a group by `moved` (value, unknown)."""
+        slope, noise, rest = self.slopes[group], self.noise[group], self.residual(group)
+        cross = slope.jacobian.T @ moved / noise
+        solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise])
+        share = min(1.0, noise / float(np.square(rest).mean()))  # A remainder above the noise tells nothing
+        information = moved.T @ moved / noise - cross.T @ solved[:, :-1]
+        return share * information, share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
+
     def fit_echo(self) -> float:
         """One Gauss-Newton step of the reflection factor of the array's face; returns the uncertainty of either part.
 
@@ -354,19 +363,15 @@ class GroupFit:
         G, echo = model.field(cells, place), model.echo(cells, place)
         absorbed = (G.conj() * echo).sum(axis=0) / np.square(np.abs(G)).sum(axis=0)
         information, gradient = np.eye(2), -np.array([place.echo, place.echo_imag])
-        for group, slope in enumerate(self.slopes):
-            noise, rest, columns = self.noise[group], self.residual(group), list[Array]()
+        for group in range(len(self.slopes)):
+            rest, columns = self.residual(group), list[Array]()
             for turned in (1, 1j):
                 step = _ECHO * turned
                 changed = replace(place, echo=place.echo + step.real, echo_imag=place.echo_imag + step.imag)
                 moved = ArrayState(state.response * (1 - step * absorbed), state.pole, changed)
                 columns.append((replace(self, state=moved).residual(group) - rest) / -_ECHO)
-            moved = np.column_stack(columns)
-            cross = slope.jacobian.T @ moved / noise
-            solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise])
-            share = min(1.0, noise / float(np.square(rest).mean()))
-            information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
-            gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
+            told, towards = self.shared(group, np.column_stack(columns))
+            information, gradient = information + told, gradient + towards
         covariance = np.linalg.inv(information)
         change = covariance @ gradient
         before = state.response.copy()

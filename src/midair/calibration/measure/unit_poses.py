@@ -71,16 +71,11 @@ def fit_units(fit: GroupFit, nominal: TransducerArray, pose: Array, *, synchrono
         about @ size / np.var(size) - (place.spread - SensorPlace().spread) / _SHARED[0] / wide[0] ** 2,
         0,
     ]
-    for group, slope in enumerate(fit.slopes):
-        noise, rest = fit.noise[group], fit.residual(group)
+    for group in range(len(fit.slopes)):
         moved = np.column_stack([columns_of_units(fit, group, aims, mean), _shared_columns(fit, group, soft)])
-        cross = slope.jacobian.T @ moved / noise
         # Without the pull of the prior on the responses: what the phases have in common counts above, by its scatter.
-        solved = slope.covariance @ np.column_stack([cross, slope.jacobian.T @ rest / noise])
-        # A remainder above the noise is no information on the units.
-        share = min(1.0, noise / float(np.square(rest).mean()))
-        information += share * (moved.T @ moved / noise - cross.T @ solved[:, :-1])
-        gradient += share * (moved.T @ rest / noise - cross.T @ solved[:, -1])
+        told, towards = fit.shared(group, moved)
+        information, gradient = information + told, gradient + towards
     covariance = np.linalg.inv(information)
     change = covariance @ gradient
     pose = pose + (change[:count] * aims).reshape(-1, 7)
