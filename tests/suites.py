@@ -3,10 +3,10 @@
 A suite that fails does not stop the next. The logs are in .suites, and the exit status is 1 if any suite failed.
 """
 
+import os
 import re
 import subprocess
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -39,17 +39,17 @@ def main(names: list[str]) -> int:
         return 2
     folder = Path(".suites")
     folder.mkdir(exist_ok=True)
-    rows, worst = [f"{'suite':10}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}"], 0
+    rows, worst = [f"{'suite':10}{'passed':>8}{'failed':>8}{'skipped':>9}{'seconds':>9}{'CPU s':>7}"], 0
     for name in [name for name in SUITES if name in (names or SUITES)]:
-        log, begin = folder / f"{name}.log", time.monotonic()
+        log, before = folder / f"{name}.log", os.times()
         print(f"{name}: the log is {log}", flush=True)
         with log.open("wb") as out:
             status = subprocess.run(SUITES[name], stdout=out, stderr=subprocess.STDOUT, check=False).returncode
         text = log.read_text(encoding="utf-8", errors="replace")
         found = counts(text)
         broken = found["failed"] + found["error"]
-        seconds = time.monotonic() - begin
-        row = f"{name:10}{found['passed']:8}{broken:8}{found['skipped']:9}{seconds:9.0f}"
+        *_, user, system, seconds = (now - then for then, now in zip(before, os.times(), strict=True))
+        row = f"{name:10}{found['passed']:8}{broken:8}{found['skipped']:9}{seconds:9.0f}{user + system:7.0f}"
         rows.append(row if not status or broken else f"{row}  exit status {status}")
         worst = max(worst, bool(status))
         for line in re.findall("^(?:FAILED|ERROR) .*", text, re.MULTILINE):
