@@ -356,6 +356,7 @@ def test_frames_follow_the_palm_that_clients_report(served):
         wait_until(lambda: not served.sounds())  # no more poses
 
 
+@pytest.mark.clock
 @pytest.mark.long
 @pytest.mark.parametrize(("attenuate", "force"), [(False, 20), (True, 20), (False, 0.01)])
 def test_on_emulated_units_the_check_decides_and_a_trigger_is_on_the_wire_in_time(tap, tmp_path, attenuate, force):

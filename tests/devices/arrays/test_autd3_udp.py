@@ -134,6 +134,7 @@ def switched_to(tap, port, *, late=False):
     return instants, np.concatenate(frames)
 
 
+@pytest.mark.clock
 @pytest.mark.slow
 @pytest.mark.parametrize("tap", [4], indirect=True)
 def test_a_minute_of_60000_frames_on_four_units_bit_by_bit(tap):

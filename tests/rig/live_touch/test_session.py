@@ -92,6 +92,7 @@ def test_a_hardware_stop_silences_it():
     assert (order["participant"], end["outcome"], end["reason"]) == ("P1", "stopped", "midair stop")
 
 
+@pytest.mark.clock
 @pytest.mark.slow
 def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, tap):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
@@ -137,6 +138,7 @@ def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp
     assert [each["event"] for each in entries] == ["play", "pause", "continue", "end"]
 
 
+@pytest.mark.clock
 @pytest.mark.slow
 def test_a_session_continues_after_a_pause_of_the_computer(tap):
     with midair.live("virtual:towel", f"autd3:{tap.address}", exposure=ANSWERED) as session:

@@ -262,6 +262,7 @@ def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_t
     assert done.reaction[0] < 0.2
 
 
+@pytest.mark.clock
 @pytest.mark.long
 @pytest.mark.parametrize("sender", [Leap, Osc, Lsl])
 def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_bytes(
