@@ -209,6 +209,7 @@ def test_every_option_that_a_page_names_is_one():
     assert wrong == []
 
 
+@pytest.mark.clock
 @pytest.mark.long
 def test_the_page_of_live_runs(folder, capsys):
     for tokens in commands("docs/live.md"):

@@ -30,9 +30,9 @@ LINES = {
     "files": 4829,
     "devices": 7924,
     "rig": 9087,
-    "patterns datasets": 1767,
+    "patterns datasets": 1776,
     "view figures": 2045,
-    "cli": 6655,
+    "cli": 6658,
     "study": 6372,
     "studio": 6055,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 51_964, "benchmarks": 4_500}
+BESIDE = {"tests": 52_001, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_620
+SCRIPTS = 9_680
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 

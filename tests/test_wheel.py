@@ -48,13 +48,13 @@ def typed(programs, line, folder):
 
 @pytest.mark.long
 def test_every_file_of_the_package_is_in_the_wheel(wheel):
-    """Pages, scripts, templates, samples with their licences, the first stroke, plans of studies, exposure's limits."""
+    """Pages, scripts, templates, samples with their licences, the solved one, plans of studies, exposure's limits."""
     src = ROOT / "src"
     ours = {path.relative_to(src).as_posix() for path in (src / "midair").rglob("*") if path.is_file()}
     wanted = {name for name in ours if "__pycache__" not in name}
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert packed == wanted
-    assert {Path(name).suffix for name in packed} >= {".html", ".css", ".js", ".j2", ".csv", ".wav", ".xz", ".toml"}
+    assert {Path(name).suffix for name in packed} >= {".html", ".css", ".js", ".j2", ".csv", ".wav", ".h5", ".toml"}
 
 
 @pytest.mark.slow
