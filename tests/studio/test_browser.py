@@ -210,12 +210,13 @@ def test_settings_and_code_belong_to_the_shown_drive(with_takes, look):
     assert form(page) == ["paper", "", "glide", "", "1.5", "190"]
     said = page.page.locator("#in-view").inner_text()
     assert said == "Drive in view: paper, glide, 1000 Hz, gain 1.5, height 190mm."
+    jobs = page.page.evaluate("studio.link.state.jobs.map(job => job.number).join()")
     page.page.get_by_label("Mode").select_option("best")
     assert form(page) == ["best", "", "", "", "1.5", "190"], "the solver is the mode's"
     able = "[...studio.room.inputs.method.options].filter(one => !one.disabled).map(one => one.value)"
     assert page.page.evaluate(able) == ["", "fast", "glide"]
     assert "Solve makes a new drive" in page.page.locator("#in-view").inner_text()
-    assert page.page.evaluate("studio.link.state.jobs.every(job => !job.title.endsWith('solved.h5'))")
+    assert page.page.evaluate("studio.link.state.jobs.map(job => job.number).join()") == jobs
     page.page.get_by_role("button", name="Show the code").click()
     page.until("document.querySelector('#code').open")
     commands, python = page.page.locator("#code pre").all_inner_texts()
@@ -562,8 +563,12 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     studio = studio_at()
     page = look(studio, viewport={"width": 1440, "height": 900}, reduced_motion="reduce")
     page.page.evaluate(
-        """() => { studio.acts = 0;
-        for (const name of ['click', 'change']) addEventListener(name, () => { studio.acts += 1; }, true); }"""
+        """() => { studio.acts = 0; studio.signs = [];
+        for (const name of ['click', 'change']) addEventListener(name, () => { studio.acts += 1;
+          const began = performance.now(), changes = new MutationObserver(() => {
+            studio.signs.push(performance.now() - began); changes.disconnect(); });
+          changes.observe(document, {subtree: true, childList: true, attributes: true, characterData: true});
+        }, true); }"""
     )
     button = lambda name: page.page.get_by_role("button", name=name, exact=True)  # noqa: E731
     taken = []
@@ -601,6 +606,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     button("Solve").click()
     page.until("!!studio.room.take?.facts.drive && studio.room.played?.peak?.value > 0", timeout=240)
     picture("solved")
+    before = page.page.evaluate("studio.acts")
     compared("Corduroy.h5")
     picture("compared")
     gain = page.page.evaluate("studio.room.found.measured_gain")
@@ -622,6 +628,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.until("!document.querySelector('#to-report').hidden", timeout=300)
     assert "reproduced in midair" in (studio.folder / "Corduroy.report.html").read_text(encoding="utf-8")
     page.page.get_by_role("link", name="Reproduce").click()
+    beside = page.page.evaluate("studio.acts") - before
     for edit, made in (("Keep", 1), ("Fade in", 2)):
         page.until("!!studio.room?.take && !studio.room.editing[0].disabled")
         page.page.evaluate("studio.room.transport.setLoop({from: studio.room.transport.rate / 10, on: true})")
@@ -663,11 +670,14 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     for words in ("SIMULATED", "5 participants", "Corduroy-02", "Which cloth did you feel?", "How rough was it?"):
         assert words in report
     opened.value.screenshot(path=f"{kept}/designer-report.png", full_page=True)
-    acts = page.page.evaluate("studio.acts")
+    acts, signs = page.page.evaluate("[studio.acts, studio.signs]")
     print(
-        f"{acts} clicks and entries, {(time.monotonic() - began) / 60:.1f} minutes, {len(taken) + 1} pictures in {kept}"
+        f"{acts} clicks and entries, {acts - beside} of them without play, correction and report of the take; "
+        f"first change of the page after {max(signs):.0f} ms at most, {np.median(signs):.0f} ms as a rule; "
+        f"{(time.monotonic() - began) / 60:.1f} minutes, {len(taken) + 1} pictures in {kept}"
     )
-    assert acts < 60
+    assert acts - beside <= 20
+    assert len(signs) > acts / 2
     assert page.wrong == page.elsewhere == []
 
 
