@@ -1,17 +1,21 @@
 """Print how many people feel touches of midair by its model: `python docs/felt_tables.py` (half a minute of CPU).
 
 Pressure that half of all people feel by frequency and area in each skin, then samples and patterns at their own level,
-as if an array reproduced them exactly. SIMULATED, not tried on people.
+as if an array reproduced them exactly, with the level at an ear in air of an unknown temperature. SIMULATED, not tried
+on people.
 """
 
 from collections.abc import Iterable
 
 import numpy as np
 
+import midair
 from midair.datasets import SAMPLES, sample
+from midair.devices import measure_exposure
 from midair.evaluate import Felt, felt
-from midair.model import Acoustics, Palm, TransducerArray
-from midair.patterns import PALETTE, Pattern, palm_pressure
+from midair.files import DEFAULT_PROFILE, load_profiles
+from midair.model import Acoustics, Drive, Palm, TransducerArray
+from midair.patterns import PALETTE, Pattern, draw, palm_pressure
 from midair.physics import SKINS
 from midair.pipeline import calibrated_pressure
 from midair.settings import Settings
@@ -33,24 +37,28 @@ def thresholds() -> None:
             print(f"| {frequency} | {1e4 * area:.2g} |{cells}", flush=True)
 
 
-def row(name: str, found: Felt, peak: float) -> None:
+def row(name: str, found: Felt, peak: float, drive: Drive) -> None:
     about, fewest, most = found.people
-    print(f"| {name} | {peak:.0f} Pa | {found.level:+.0f} dB | {about} ({fewest} to {most}) |", flush=True)
+    ears = measure_exposure(drive, drive.array, load_profiles()[DEFAULT_PROFILE]).sound_excess
+    people = f"{about} ({fewest} to {most})"
+    print(f"| {name} | {peak:.0f} Pa | {found.level:+.0f} dB | {people} | {ears:+.0f} dB |", flush=True)
 
 
 def touches(names: Iterable[str] = (*SAMPLES, *PALETTE)) -> None:
-    """Samples and patterns at full level."""
-    print("\n| touch | peak | over the threshold | of 10 people |")
+    """Samples and patterns at their own level."""
+    print("\n| touch | peak | over the threshold | of 10 people | ears, over their limit |")
     array, palm = TransducerArray.autd3(), Palm.disc()
     for name in names:
         if name in PALETTE:
             pattern = Pattern.from_plain(PALETTE[name])
             foci = pattern.foci(min(pattern.duration_s or 1.0, 1.0))
             pressure, rate = palm_pressure(foci, array, palm, acoustics=Acoustics())
-            row(f"{name} *", felt(pressure, rate, palm.pitch), float(foci.pressure.max()))
+            drive = draw(foci, array).drive
+            row(f"{name} *", felt(pressure, rate, palm.pitch), float(foci.pressure.max()), drive)
         elif (recording := sample(name)).unit == "Pa":
             cells = calibrated_pressure(recording, None, Settings())
-            row(name, felt(cells.pressure, cells.rate, cells.sensor.pitch), float(recording.samples.max()))
+            drive = midair.solve(midair.prepare(cells), array).drive
+            row(name, felt(cells.pressure, cells.rate, cells.sensor.pitch), float(recording.samples.max()), drive)
 
 
 if __name__ == "__main__":

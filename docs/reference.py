@@ -220,7 +220,8 @@ def touches_table(touches):
         film, picture = (
             f"![{what} of {name}](touches/{name}.{kind})" for what, kind in (("film", "gif"), ("picture", "png"))
         )
-        rows.append(f"| {film} | **{name}** {one.says} Licence: {one.licence}. | {picture} | {sound} |")
+        said = f"Felt by {one.felt} of 10; {one.ears} dB too loud for ears without protection."
+        rows.append(f"| {film} | **{name}** {one.says} {said} Licence: {one.licence}. | {picture} | {sound} |")
     return "\n".join(rows)
 
 

@@ -20,7 +20,10 @@ def test_touches_are_seen_heard_and_used(studio_at, look, tmp_path):
     labels = page.page.locator(".card-touch canvas").evaluate_all("(all) => all.map((one) => one.ariaLabel)")
     assert [label.partition(":")[0] for label in labels] == list(TOUCHES)
     assert all("rms pressure on" in label for label in labels)
-    lit = "[...document.querySelector('#touch-rain canvas').getContext('2d').getImageData(0, 0, 176, 176).data]"
+    towel = page.page.locator("#touch-towel").inner_text()
+    assert f"felt by {TOUCHES['towel'].felt} of 10" in towel
+    assert f"ears: {TOUCHES['towel'].ears} dB too loud" in towel
+    lit = "[...document.querySelector('#touch-rain canvas').getContext('2d').getImageData(0, 0, 280, 372).data]"
     picture = page.page.evaluate(f"{lit}.join()")
     page.page.get_by_role("button", name="film of rain").click()
     page.until(f"{lit}.join() !== {picture!r}")

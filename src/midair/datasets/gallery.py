@@ -58,10 +58,19 @@ class Touch:
     name: str
     says: str
     """Description in one or two sentences."""
+    felt: int
+    """How many of ten people feel it at its own level, by the model of skin."""
+    ears: int
+    """Level at an ear above its limit without protection, at this level, in dB."""
     licence: str
     """SPDX identifier."""
     pattern: Mapping[str, Any] | None = None
     """The pattern as the dicts of its file; None for a recording."""
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What lists tell of it."""
+        return {"says": self.says, "felt": self.felt, "ears": self.ears, "licence": self.licence}
 
     @property
     def ending(self) -> str:
@@ -95,9 +104,9 @@ class Touch:
 
 
 TOUCHES: Mapping[str, Touch] = {
-    name: Touch(name=name, says=says, licence=SAMPLES[name].licence)
+    name: Touch(name=name, licence=SAMPLES[name].licence, **about)
     if name in SAMPLES
-    else Touch(name=name, says=says, licence="MIT", pattern=PALETTE[name])
-    for name, says in STORED["touch"].items()
+    else Touch(name=name, licence="MIT", pattern=PALETTE[name], **about)
+    for name, about in STORED["touch"].items()
 }
 """Touches by name, in the order in which they are shown."""

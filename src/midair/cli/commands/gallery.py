@@ -45,14 +45,18 @@ def gallery_command(
         for touch in TOUCHES.values() if name is None else [TOUCHES[name]]:
             touch.view().write(pictures)
     if name is None:
-        touches = {name: {"says": one.says, "licence": one.licence} for name, one in TOUCHES.items()}
         if json:
-            return print_json({"touches": touches})
-        return print_rows((name, f"{one['says']} {one['licence']}") for name, one in touches.items())
+            return print_json({"touches": {name: one.facts for name, one in TOUCHES.items()}})
+        lines = ((name, f"{one.says} Felt by {one.felt} of 10. {one.licence}") for name, one in TOUCHES.items())
+        return print_rows(lines)
     touch = TOUCHES[name]
     target = output or Path(name + touch.ending)
     may_write(target, force, touch.ending)
     touch.write(target)
     verb = "solve" if touch.pattern is None else "draw"
-    rows = {"written": str(target), "licence": touch.licence, "next": f"midair {verb} {target}"}
+    rows = {
+        "felt": f"by about {touch.felt} of 10 people; {touch.ears} dB too loud for ears without protection",
+        "written": f"{target}, licence {touch.licence}",
+        "next": f"midair {verb} {target}",
+    }
     return print_table([{"what": touch.says}, *(Row(*row) for row in rows.items())], answer=touch.says, json=json)

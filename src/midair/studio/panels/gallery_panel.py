@@ -28,8 +28,7 @@ class GalleryPanel(Panel):
         super().__init__(context)
         self._offer(view=TouchNamed, watchers=True)
         self._offer(take=TouchNamed)
-        touches = [{"name": name, "says": one.says, "licence": one.licence} for name, one in TOUCHES.items()]
-        self._show(touches=touches)
+        self._show(touches=[{"name": name, **one.facts} for name, one in TOUCHES.items()])
 
     async def view(self, _: Page, order: TouchNamed) -> dict[str, Any]:
         """Return pictures as bytes in base64, their highest pressure, and a WAV file."""

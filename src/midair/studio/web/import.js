@@ -34,8 +34,8 @@ const FIELDS = [
   ["resample", "Resample", "to this rate, such as 1kHz", ""],
 ];
 
-/** Picture of the course of a channel over some seconds. */
-export function pictureOf(course, seconds) {
+/** Picture of a course: its greatest and least values in equal parts of its time. */
+export function pictureOf(course, label) {
   const high = Math.max(...course.greatest),
     low = Math.min(...course.least),
     n = course.least.length,
@@ -50,7 +50,7 @@ export function pictureOf(course, seconds) {
     viewBox: `0 0 ${n} 100`,
     preserveAspectRatio: "none",
     role: "img",
-    "aria-label": `channel ${course.channel} over ${seconds.toFixed(2)} s`,
+    "aria-label": label,
   }))
     svg.setAttribute(name, value);
   shape.setAttribute("points", line);
@@ -182,14 +182,15 @@ function ask(link, dialog, file) {
     else wrong.textContent = message;
   }
   function preview({ course, frames, rate_hz: rate, sensor, unit, range, notes, command }) {
-    const svg = pictureOf(course, frames / rate);
+    const seconds = (frames / rate).toFixed(2),
+      svg = pictureOf(course, `channel ${course.channel} over ${seconds} s`);
     told.textContent = questions.childElementCount
       ? "The file states the rest."
       : "The file states all that is needed.";
     said.replaceChildren(
       svg,
       rows([
-        ["frames", `${frames} at ${rate} Hz, ${(frames / rate).toFixed(2)} s`],
+        ["frames", `${frames} at ${rate} Hz, ${seconds} s`],
         [
           "cells",
           `${sensor.rows} × ${sensor.columns}, pitch ${(1e3 * sensor.pitch_m).toFixed(3).replace(/\.?0+$/, "")} mm`,

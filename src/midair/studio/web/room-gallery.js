@@ -1,10 +1,45 @@
 /* Panel Gallery: a card for each touch with picture, film and sound. */
 
 import { make, panel, tried } from "/web/dom.js";
+import { pictureOf } from "/web/import.js";
 import { colours } from "/web/take.js";
 
 const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
 const PICTURES = 50; // a second, as in midair.datasets.gallery
+
+// A right hand, mm from the middle of the palm: x and y of both ends of each part, its width.
+const HAND = [
+  [0, -24, 0, 8, 72],
+  [-10, 6, 10, 6, 66],
+  [0, -50, 0, -100, 58],
+  [32, -24, 62, 22, 21],
+  [-31, 26, -41, 74, 16],
+  [-11, 30, -15, 94, 18],
+  [10, 30, 13, 98, 18],
+  [30, 26, 37, 82, 17],
+];
+const SCALE = 2; // pixels per mm
+
+/** A hand on a canvas, and coordinates in mm with y upwards. */
+function hand(canvas) {
+  const pen = canvas.getContext("2d"),
+    colour = name => getComputedStyle(canvas).getPropertyValue(name);
+  pen.setTransform(1, 0, 0, 1, 0, 0);
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.setTransform(SCALE, 0, 0, -SCALE, 58 * SCALE, 110 * SCALE);
+  pen.lineCap = "round";
+  for (const [name, more] of [
+    ["--edge", 2.4],
+    ["--raised", 0],
+  ]) {
+    pen.strokeStyle = colour(name);
+    for (const [x, y, toX, toY, wide] of HAND) {
+      pen.lineWidth = wide + more;
+      pen.stroke(new Path2D(`M${x} ${y}L${toX} ${toY}`));
+    }
+  }
+  return pen;
+}
 
 export default class Gallery {
   constructor(studio) {
@@ -17,7 +52,7 @@ export default class Gallery {
         {},
         panel(
           "Touches to start from",
-          "picture: rms pressure; sound: the place that vibrates most",
+          "palm: where it presses; curve: how strong over time; sound: the place that vibrates most",
           this.cards,
         ),
       ),
@@ -50,9 +85,10 @@ export default class Gallery {
     }
     this.ready = true;
   }
-  _card({ name, says, licence }) {
-    const canvas = make("canvas", { width: 176, height: 176, role: "img" }),
-      facts = make("small.quiet", {}, "…");
+  _card({ name, says, felt, ears, licence }) {
+    const canvas = make("canvas", { width: 140 * SCALE, height: 186 * SCALE, role: "img" }),
+      facts = make("small.quiet", {}, "…"),
+      course = make("div.course");
     const film = make(
         "button",
         {
@@ -84,10 +120,27 @@ export default class Gallery {
     const root = make(
       "article.card-touch",
       { id: `touch-${name}` },
-      canvas,
-      make("h3", {}, name),
-      make("p", {}, says),
-      facts,
+      make(
+        "div.up",
+        {},
+        canvas,
+        make("div.column", {}, make("h3", {}, name), make("p", {}, says), facts),
+      ),
+      make(
+        "div.badges",
+        {},
+        make(
+          `small.pill${felt < 9 ? "" : ".on"}`,
+          { title: "by a model of skin, not tried on people" },
+          `felt by ${felt} of 10`,
+        ),
+        make(
+          `small.pill${ears > 0 ? ".bad" : ".on"}`,
+          { title: "at an ear, without protection" },
+          ears > 0 ? `ears: ${ears} dB too loud` : "ears: within the limit",
+        ),
+      ),
+      course,
       make("div.buttons", {}, film, sound, use),
     );
     const fill = async view => {
@@ -96,14 +149,16 @@ export default class Gallery {
         table = await colours("inferno"),
         size = high * wide;
       const draw = values => {
-        const small = document.createElement("canvas"),
+        const small = make("canvas", { width: wide + 2, height: high + 2 }),
           image = new ImageData(wide, high),
-          pen = canvas.getContext("2d");
-        [small.width, small.height] = [wide, high];
+          pen = hand(canvas),
+          side = (view.width_mm * (wide + 2)) / wide;
         new Uint32Array(image.data.buffer).set(Array.from(values, step => table.pixels[step]));
-        small.getContext("2d").putImageData(image, 0, 0);
-        pen.imageSmoothingEnabled = false;
-        pen.drawImage(small, 0, 0, canvas.width, canvas.height);
+        values.forEach((step, at) => (image.data[4 * at + 3] = Math.min(5 * step, 255)));
+        small.getContext("2d").putImageData(image, 1, 1);
+        pen.scale(1, -1);
+        pen.imageSmoothingQuality = "high";
+        pen.drawImage(small, -side / 2, -side / 2, side, side);
       };
       const rms = Float64Array.from({ length: size }, (_, at) => {
           let sum = 0;
@@ -113,11 +168,20 @@ export default class Gallery {
         top = Math.max(...rms, 1e-9);
       const picture = () => draw(rms.map(value => Math.round((255 * value) / top)));
       picture();
+      const greatest = Array.from({ length: count }, (_, i) =>
+        Math.max(...steps.subarray(i * size, (i + 1) * size)),
+      );
+      course.replaceChildren(
+        pictureOf(
+          { greatest, least: greatest.map(() => 0) },
+          `strength of ${name} over ${(count / PICTURES).toFixed(1)} s`,
+        ),
+      );
       canvas.setAttribute(
         "aria-label",
         `${name}: rms pressure on ${view.width_mm} by ${view.width_mm} mm, ${view.simulated ? "simulated" : "recorded"}`,
       );
-      facts.textContent = `${(count / PICTURES).toFixed(1)} s, up to ${view.top_pa} Pa, ${view.width_mm} mm wide, ${view.simulated ? "SIMULATED" : "a real recording"}, ${licence}`;
+      facts.textContent = `${(count / PICTURES).toFixed(1)} s, up to ${view.top_pa} Pa, ${view.simulated ? "SIMULATED" : "a real recording"}, ${licence}`;
       film.onclick = () => {
         const plays = this.film === film;
         this._still();

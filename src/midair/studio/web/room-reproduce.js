@@ -621,7 +621,7 @@ export default class Reproduce {
             ...given(),
           });
           parts = [
-            pictureOf(course, course.seconds),
+            pictureOf(course, `channel ${course.channel} over ${course.seconds.toFixed(2)} s`),
             make(
               "p.quiet",
               {},
