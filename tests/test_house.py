@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1911,
     "settings streaming .": 2760,
-    "physics": 3347,
+    "physics": 3353,
     "recordings targets correct evaluate": 4143,
     "calibration": 3177,
     "solvers": 4309,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_001, "benchmarks": 4_500}
+BESIDE = {"tests": 52_004, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

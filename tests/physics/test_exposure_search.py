@@ -194,12 +194,15 @@ def test_turns_of_a_phase_change_nothing():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("change", "above"), [(3e-3, 0.6), (0.3, 0.0)])
-def test_frames_between_measured_ones_are_bounded_or_measured(change, above):
+@pytest.mark.parametrize(
+    ("change", "loud", "answered", "above"), [(3e-3, -1, 0, 0.6), (3e-3, 9, 10, 0.6), (0.3, -1, 0, 0.0)]
+)
+def test_frames_between_measured_ones_are_bounded_or_measured(change, loud, answered, above):
     rng = np.random.default_rng(5)
     told = drive(rng.uniform(0, 6, ARRAY.count) + change * rng.standard_normal((10, ARRAY.count)).cumsum(axis=0))
     exact = exposure(told, PROFILE, acoustics=AIR, alone=True).level[:, :3].max(axis=1)
-    found = exposure_excess(told, PROFILE.under(exact.max() + 1), AIR, stride=4) + exact.max() + 1
+    limit = exact.max() - loud
+    found = exposure_excess(told, PROFILE.under(limit), AIR, stride=4, above=answered) + limit
     np.testing.assert_allclose(found, exact + above / 2, atol=above / 2 + 1e-3)
     assert above == 0 or found[1] > exact[1] + 0.01
 

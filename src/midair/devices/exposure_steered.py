@@ -49,12 +49,11 @@ class SteeredClearance(ExposureClearance):
         if not self.gated or not own.level.any():
             return own
         answered = max(0.0, self.exposure.sound_excess) if self.outcome == "overridden" else 0.0
-        played = replace(own, level=actual_level(own.level))
-        # One frame of each millisecond is measured, and those between if the bound for them exceeds the profile.
-        excess = exposure_excess(
-            played, self.exposure.profile, self.exposure.airs, steps=self.steps, stride=max(1, round(1e-3 * own.rate))
-        )
-        loud = (excess := excess + self.louder - answered) > 0
+        played, allowed = replace(own, level=actual_level(own.level)), answered - self.louder
+        # One frame of each millisecond is measured, and those between if the bound for them exceeds what is allowed.
+        found, stride = self.exposure, max(1, round(1e-3 * own.rate))
+        excess = exposure_excess(played, found.profile, found.airs, steps=self.steps, stride=stride, above=allowed)
+        loud = (excess := excess - allowed) > 0
         if not loud.any():
             return own
         # Rounded down to the firmware's steps; a tenth of a decibel covers the rounding of the search.

@@ -264,13 +264,19 @@ _kept = local()  # A workspace of each thread
 
 
 def exposure_excess(
-    drive: Drive, profile: ExposureProfile, airs: tuple[Acoustics, ...], *, steps: int | None = None, stride: int = 1
+    drive: Drive,
+    profile: ExposureProfile,
+    airs: tuple[Acoustics, ...],
+    *,
+    steps: int | None = None,
+    stride: int = 1,
+    above: float = 0.0,
 ) -> Array:
     """How far the level of each of a few frames is above the enforced limits in dB, shape (frame,), on one core.
 
     With a `stride`, frames between multiples of it get an upper bound from those beside them, since a field is
-    linear in its drive, and all transducers together bound that of the difference. Where it is above 0 dB, or each
-    transducer has a level, the frame itself is measured.
+    linear in its drive, and all transducers together bound that of the difference. Where it is `above` this many dB, or
+    each transducer has a level, the frame itself is measured.
     """
     if not (places := tuple(place for place in profile.places if place.enforced)):
         return np.full(drive.frames, -np.inf)
@@ -289,7 +295,7 @@ def exposure_excess(
         beside = np.sqrt(rest[0] ** 2 + rest[1] ** 2) @ searches.ceiling
         found = (1 - share) * found[before] + share * found[after] + 10 ** (ALLOWANCE / 20) * beside
     excess = (sound_level(searches.bounded(found, strength)) - [place.limit for place in places]).max(axis=1)
-    if len(keys) < drive.frames and (loud := excess > 0).any():
+    if len(keys) < drive.frames and (loud := excess > above).any():
         some = replace(drive, phase=drive.phase[loud], level=drive.level[loud])
         excess[loud] = exposure_excess(some, profile, airs, steps=steps)
     return excess
