@@ -85,9 +85,10 @@ def opened(takes=0):
             link = studio.stdout.readline().strip()
             took = {"command_to_link_s": round(time.monotonic() - began, 2)}
             at = time.monotonic()
-            page.goto(f"{link}#reproduce", wait_until="commit")
+            page.goto(link, wait_until="commit")
             until(page, "globalThis.studio?.link?.page > 0")
             took["page_answers_s"] = round(time.monotonic() - at, 2)
+            page.evaluate("location.hash = '#reproduce/sample:orbit'")
             until(page, f"document.querySelectorAll('.takes a').length > {takes}")
             took["takes_listed_s"] = round(time.monotonic() - at, 2)
             until(page, "(globalThis.studio?.drawn ?? 0) > 0")
