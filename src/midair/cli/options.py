@@ -146,8 +146,8 @@ _SPREAD = (
     "data-sheets (limits of data sheets)."
 )
 Spread = Annotated[TransducerSpread, Parameter(help=_SPREAD)]
-_ECHO = "Reflection factor of the virtual array's face, for the echo of a palm or of a plate around the sensor."
-Echo = Annotated[float, Parameter(help=_ECHO)]
+_REFLECTION = "Reflection factor of the virtual array's face, for the echo of a palm or of a plate around the sensor."
+Reflection = Annotated[float, Parameter(help=_REFLECTION)]
 _PLACEMENT = "TOML file with position and rotation of the units. [default: two by two, side by side]"
 Placement = Annotated[Path | None, Parameter(help=_PLACEMENT)]
 _STOP_INPUT = (

@@ -23,8 +23,8 @@ NEAR = np.sort(np.argsort(np.linalg.norm(WHOLE.position, axis=1))[:30])
 STRONG = TransducerArray(position=WHOLE.position[NEAR], normal=WHOLE.normal[NEAR], pressure=90.0, name="strong")
 
 
-def opened(seed, array=STRONG, echo=0.0):
-    rig = VirtualRig(array=array, seed=seed, echo=echo)
+def opened(seed, array=STRONG, reflection=0.0):
+    rig = VirtualRig(array=array, seed=seed, reflection=reflection)
     skin = rig.skin()
     array = rig.array_device(skin)
     array.silencer = "off"
@@ -72,7 +72,7 @@ def other_echo(points, array, *, reflection, middle, acoustics):
 @pytest.mark.long
 def test_the_reflection_of_the_array_s_face_is_measured_by_a_plate(tmp_path, monkeypatch):
     monkeypatch.setattr("midair.devices.virtual.virtual_array.palm_matrix", other_echo)
-    array, sensor = opened(4, WHOLE, echo=0.3 + 0.4j)
+    array, sensor = opened(4, WHOLE, reflection=0.3 + 0.4j)
     with array, sensor:
         found = calibrate_array(array, sensor, ArrayPlan(duration=1.0), session=ArraySession(plate=85e-3))
     assert abs(found.reflection) == pytest.approx(0.5, abs=0.05)

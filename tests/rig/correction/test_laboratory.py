@@ -115,7 +115,7 @@ def test_the_file_keeps_every_value_and_names_what_is_wrong(tmp_path) -> None:
     for text, message in (
         ("palm_side_mm = 3", "palm_side_mm"),
         ("dead = 2.0", "dead: expected"),
-        ("echo = 'a'", "echo"),
+        ("reflection = 'a'", "reflection"),
     ):
         path.write_text(text)
         with pytest.raises(BrokenFileError, match=message):

@@ -7,7 +7,7 @@ from midair import devices, files, rig
 from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory, with_array_calibration
 from midair.cli.console import print_answer, print_grid, print_json, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Echo, Force, Json, Seed, Spread, TakeOptions, parse_quantity
+from midair.cli.options import Force, Json, Reflection, Seed, Spread, TakeOptions, parse_quantity
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
 from midair.evaluate import RATIOS, Budget, StageLoss, ratio_text
@@ -26,7 +26,7 @@ def budget_command(
     lab: Path | None = None,
     fixed_place: bool = False,
     spread: Spread = "default",
-    echo: Echo = 0.0,
+    reflection: Reflection = 0.0,
     seed: Seed = 0,
     trade: str | None = None,
     force: Force = False,
@@ -67,9 +67,9 @@ def budget_command(
     if figure is not None:
         may_write(figure, force)
     original = rig.pressure_of(source, settings, options.start_at, options.duration)
-    band = settings.calibration.band
     height = settings.target.grid.height
-    virtual = rig.VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread, echo=echo).hearing(band)
+    usual = rig.VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread, reflection=reflection)
+    virtual = usual.hearing(settings.calibration.band)
     file = options.array_calibration
     measured, settings, original = with_array_calibration(file, virtual.array, settings, original)
     known = None if file is None or str(file) == "none" else files.load_array_calibration(file)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.comparisons import comparison_lines, palm_lines, plain, verdict_lines
 from midair.cli.console import print_note, progress_bars, verbosity
-from midair.cli.options import BandOptions, Echo, Force, Json, Spread
+from midair.cli.options import BandOptions, Force, Json, Reflection, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
 from midair.evaluate import (
@@ -41,7 +41,7 @@ def compare_command(
     options: BandOptions | None = None,
     palm: Path | None = None,
     spread: Spread = "default",
-    echo: Echo = 0.0,
+    reflection: Reflection = 0.0,
     seed: int = 0,
     fixed_place: bool = False,
     report: Path | None = None,
@@ -94,14 +94,14 @@ def compare_command(
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         if options not in (None, BandOptions()):
             raise InputError("--band, --rate: expected a recording as second file, got a drive, which has them")
-        rig = VirtualRig(seed=seed, spread=spread, echo=echo)
+        rig = VirtualRig(seed=seed, spread=spread, reflection=reflection)
         settings, take, told = _played(original, reproduced, palm, rig, film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
                 raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
-        if seed or echo or spread != "default":
-            raise InputError(f"--seed, --spread, --echo: expected a drive, got the recording {reproduced.name}")
+        if seed or reflection or spread != "default":
+            raise InputError(f"--seed, --spread, --reflection: expected a drive, got the recording {reproduced.name}")
         take = open_take(reproduced)
         settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with progress_bars() as stage:

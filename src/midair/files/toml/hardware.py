@@ -193,7 +193,7 @@ class Laboratory(Declared):
     resonance_hz: float = setting(180.0, "Resonance of each transducer; 180 Hz: .2 rad.", limits=(0, 2000))
     dead: float = setting(0.01, "Share of the transducers that are silent.", limits=(0, 0.5))
     frequency: float = setting(1e-4, "Frequency of the ultrasound, relative.", limits=(0, 0.02))
-    echo: float = setting(0.5, "Reflection factor of the array's face for what the palm sends back.", limits=(0, 1))
+    reflection: float = setting(0.5, "Reflection factor of the array's face for sound from the palm.", limits=(0, 1))
 
     def __post_init__(self) -> None:
         check_settings(self)

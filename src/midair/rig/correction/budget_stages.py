@@ -200,7 +200,7 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     middle = middle_of(skin.points)
-    G = palm_matrix(skin.points.position, rig.array, reflection=rig.echo, middle=middle, acoustics=around)
+    G = palm_matrix(skin.points.position, rig.array, reflection=rig.reflection, middle=middle, acoustics=around)
     # Before the transducer stage, the transducers are those of the solver.
     believed = G * drive.array.response
     cells = on_cells

@@ -63,7 +63,7 @@ def _palm_pressure(
     grid, skin, sensor = palm.grid(rig.height), palm.inside.ravel(), asked.sensor
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     middle = middle_of(grid)
-    G = palm_matrix(grid.position[skin], rig.array, reflection=rig.echo, middle=middle, acoustics=around)
+    G = palm_matrix(grid.position[skin], rig.array, reflection=rig.reflection, middle=middle, acoustics=around)
     rate, square = rig.skin().rate, (sensor.pitch / 2 * (sensor.columns + 1), sensor.pitch / 2 * (sensor.rows + 1))
     came = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
     # Of all pressures that give these readings of the cells, the interpolated one.

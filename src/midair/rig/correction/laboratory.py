@@ -50,7 +50,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "transducers": ("strength", "resonance_hz"),
     "dead transducers": ("dead",),
     "frequency": ("frequency",),
-    "echo": ("echo",),
+    "echo": ("reflection",),
 }
 """Each uncertainty with its fields in `Laboratory`."""
 
@@ -187,8 +187,8 @@ class _Stage:
         acoustics = Acoustics(medium=warmer if lab.temperature_k else air.medium, directivity=air.directivity)
         pose = _pose(lab, solved, rng)
         array = array_from_palm(self._array(lab, solved, rng), solved, pose)
-        reflection = lab.echo and lab.echo * np.exp(2j * np.pi * rng.random())
-        if lab.echo and self.measured is not None and self.measured.reflection_uncertainty:
+        reflection = lab.reflection and lab.reflection * np.exp(2j * np.pi * rng.random())
+        if lab.reflection and self.measured is not None and self.measured.reflection_uncertainty:
             reflection = self.measured.reflection
         matrix = palm_matrix(there, array, reflection=reflection, middle=solved, acoustics=acoustics)
         return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)

@@ -86,7 +86,7 @@ class VirtualRig:
     """Differences between the transducers."""
     transducers: Transducers | None = None
     """Transducers of the array, such as from `Transducers.measured`; a random spread if None."""
-    echo: complex = 0.0
+    reflection: complex = 0.0
     """Reflection factor of the array's face, for the echo of a palm or of a plate around the sensor, 85 mm wide."""
     palm: PalmPath | None = None
     """Poses of the sensor during each play, in array coordinates; it rests over the centre of the array if None."""
@@ -95,7 +95,7 @@ class VirtualRig:
 
     def __post_init__(self) -> None:
         length(self.height, "height", HEIGHTS)
-        within(abs(self.echo), "echo", 0, 1)
+        within(abs(self.reflection), "reflection", 0, 1)
 
     @property
     def sensor_model(self) -> SensorModel:
@@ -134,7 +134,7 @@ class VirtualRig:
             seed=self.seed,
             transducers=self.transducers,
             palm=self.palm,
-            reflection=self.echo,
+            reflection=self.reflection,
             **SPREADS[self.spread],
         )
 

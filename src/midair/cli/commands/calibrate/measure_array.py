@@ -10,7 +10,7 @@ from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.keys import Keys
-from midair.cli.options import Echo, Force, Json, Length, Placement, Spread, Time, quantity
+from midair.cli.options import Force, Json, Length, Placement, Reflection, Spread, Time, quantity
 from midair.cli.output import describe, may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
@@ -57,7 +57,7 @@ def array_command(
     placement: Placement = None,
     room: RoomOptions | None = None,
     spread: Spread = "default",
-    echo: Echo = 0.0,
+    reflection: Reflection = 0.0,
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -103,7 +103,7 @@ def array_command(
     $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5 --check
     """
     room = room or RoomOptions()
-    rig = VirtualRig(seed=seed, height=height, spread=spread, echo=echo)
+    rig = VirtualRig(seed=seed, height=height, spread=spread, reflection=reflection)
     units = None if placement is None else load_placement(placement)
     source, array = _devices(sensor, device, calibration, rig, units)
     session = ArraySession(
