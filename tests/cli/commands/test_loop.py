@@ -33,7 +33,7 @@ def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys):
 
 
 def figures_of_passes(page):
-    return re.findall(r"<h2>Figures of each pass</h2>.*?</table>", page.read_text(encoding="utf-8"), re.DOTALL)[0]
+    return re.findall(r"<h3>Each pass</h3>.*?</table>", page.read_text(encoding="utf-8"), re.DOTALL)[0]
 
 
 @pytest.mark.slow
