@@ -57,6 +57,7 @@ def test_memory_with_levels_of_frames_and_of_transducers():
         check_memory(device.units, noise(20, rng.random((20, 498))), 2)
 
 
+@pytest.mark.clock
 @pytest.mark.slow
 def test_five_thousand_frames_on_four_units():
     placement = Placement.grid()
