@@ -80,6 +80,9 @@ export function jobsShown(link) {
         setTimeout(() => entry.root.remove(), job.state === "failed" ? 12000 : 2500);
       }
     }
+    // Of the jobs that have ended only the last are told.
+    for (const [number, entry] of shown)
+      if (!jobs.some(job => job.number === number) && shown.delete(number)) entry.root.remove();
   });
 }
 
