@@ -269,11 +269,11 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
     in_time, sender, solved, steered, tap, tmp_path, capsys
 ) -> None:
     array = TransducerArray.autd3()
-    phase = np.broadcast_to(focus_phase(array, SOLVED, acoustics=AIR), (600, array.count))
-    drive = replace(solved, phase=phase, level=np.full(600, 0.4), array=array)
-    status = ("converged",) * 600
-    solution = Solution(drive=drive, error=np.zeros(600), iterations=np.ones(600, int), status=status)
-    save_solution(solution, tmp_path / "x.drive.h5")
+    phase = np.broadcast_to(focus_phase(array, SOLVED, acoustics=AIR), (300, array.count))
+    # Half the usual rate, since the emulated units take their share of this process.
+    drive = replace(solved, phase=phase, level=np.full(300, 0.4), array=array, rate=500.0)
+    made = {"error": np.zeros(300), "iterations": np.ones(300, int), "status": ("converged",) * 300}
+    save_solution(Solution(drive=drive, **made), tmp_path / "x.drive.h5")
     drive = load_solution(tmp_path / "x.drive.h5").drive
     with closing(sender()) as made, Hand(made, lambda values, stamp, _: (values, stamp, 1.0)):
         line = ["play", str(tmp_path / "x.drive.h5"), "--follow", made.name, "--device", f"autd3:{tap.address}"]
@@ -286,7 +286,7 @@ def test_each_tracker_steers_four_emulated_units_and_the_wire_has_the_steered_by
         parts.setdefault(instant, {})[port] = np.frombuffer(datagram[20:269], np.uint8)
     sent = {at: np.stack([each[port] for port in ports]) for at, each in parts.items() if len(each) == len(ports) == 4}
     first = int(re.search(r"first frame +(\d+) ns", out)[1])
-    assert assert_bytes(sent, steered, drive, 1_000_000, first) > 400
+    assert assert_bytes(sent, steered, drive, 2_000_000, first) > 200
 
 
 def test_the_repeats_of_a_followed_play_count_as_heat() -> None:
