@@ -32,7 +32,7 @@ LINES = {
     "rig": 9087,
     "patterns datasets": 1776,
     "view figures": 2045,
-    "cli": 6658,
+    "cli": 6659,
     "study": 6372,
     "studio": 6055,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_009, "benchmarks": 4_500}
+BESIDE = {"tests": 52_021, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -323,6 +323,7 @@ class GrblSimulator(BehindPty):
                 self._say(
                     f"${number}={value:.3f}" if number >= 20 and number not in (20, 21, 22) else f"${number}={value:g}"
                 )
+            self._say("$302=192.168.5.1")  # as grblHAL with a network says
         elif line == "$I":
             self._say("[VER:1.1h.20190825:]")
             self._say("[OPT:V,15,128]")

@@ -316,7 +316,7 @@ class GrblStage:
         elif line.startswith(GREETINGS) and self._state != "starting":
             self._line = ""
             raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
-        elif found := re.fullmatch(r"\$(\d+)=([-.\d]+).*", line):
+        elif found := re.fullmatch(r"\$(\d+)=(-?\d+\.?\d*)(\s.*)?", line):
             self._settings[int(found[1])] = float(found[2])
         elif line.startswith("[VER:"):
             self._version = line[5:].split(":")[0].rstrip("]")
