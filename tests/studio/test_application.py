@@ -18,6 +18,7 @@ from midair.errors import DeviceStateError, ExposureError, InputError, StoppedEr
 from midair.files import load, load_solution, save
 from midair.model import Medium, Provenance, Recording
 from midair.patterns import Pattern
+from midair.studio.jobs import StudioJob
 from midair.studio.panels.draw_panel import PatternRequest, SaveForm, TakeNamed, preview_pattern
 from midair.studio.panels.play_panel import CheckExposure, PlayNow
 from midair.studio.studio_state import LARGEST_ORDER, MESSAGES_A_SECOND, Page, StudioState
@@ -103,6 +104,12 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
     assert drive.read_bytes() != before
     assert not again.exists()
     assert not studio.takes.comparison_path("towel.h5").exists(), "the comparison was with the drive before"
+
+
+def test_a_job_that_failed_is_told_while_many_others_wait(studio):
+    for number in range(20):
+        studio._show_job(StudioJob(number=number, title="", room="", state="waits" if number else "failed"))
+    assert [job["state"] for job in studio.store.state["jobs"]] == ["failed", *["waits"] * 19]
 
 
 @pytest.mark.long

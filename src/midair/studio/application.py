@@ -193,11 +193,9 @@ class Studio:
 
     def _show_job(self, job: StudioJob) -> None:
         self._shown[job.number] = job
-        while len(self._shown) > 8:
-            ended = [number for number, each in self._shown.items() if each.state not in ("waits", "runs")]
-            if not ended:
-                break
-            self._shown.pop(ended[0])
+        ended = [number for number, each in self._shown.items() if each.state not in ("waits", "runs")]
+        for number in ended[:-8]:
+            self._shown.pop(number)
         now = time.monotonic()
         self.store.put(jobs=[each.as_dict(now) for each in self._shown.values()])
 
