@@ -1,5 +1,6 @@
 """Touches to start from."""
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -25,6 +26,9 @@ def test_a_touch_is_seen_heard_and_written(name, tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr().out
     assert touch.says.split()[0] in printed
     assert ("midair solve ridges.h5" if name == "ridges" else "midair draw heartbeat.toml") in printed
+    assert run(["gallery", name, "other" + touch.ending, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["written"], told["felt"], told["ears"]) == ("other" + touch.ending, touch.felt, touch.ears)
     with Image.open(f"pictures/{name}.gif") as film, Image.open(f"pictures/{name}.png") as picture:
         assert film.n_frames == len(view.pictures)
         assert picture.size == (192, 192)

@@ -54,9 +54,10 @@ def gallery_command(
     may_write(target, force, touch.ending)
     touch.write(target)
     verb = "solve" if touch.pattern is None else "draw"
-    rows = {
-        "felt": f"by about {touch.felt} of 10 people; {touch.ears} dB too loud for ears without protection",
-        "written": f"{target}, licence {touch.licence}",
-        "next": f"midair {verb} {target}",
-    }
-    return print_table([{"what": touch.says}, *(Row(*row) for row in rows.items())], answer=touch.says, json=json)
+    rows = [
+        touch.facts,
+        ("felt", f"by about {touch.felt} of 10 people; {touch.ears} dB too loud for ears without protection"),
+        Row("written", str(target), text=f"{target}, licence {touch.licence}"),
+        Row("next", f"midair {verb} {target}"),
+    ]
+    return print_table(rows, answer=touch.says, json=json)
