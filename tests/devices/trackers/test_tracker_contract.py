@@ -221,7 +221,7 @@ def test_a_hand_that_leaves_is_a_gap(sender):
     with midair.open_tracker(sender.name) as tracker:
         hand = Hand(sender, tracker)
         hand.good(3)
-        assert eventually(lambda: tracker.status().state == "waiting")
+        assert eventually(lambda: (tracker.status().poses, tracker.status().state) == (3, "waiting"))
         hand.count += 20
         assert hand.accepted()
         assert tracker.status().state == "tracking"
