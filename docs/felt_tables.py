@@ -1,4 +1,4 @@
-"""Print how many people feel touches of midair by its model: `python docs/felt_tables.py` (two minutes of CPU).
+"""Print how many people feel touches of midair by its model: `python docs/felt_tables.py`.
 
 Pressure that half of all people feel by frequency and area in each skin, then samples and patterns at their own level,
 as if an array reproduced them exactly, with the level at an ear in air of an unknown temperature. SIMULATED, not tried

@@ -676,6 +676,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
         f"first change of the page after {max(signs):.0f} ms at most, {np.median(signs):.0f} ms as a rule; "
         f"{(time.monotonic() - began) / 60:.1f} minutes, {len(taken) + 1} pictures in {kept}"
     )
+    assert acts < 60
     assert acts - beside <= 20
     assert len(signs) > acts / 2
     assert page.wrong == page.elsewhere == []
