@@ -28,7 +28,7 @@ LINES = {
     "calibration": 3177,
     "solvers": 4309,
     "files": 4829,
-    "devices": 7924,
+    "devices": 7930,
     "rig": 9087,
     "patterns datasets": 1776,
     "view figures": 2045,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_022, "benchmarks": 4_500}
+BESIDE = {"tests": 52_040, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

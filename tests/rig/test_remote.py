@@ -34,13 +34,13 @@ from pythonosc.osc_message_builder import build_msg
 from tests.waiting import wait_until
 from websockets.exceptions import InvalidStatus
 
-from midair.devices import VirtualUnits, read_log, stop_playing, virtual_immediate
+from midair.devices import VirtualUnits, measure_exposure, read_log, stop_playing, virtual_immediate
 from midair.errors import StoppedError
 from midair.files import save_palm_path
 from midair.model import Acoustics, Medium, PalmPath, TransducerArray
 from midair.patterns import load_adaptics
 from midair.physics import focus_phase
-from midair.rig import FramePlayer, OpenRig, Session, default_exposure, opening, serve_adaptics
+from midair.rig import FramePlayer, OpenRig, PlaySettings, Session, default_exposure, opening, serve_adaptics
 from midair.rig.remote import adaptics
 from midair.rig.remote.messages import MESSAGES
 
@@ -292,6 +292,24 @@ def test_the_heat_of_the_designers_frames_is_that_of_a_minute_at_the_highest_lev
         cleared = adaptics.Stream(player, 50.0, None, print)._clearance
     assert cleared.exposure.duty == pytest.approx(cleared.level, rel=0.05)
     assert cleared.level > 0.1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("choices", [{"attenuate": True}, {"override": "A Person"}], ids=["weaker", "overridden"])
+def test_frames_of_the_designer_that_jump_are_no_louder_in_time_than_allowed(choices):
+    """Each alone is allowed; while one follows another from an unlike place, they are 3 dB louder together."""
+    array, rng = virtual_immediate(units=VirtualUnits(kept=1)), np.random.default_rng(7)
+    array.gated = True
+    exposure = replace(default_exposure(), **choices)
+    settings = PlaySettings(exposure=exposure)
+    with array, array.drives_to_come() as (quiet, begin):
+        player = FramePlayer(Session(rig=OpenRig(array=array, sensor=None, settings=settings)), quiet, begin)
+        stream = adaptics.Stream(player, 50.0, None, print)
+        jumping = stream._drawn(rng.uniform(*adaptics.PLACES, (192, 3)), np.full(192, 50.0))
+        frames = stream._clearance.steered(jumping, None)
+    allowed = max(0.0, stream._clearance.exposure.sound_excess) if exposure.override else 0.0
+    alone, moments = (measure_exposure(frames, array.array, exposure.profile, alone=each) for each in (True, False))
+    assert alone.sound_excess < moments.sound_excess - 1 < allowed - 1
 
 
 @pytest.mark.long

@@ -27,7 +27,7 @@ class SteeredClearance(ExposureClearance):
     factor: float
     """Attenuation factor of the frames."""
     louder: float
-    """Level of the loudest moment of the drive as it was solved above that of its loudest frame alone, in dB."""
+    """Level of the loudest moment between two frames above that of frames alone, in dB."""
     steps: int
     """Phase steps per turn of the device."""
 
@@ -36,7 +36,8 @@ class SteeredClearance(ExposureClearance):
 
         Unless the device has no sound, each frame is measured alone in the air of the room, or bounded by those beside
         it (`exposure_excess`), and weakened if it exceeds the profile, or the excess for which a person is responsible.
-        Moments while frames arrive are as much louder than frames alone as those of the drive as it was solved.
+        Moments while frames arrive are as much louder than frames alone as those of the drive as it was solved, or of
+        samples that jump.
         Raises ExposureError if a pose is outside the box, a frame above the cleared level, or not one for all.
         """
         if frames.level.ndim > 1:
@@ -69,6 +70,7 @@ def check_exposure_steered(
     box: PoseBox,
     solved: Array,
     samples: Drive,
+    jumps: bool = False,
     repeats: int = 1,
     endless: bool = False,
 ) -> SteeredClearance:
@@ -78,12 +80,17 @@ def check_exposure_steered(
     frame is measured again once it was steered, by `SteeredClearance.steered`, before it sounds. The heat is that of
     the drive as it was solved.
 
+    With `jumps`, frames may be followed by any others: `samples` are also measured one after another.
+
     `box` are the admitted poses around the `solved` centre of the palm, shape (3,), in m. The other parameters and
     errors are those of `check_exposure`.
     """
     own = check.measured_on(drive, device, choices, check.passes_counted(drive, repeats, endless=endless))
     louder = max(0.0, own.sound_excess - check.measured_on(drive, device, choices, 1, alone=True).sound_excess)
     others = check.measured_on(samples, device, choices, 1, alone=True)
+    if jumps:
+        alone, moments = (each.above.max(axis=1) for each in (others, check.measured_on(samples, device, choices, 1)))
+        louder = max(louder, float((moments - np.maximum(alone, np.append(alone[:1], alone[:-1]))).max()))
     found = replace(
         own,
         level=np.concatenate([own.level, others.level + UNSAMPLED + louder]),

@@ -100,13 +100,13 @@ class Exposure:
     @property
     def sound_excess(self) -> float:
         """Sound above an enforced limit in dB, negative when all are kept."""
-        return max((margin for margin, _ in self._margins), default=-np.inf)
+        return float(self.above.max(initial=-np.inf))
 
     @property
-    def _margins(self) -> list[tuple[float, int]]:
-        """Level above each enforced limit in dB, and the number of the place."""
-        pairs = enumerate(zip(self.peak, self.profile.places, strict=True))
-        return [(float(peak) - place.limit, number) for number, (peak, place) in pairs if place.enforced]
+    def above(self) -> Array:
+        """Sound of each frame above the limit of each place in dB, shape (frame, place); -inf if it is not enforced."""
+        limits = [place.limit if place.enforced else np.inf for place in self.profile.places]
+        return np.asarray(self.level - limits, np.float64)
 
     @property
     def _heat_excess(self) -> float:
@@ -120,10 +120,10 @@ class Exposure:
 
         Raises InputError if the profile has no enforced limit.
         """
-        if not (margins := self._margins):
+        if not any(place.enforced for place in self.profile.places):
             raise InputError(f"profile {self.profile.name}: expected at least one enforced limit, got none")
-        number = max(margins)[1]
-        return self.profile.places[number], int(self.level[:, number].argmax())
+        frame, number = np.unravel_index(self.above.argmax(), self.level.shape)
+        return self.profile.places[number], int(frame)
 
     @property
     def loudest_air(self) -> Medium:

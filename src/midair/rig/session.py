@@ -199,9 +199,9 @@ class Session:
         return check_exposure_level(level, self.rig.array, self.rig.settings.exposure, rate=rate)
 
     def clear_places(self, still: Drive, samples: Drive) -> SteeredClearance:
-        """Check frames that are drawn while they play, by some of them; their heat is that of a `still` drive."""
+        """Check frames that are drawn while they play, and may jump, by some of them; their heat is that of `still`."""
         choices, palm = self.rig.settings.exposure, np.zeros(3)
-        how: Any = {"box": PoseBox(), "solved": palm, "samples": samples, "endless": True}
+        how: Any = {"box": PoseBox(), "solved": palm, "samples": samples, "jumps": True, "endless": True}
         return check_exposure_steered(still, self.rig.array, choices, **how)
 
     def play(
