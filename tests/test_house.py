@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4309,
     "files": 4829,
     "devices": 7930,
-    "rig": 9087,
+    "rig": 9089,
     "patterns datasets": 1776,
     "view figures": 2045,
     "cli": 6659,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_040, "benchmarks": 4_500}
+BESIDE = {"tests": 52_053, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

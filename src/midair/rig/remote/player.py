@@ -226,9 +226,11 @@ class FramePlayer:
             early *= 4
         self.silent.clear()
         loaded.report["plays"] += 1
+        # The exposure check saw this drive after silence, and not after what is interrupted.
+        rises = rises or self._now is not None
         first = -(-(units.now() + ahead + early) // period) * period
         number, begin, end, phases, intensities = 0, 0, 0, np.zeros(0), np.zeros(0)
-        before, gain = loaded.report["duration"], 0.0 if rises else self.level
+        before, gain = loaded.report["duration"], -step if rises else self.level
         while not repeats or number < repeats * frames:
             if self.lease.refusal(token) is not None:
                 return self.array.silence()
