@@ -18,7 +18,7 @@ from midair.study.design.study_design import MarkerOutputs
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder, read_design
 from midair.study.session.event_log import read_events
-from midair.study.session.presenters import MarkedPresenter, SilentPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import InstantClock, Reply, Session
 from midair.study.tables import write_bids
 
@@ -68,8 +68,9 @@ def answer_all(folder):
     plan = folder.plan()
     with ExitStack() as hold:
         markers = hold.enter_context(EventMarkers(plan.design.markers))
-        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
-        one = hold.enter_context(Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers))
+        one = hold.enter_context(
+            Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers)
+        )
         one.present()
         with pytest.raises(InputError, match="expected one of"):
             one.answer(Reply(text="maybe"))
@@ -109,8 +110,7 @@ def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
     with EventMarkers(plan.design.markers) as markers:
         threading.Thread(target=receive, daemon=True).start()
         assert ready.wait(60)
-        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
-        with Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers) as one:
+        with Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers) as one:
             while one.step.kind != "done":
                 one.present() if one.step.kind == "present" else one.answer(Reply(text="yes"))
         assert ended.wait(60)
@@ -150,12 +150,14 @@ def test_an_answer_is_stored_even_if_its_marker_fails(line, tmp_path):
     _, port = line
     folder = study(tmp_path, f'serial = "{port}"')
     plan = folder.plan()
-    with pytest.raises(DeviceError, match="to accept a byte"), EventMarkers(plan.design.markers) as markers:
-        shown = MarkedPresenter(inner=SilentPresenter(), markers=markers)
-        with Session(plan, 1, folder.log(1), shown, clock=InstantClock(), markers=markers) as one:
-            one.present()
-            markers.port.close()
-            one.answer(Reply(text="yes"))
+    with (
+        pytest.raises(DeviceError, match="to accept a byte"),
+        EventMarkers(plan.design.markers) as markers,
+        Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers) as one,
+    ):
+        one.present()
+        markers.port.close()
+        one.answer(Reply(text="yes"))
     assert folder.sessions()[0].answers["p01-t001", "felt"].answer == "yes"
 
 

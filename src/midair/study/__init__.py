@@ -35,7 +35,6 @@ from .session.event_log import read_events as read_events
 from .session.participant import SimulatedParticipant as SimulatedParticipant
 from .session.participant import SimulatedScreen as SimulatedScreen
 from .session.presenters import Headphones as Headphones
-from .session.presenters import MarkedPresenter as MarkedPresenter
 from .session.presenters import SilentPresenter as SilentPresenter
 from .session.trials import InstantClock as InstantClock
 from .session.trials import Reply as Reply
@@ -68,7 +67,6 @@ from .stimulus_rig import TerminalScreen as TerminalScreen
 from .stimulus_rig import keyboard_of_terminal as keyboard_of_terminal
 from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
-from .stimulus_rig import stop_on_signals as stop_on_signals
 from .stimulus_rig import study_code as study_code
 from .study_report import report_json as report_json
 from .study_report import report_page as report_page

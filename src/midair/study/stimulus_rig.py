@@ -1,24 +1,23 @@
-"""Presenters of a study session; its screen at a terminal, with its keys and stop signals."""
+"""Presenters of a study session; its screen at a terminal, with its keys."""
 
 import os
 import select
-import signal
 import sys
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from time import monotonic
-from types import FrameType
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import END_SIGNALS, ExposureChoices, VirtualArray, handle_signals
+from midair.devices import VirtualArray
 from midair.errors import InputError
 from midair.files import load_solution, printable
-from midair.model import Medium, TransducerArray
+from midair.model import Drive, TransducerArray
 from midair.rig import (
     Cleared,
     OpenRig,
@@ -26,7 +25,6 @@ from midair.rig import (
     PlaySettings,
     Session,
     array_named,
-    default_exposure,
     frame_rig,
     open_tracker,
     tracker_name,
@@ -36,15 +34,7 @@ from midair.study.design.question import Question
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
-from midair.study.session.presenters import (
-    ArrayPresenter,
-    ExperimenterPresenter,
-    Headphones,
-    MarkedPresenter,
-    MaskedPresenter,
-    Presenter,
-    TextPresenter,
-)
+from midair.study.session.presenters import Headphones, Presenter, RigPresenter
 from midair.study.session.trials import Reply, TrialStep
 
 if sys.platform != "win32":
@@ -71,21 +61,19 @@ def open_stimulus_rig(
     folder: StudyFolder,
     plan: Plan,
     *,
-    exposure: ExposureChoices | None = None,
-    room: Medium | None = None,
+    settings: PlaySettings | None = None,
     noise: str = "default",
     serial: str = "",
     show: Callable[[str], None] = lambda _: None,
     participant: int = 0,
-    follow: PlaySettings | None = None,
 ) -> Generator[StimulusRig]:
     """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
     Before the session begins, the digests of all drives are checked, and each drive must pass the exposure check; every
     playback is logged. The effect of the room air, the noise level and the marker
     outputs are printed for the experimenter. `serial` replaces the serial port of the plan, see `open_markers`.
-    `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. With `follow`, drives
-    follow the palm of its tracker. Raises InputError if the plan has pictures or sounds.
+    `show` shows a text to the participant; `participant` (0 if unknown) is logged by its code. `settings` are those of
+    playing: exposure, air, and a tracker of the palm. Raises InputError if the plan has pictures or sounds.
     """
     console = Console(stderr=True, emoji=False)
     if unable := next((one for one in plan.design.stimuli if one.kind in ("picture", "sound")), None):
@@ -93,37 +81,44 @@ def open_stimulus_rig(
             f"stimulus {unable.name!r}: expected drives, objects, texts or silence, got a {unable.kind}, which a"
             " terminal cannot present; run this study in the studio: midair studio"
         )
-    experimenter = ExperimenterPresenter(
+    drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
+    if array != "none":
+        check_digests(folder.path, plan.drives, plan.design.stimuli)
+    elif drives:
+        raise InputError(f"array: expected an array for {len(drives)} drives of the plan, got none; give --array")
+    presenter = RigPresenter(
         tell=lambda line: console.print(f"experimenter: {plain_text(line)}"),
         done=lambda: console.input("[dim]Press Enter after the presentation[/] "),
+        show=show,
     )
-    by_hand = TextPresenter(inner=experimenter, show=show)
-    drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
-    if array == "none":
-        if drives:
-            raise InputError(f"array: expected an array for {len(drives)} drives of the plan, got none; give --array")
-        with open_markers(plan, serial=serial) as markers:
-            yield _marked(by_hand, markers, console)
-        return
-    check_digests(folder.path, plan.drives, plan.design.stimuli)
+    about: dict[str, Any] = {}
     with ExitStack() as stack:
         markers = stack.enter_context(open_markers(plan, serial=serial))
-        settings = (follow or PlaySettings()).but(
-            exposure=replace(exposure or default_exposure(), room=room),
-            participant=study_code(folder, participant) if participant else "",
-        )
-        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, settings, console))
-        rig, device = _marked(presenter, markers, console), presenter.session.rig.array
-        about: dict[str, Any] = {"array": device.name, "noise_dbfs": None, **rig.about}
-        rig = replace(rig, simulated=device.simulated, about=about)
-        if plan.design.noise is None or noise == "none":
-            yield rig
+        if markers is not None:
+            about["markers"] = markers.outputs.said
+            console.print(plain_text(f"markers: {about['markers']}"))
+        if array == "none":
+            yield StimulusRig(presenter=presenter, markers=markers, about=about)
             return
-        headphones = stack.enter_context(Headphones(plan.design.noise, device=noise))
-        console.print(plain_text(f"headphones: {plan.design.noise.said}"))
-        masked = MaskedPresenter(inner=rig.presenter, noise=headphones)
-        about["noise_dbfs"] = plan.design.noise.level_dbfs
-        yield replace(rig, presenter=masked)
+        chosen = (settings or PlaySettings()).but(participant=study_code(folder, participant) if participant else "")
+        lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
+        session = stack.enter_context(_open_session(array, lasting, chosen, _ConsoleNotes(console)))
+        cleared = cleared_drives(folder.path, session)
+        for one in drives:
+            if (found := cleared(one.source, one.share).clearance).outcome == "attenuated":
+                session.observer.note(f"{one.source}: exposure {found.verdict()}", warns=True)
+        for source in dict.fromkeys(one.source for one in drives):
+            path = folder.path / source
+            replace(session, observer=_ConsoleNotes(console, source)).in_air(load_solution(path).drive, chosen, path)
+        headphones = None
+        if plan.design.noise is not None and noise != "none":
+            headphones = stack.enter_context(Headphones(plan.design.noise, device=noise))
+            console.print(plain_text(f"headphones: {plan.design.noise.said}"))
+        device = session.rig.array
+        about |= {"array": device.name, "noise_dbfs": headphones and headphones.noise.level_dbfs}
+        longest = max((drive.frames / drive.rate for drive in lasting), default=0.0)
+        presenter = replace(presenter, session=session, cleared=cleared, silence_s=longest, noise=headphones)
+        yield StimulusRig(presenter=presenter, simulated=device.simulated, markers=markers, about=about)
 
 
 @contextmanager
@@ -138,19 +133,8 @@ def open_markers(plan: Plan, *, serial: str = "") -> Generator[EventMarkers | No
         outputs = replace(outputs, serial="") if outputs.lsl else None
     elif outputs is not None and serial:
         outputs = replace(outputs, serial=serial)
-    if outputs is None:
-        yield None
-        return
-    with EventMarkers(outputs) as markers:
+    with nullcontext() if outputs is None else EventMarkers(outputs) as markers:
         yield markers
-
-
-def _marked(presenter: Presenter, markers: EventMarkers | None, console: Console) -> StimulusRig:
-    if markers is None:
-        return StimulusRig(presenter=presenter)
-    console.print(plain_text(f"markers: {markers.outputs.said}"))
-    about = {"markers": markers.outputs.said}
-    return StimulusRig(presenter=MarkedPresenter(inner=presenter, markers=markers), markers=markers, about=about)
 
 
 def study_code(folder: StudyFolder, participant: int) -> str:
@@ -159,25 +143,20 @@ def study_code(folder: StudyFolder, participant: int) -> str:
 
 
 class _ConsoleNotes(PlayObserver):
-    """Prints the notes of a session for the experimenter."""
+    """Prints the notes of a session for the experimenter, after the name of a drive if one is given."""
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self.about = ""
-        """Beginning of each line."""
+    def __init__(self, console: Console, about: str = "") -> None:
+        self._console, self._about = console, f"{about}: " if about else ""
 
     def note(self, text: str, *, warns: bool = False) -> None:
         """Print the line."""
-        self._console.print(plain_text(self.about + text), style="yellow" if warns else None)
+        self._console.print(plain_text(self._about + text), style="yellow" if warns else None)
 
 
 @contextmanager
-def _array_presenter(
-    array: str, folder: StudyFolder, plan: Plan, by_hand: Presenter, settings: PlaySettings, console: Console
-) -> Generator[ArrayPresenter]:
-    drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
-    lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
-    rates = {drive.rate for drive in lasting}
+def _open_session(array: str, drives: list[Drive], settings: PlaySettings, notes: PlayObserver) -> Generator[Session]:
+    """A session on an open array, with the open tracker of the palm that drives follow."""
+    rates = {drive.rate for drive in drives}
     if settings.follow is None:
         device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
         rig = OpenRig(array=device, sensor=None, settings=settings)
@@ -187,31 +166,27 @@ def _array_presenter(
         raise InputError(f"--follow: expected drives of one frame rate, got {', '.join(f'{r:g}' for r in rates)} Hz")
     else:
         rig = frame_rig(settings.but(device=array), max(rates, default=1000.0))
-    name, notes = tracker_name(settings.follow, settings.tracker_latency), _ConsoleNotes(console)
+    name = tracker_name(settings.follow, settings.tracker_latency)
     with rig, open_tracker(name) if name else nullcontext() as tracker:
-        session = Session(rig=rig, observer=notes, tracker=tracker)
+        yield Session(rig=rig, observer=notes, tracker=tracker)
 
-        @lru_cache(maxsize=32)
-        def cleared_share(source: str, share: float) -> Cleared:
-            drive = load_solution(folder.path / source).drive
-            # Radiation pressure is proportional to the square of the sound pressure, hence to that of the level.
+
+def cleared_drives(folder: Path, session: Session) -> Callable[[str, float], Cleared]:
+    """Function that returns the drive of a file in a folder at a share of its pressure, cleared by a session.
+
+    It raises InputError, which names the file, if a drive belongs to another array or exceeds the exposure profile.
+    """
+
+    @lru_cache(maxsize=32)
+    def cleared(source: str, share: float) -> Cleared:
+        drive = load_solution(folder / source).drive
+        # Radiation pressure is proportional to the square of the sound pressure, hence to that of the level.
+        try:
             return session.clear(drive if share == 1 else replace(drive, level=drive.level * share**0.5))
+        except InputError as wrong:
+            raise type(wrong)(f"{source}: {wrong}") from wrong
 
-        presenter = ArrayPresenter(
-            session=session,
-            cleared=lambda stimulus: cleared_share(stimulus.source, stimulus.share),
-            by_hand=by_hand,
-            silence_s=max((drive.frames / drive.rate for drive in lasting), default=0.0),
-        )
-        presenter.check(plan.design.stimuli)
-        for path in dict.fromkeys(folder.path / one.source for one in drives):
-            notes.about = f"{path.name}: "
-            session.in_air(load_solution(path).drive, settings, path)
-        notes.about = ""
-        for one in drives:
-            if (found := presenter.cleared(one).clearance).outcome == "attenuated":
-                notes.note(f"{one.source}: exposure {found.verdict()}", warns=True)
-        yield presenter
+    return cleared
 
 
 ARROWS = {b"\x1b[D": "left", b"\x1b[C": "right", b"\x1b[B": "down", b"\x1b[A": "up"}
@@ -365,17 +340,6 @@ class TerminalScreen:
     def refused(self, step: TrialStep, why: str) -> None:
         """Print the reason why the answer is invalid."""
         self._console.print(f"trial {step.number}: {plain_text(why)}")
-
-
-@contextmanager
-def stop_on_signals() -> Generator[None]:
-    """Handle termination signals like Ctrl-C: the session silences the array and stops."""
-
-    def stop(number: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt(signal.Signals(number).name)
-
-    with handle_signals(END_SIGNALS, stop):
-        yield
 
 
 def _menu(question: Question) -> list[str]:

@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drives import save_drive
 
 from midair.devices import VirtualArray, autd3_array
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import Session
 from midair.study.design.question import Stimulus
-from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, SilentPresenter
+from midair.study.session.presenters import RigPresenter, SilentPresenter
+from midair.study.stimulus_rig import cleared_drives
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 TONE = Stimulus(name="a", source="a.drive.h5")
@@ -22,30 +24,22 @@ def drive(array=ARRAY):
     return Drive(phase=np.zeros((4, array.count)), level=np.ones(4), rate=1000.0, array=array)
 
 
-def presenter(device, load, told):
-    by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
+def presenter(device, made, told):
+    by_hand = {"tell": told.append, "done": lambda: told.append("done")}
     session = Session.on(device, None, None)
-    return ArrayPresenter(session=session, cleared=lambda one: session.clear(load(one.source)), by_hand=by_hand)
+    return RigPresenter(session=session, cleared=lambda _source, _share: session.clear(made), **by_hand)
 
 
 def test_array_plays_drives_and_experimenter_presents_objects():
-    told, loaded = [], []
-
-    def load(source):
-        loaded.append(source)
-        return drive()
-
+    told = []
     with VirtualArray(ARRAY) as device:
-        one = presenter(device, load, told)
-        one.check((TONE, BRUSH, NOTHING))
-        assert loaded == ["a.drive.h5"]
+        one = presenter(device, drive(), told)
         one.present(TONE)
         assert told == []
         one.present(BRUSH)
         assert told == ["present: brush", "done"]
         one.present(NOTHING)
         one.silence()
-    assert loaded == ["a.drive.h5", "a.drive.h5"]
     assert told[2:] == ["remove the object: nothing may touch the participant now"]
 
 
@@ -63,29 +57,29 @@ class Noise:
 def test_noise_masks_drives_and_silences_but_no_objects():
     told = []
 
-    class Inner(SilentPresenter):
-        def present(self, stimulus):
-            told.append(stimulus.name)
-            if stimulus.name == "a2":
-                raise SilentFramesError("silent")
+    def done():
+        if told[-1] == "present: a2.drive.h5":
+            raise SilentFramesError("silent")
 
-        def silence(self):
-            told.append("silence")
-
-    one = MaskedPresenter(inner=Inner(), noise=Noise(told))
+    one = RigPresenter(tell=told.append, done=done, noise=Noise(told))
     for stimulus in (TONE, NOTHING, BRUSH):
-        one.present(stimulus)
-    assert told == ["noise", "a", "quiet", "noise", "n", "quiet", "b"]
+        one.present(stimulus, lambda: told.append("begins"))
+    assert told == [
+        *("noise", "begins", "present: a.drive.h5", "quiet"),
+        *("noise", "begins", "wait, present nothing", "quiet"),
+        *("begins", "present: brush"),
+    ]
     told.clear()
     with pytest.raises(SilentFramesError):
-        one.present(replace(TONE, name="a2"))
+        one.present(replace(TONE, source="a2.drive.h5"))
     one.silence()
-    assert told == ["noise", "a2", "quiet", "silence", "quiet"]
+    assert told[:3] == ["noise", "present: a2.drive.h5", "quiet"]
+    assert told[3:] == ["remove the object: nothing may touch the participant now", "quiet"]
 
 
 def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():
     with VirtualArray(ARRAY) as device:
-        one = replace(presenter(device, lambda _: drive(), []), silence_s=0.05)
+        one = replace(presenter(device, drive(), []), silence_s=0.05)
         begin = time.monotonic()
         one.present(NOTHING)
         assert time.monotonic() - begin >= 0.05
@@ -95,31 +89,25 @@ def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():
         assert time.monotonic() - begin < 10
 
 
-def test_a_drive_for_another_array_is_refused_before_the_session():
+def test_a_drive_for_another_array_is_refused_by_its_name(tmp_path):
+    save_drive(tmp_path / "a.drive.h5", frames=5, array=TransducerArray.autd3(columns=2, rows=1))
     with VirtualArray(ARRAY) as device, pytest.raises(InputError, match=r"a\.drive\.h5: drive: expected one for"):
-        presenter(device, lambda _: drive(TransducerArray.autd3(columns=2, rows=1)), []).check((TONE,))
+        cleared_drives(tmp_path, Session.on(device, None, None))("a.drive.h5", 0.5)
 
 
-def test_the_experimenter_waits_during_silence():
-    told = []
-    by_hand = ExperimenterPresenter(tell=told.append, done=lambda: None)
-    by_hand.present(NOTHING)
-    assert told == ["wait, present nothing"]
+def test_nobody_presents_for_a_simulated_participant():
     nobody = SilentPresenter()
     nobody.present(BRUSH)
     assert nobody.felt == ("b",)
 
 
-def test_a_too_loud_drive_is_refused_before_the_session():
+def test_a_too_loud_drive_is_refused():
     class Loud(VirtualArray):
         gated = True
 
     with Loud(ARRAY) as device:
-        one = presenter(device, lambda _: drive(), [])
-        with pytest.raises(ExposureError, match=r"a\.drive\.h5: exposure: .* dB too loud"):
-            one.check((TONE,))
-        with pytest.raises(ExposureError):
-            one.present(TONE)
+        with pytest.raises(ExposureError, match=r"^exposure: .* dB too loud"):
+            presenter(device, drive(), []).present(TONE)
         assert not device.emitting
 
 
@@ -144,7 +132,7 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
 
     long = Drive(phase=np.zeros((1500, 249)), level=np.full(1500, 0.003), rate=1000.0, array=ARRAY)
     with autd3_array("emulator", Placement.grid(columns=1, rows=1)) as device:
-        one = presenter(device, lambda _: long, [])
+        one = presenter(device, long, [])
         tripping = threading.Thread(target=trip)
         tripping.start()
         with pytest.raises(SilentFramesError, match=r"failsafe silenced unit 0: frames \d+ to 1499 of 1500"):
@@ -159,4 +147,4 @@ def test_a_presentation_with_silent_frames_does_not_count():
             return replace(super().emit(drive, progress, **options), late=2, gap=0.25)
 
     with Stuttering(ARRAY) as device, pytest.raises(SilentFramesError, match=r"2 late frames and 0\.250 s of silence"):
-        presenter(device, lambda _: drive(), []).present(TONE)
+        presenter(device, drive(), []).present(TONE)

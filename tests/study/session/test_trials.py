@@ -25,7 +25,7 @@ class Recorder:
         self.done = []
         self.silenced = 0
 
-    def present(self, stimulus):
+    def present(self, stimulus, begins=bool):
         self.done.append(stimulus.name)
 
     def silence(self):
@@ -153,7 +153,7 @@ class Faulty(Recorder):
         super().__init__()
         self.silent, self.error = silent, error
 
-    def present(self, stimulus):
+    def present(self, stimulus, begins=bool):
         super().present(stimulus)
         if len(self.done) - 1 in self.silent:
             raise self.error("array: frames 5 to 9 were silent")
@@ -239,7 +239,7 @@ def test_stop_silences_first_and_ends_the_session(plan, tmp_path):
             self.quiet = threading.Event()
             self.began = threading.Event()
 
-        def present(self, stimulus):
+        def present(self, stimulus, begins=bool):
             self.began.set()
             assert self.quiet.wait(10)
 
@@ -262,7 +262,7 @@ def test_stop_silences_first_and_ends_the_session(plan, tmp_path):
 
 def test_an_error_of_the_presenter_silences_it(plan, tmp_path):
     class Broken(Recorder):
-        def present(self, stimulus):
+        def present(self, stimulus, begins=bool):
             raise OSError("link lost")
 
     presenter = Broken()

@@ -21,7 +21,6 @@ from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import stamp_of
 from midair.studio.work import StudyRequest, draw_study
 from midair.study import (
-    MarkedPresenter,
     Plan,
     Reply,
     Session,
@@ -60,8 +59,9 @@ class PagePresenter:
     done: threading.Event = field(default_factory=threading.Event)
     ended: threading.Event = field(default_factory=threading.Event)
 
-    def present(self, stimulus: Stimulus) -> None:
+    def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
         """Present a stimulus; return when it is over."""
+        begins()
         if stimulus.kind == "drive":
             self.play(self.folder / stimulus.source, stimulus.share)
             return
@@ -244,7 +244,7 @@ class StudyPanel(Panel):
             plan,
             order.participant,
             log,
-            self._presenter if markers is None else MarkedPresenter(inner=self._presenter, markers=markers),
+            self._presenter,
             markers=markers,
             room=self._room,
             simulated=drives and bool(self._store.state["player"]["simulated"]),

@@ -1,4 +1,4 @@
-"""Presenters of stimuli: an array, an experimenter with real objects, masking noise (paper, 5.3), or none."""
+"""Presenters of stimuli: an array with an experimenter and masking noise (paper, 5.3), or none."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -8,18 +8,10 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import (
-    DeviceError,
-    InputError,
-    MissingExtraError,
-    SilentFramesError,
-    StoppedError,
-    UnknownDeviceError,
-)
+from midair.errors import DeviceError, MissingExtraError, SilentFramesError, StoppedError, UnknownDeviceError
 from midair.rig import Cleared, Session
 from midair.study.design.question import Stimulus
 from midair.study.design.study_design import MaskingNoise
-from midair.study.event_markers import EventMarkers
 
 
 class Headphones:
@@ -108,159 +100,82 @@ class Headphones:
 class Presenter(Protocol):
     """Presents stimuli, such as an array or an experimenter."""
 
-    def present(self, stimulus: Stimulus) -> None:
-        """Present a stimulus; return when it has ended."""
+    def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
+        """Present a stimulus and return when it has ended; call `begins` directly before it."""
 
     def silence(self) -> None:
         """End the presentation at once; callable at any time, from any thread, and repeatedly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimenterPresenter:
-    """Presentation by an experimenter, who is not blind to the condition."""
+class RigPresenter:
+    """Plays drives on an array, shows texts, and lets an experimenter, who is not blind, present the rest.
+
+    Masking noise accompanies drives and silent stimuli, so that participants cannot hear the difference (paper, 5.3).
+    """
 
     tell: Callable[[str], None]
     """Shows a line to the experimenter only."""
     done: Callable[[], object]
     """Returns when the experimenter confirms the presentation."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Show the instruction and wait for the confirmation."""
-        self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
-        self.done()
-
-    def silence(self) -> None:
-        """Instruct the experimenter to remove the object."""
-        self.tell("remove the object: nothing may touch the participant now")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArrayPresenter:
-    """Plays drives in a session on an open array and passes real objects to the experimenter."""
-
-    session: Session
-    cleared: Callable[[Stimulus], Cleared]
-    """Returns the drive of a stimulus with its clearance by this session."""
-    by_hand: Presenter
-    """Presenter of real objects and texts."""
+    show: Callable[[str], None] = lambda _: None
+    """Shows a text to the participant; an empty one removes it."""
+    session: Session | None = None
+    """Session of an open array; None if the experimenter presents everything but texts."""
+    cleared: Callable[[str, float], Cleared] | None = None
+    """Returns the drive of a source at a share of its pressure, cleared by this session."""
     silence_s: float = 0.0
     """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
+    noise: Headphones | None = None
+    """An open source of noise."""
     ended: Event = field(default_factory=Event)
     """Set when silence is requested."""
 
-    def check(self, stimuli: tuple[Stimulus, ...]) -> None:
-        """Check the exposure of every drive before the session.
-
-        Raises InputError if a drive belongs to another array, or exceeds the exposure profile.
-        """
-        for stimulus in stimuli:
-            if stimulus.kind == "drive":
-                try:
-                    self.cleared(stimulus)
-                except InputError as wrong:
-                    raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
-
-    def present(self, stimulus: Stimulus) -> None:
+    def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
         """Present a stimulus and log played drives; raises SilentFramesError if late frames caused silence."""
         self.ended.clear()
-        if stimulus.kind == "silence":
-            self.ended.wait(self.silence_s)
-        elif stimulus.kind == "drive":
+        if self.noise is None or stimulus.kind not in ("drive", "silence"):
+            return self._present(stimulus, begins)
+        self.noise.on()
+        try:
+            return self._present(stimulus, begins)
+        finally:
+            self.noise.off()
+
+    def _present(self, stimulus: Stimulus, begins: Callable[[], object]) -> None:
+        begins()
+        if stimulus.kind == "text":
+            self.show(stimulus.source)
+            self.ended.wait(stimulus.duration_s)
+            self.show("")
+        elif stimulus.kind == "drive" and self.session is not None and self.cleared is not None:
             share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            played = self.session.play(self.cleared(stimulus), source=stimulus.source + share, progress=self._go_on)
-            if (report := played.report) is not None and report.gap:
+            cleared = self.cleared(stimulus.source, stimulus.share)
+            report = self.session.play(cleared, source=stimulus.source + share, progress=self._go_on).report
+            if report is not None and report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
                     "silence; close other programs"
                 )
+        elif stimulus.kind == "silence" and self.session is not None:
+            self.ended.wait(self.silence_s)
         else:
-            self.by_hand.present(stimulus)
+            self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
+            self.done()
 
     def _go_on(self, done: int, total: int) -> None:
         """Raise StoppedError if silence was requested."""
         if self.ended.is_set():
-            raise StoppedError(f"{self.session.rig.array.name}: stopped after {done} of {total} frames")
+            raise StoppedError(f"array: stopped after {done} of {total} frames")
 
     def silence(self) -> None:
-        """Silence the array, then instruct the experimenter."""
+        """Silence the array and the noise, and let the experimenter remove the object."""
         self.ended.set()
-        self.session.rig.array.silence()
-        self.by_hand.silence()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MaskedPresenter:
-    """Presenter with masking noise in the headphones during drives and silent stimuli (paper, 5.3).
-
-    Silent stimuli have the same noise, so that participants cannot hear the difference. Other stimuli have none.
-    """
-
-    inner: Presenter
-    """Presents the stimuli."""
-    noise: Headphones
-    """An open source of noise."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Present a stimulus during the noise."""
-        if stimulus.kind not in ("drive", "silence"):
-            self.inner.present(stimulus)
-            return
-        self.noise.on()
-        try:
-            self.inner.present(stimulus)
-        finally:
+        if self.session is not None:
+            self.session.rig.array.silence()
+        self.tell("remove the object: nothing may touch the participant now")
+        if self.noise is not None:
             self.noise.off()
-
-    def silence(self) -> None:
-        """Silence the stimulus, then the noise."""
-        self.inner.silence()
-        self.noise.off()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MarkedPresenter:
-    """Presenter with an event marker directly before each stimulus, after the fade-in of masking noise."""
-
-    inner: Presenter
-    """Presents the stimuli."""
-    markers: EventMarkers
-    """Open outputs; the session has sent the marker of the trial."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Send the marker, then present the stimulus."""
-        self.markers.send("stimulus", code=stimulus.code)
-        self.inner.present(stimulus)
-
-    def silence(self) -> None:
-        """Silence the stimulus."""
-        self.inner.silence()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TextPresenter:
-    """Presenter that shows texts itself."""
-
-    inner: Presenter
-    """Presents all other stimuli."""
-    show: Callable[[str], None]
-    """Shows a text to the participant; an empty one removes it."""
-    ended: Event = field(default_factory=Event)
-    """Set when silence is requested."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Show a text for its duration, or present another stimulus."""
-        if stimulus.kind != "text":
-            self.inner.present(stimulus)
-            return
-        self.ended.clear()
-        self.show(stimulus.source)
-        self.ended.wait(stimulus.duration_s)
-        self.show("")
-
-    def silence(self) -> None:
-        """Remove the text, and silence the stimulus."""
-        self.ended.set()
-        self.inner.silence()
 
 
 class SilentPresenter(Presenter):
@@ -272,6 +187,7 @@ class SilentPresenter(Presenter):
     def __init__(self) -> None:
         self.felt: tuple[str, ...] = ()
 
-    def present(self, stimulus: Stimulus) -> None:
+    def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
         """Store the name of the stimulus."""
+        begins()
         self.felt = (*self.felt[-1:], stimulus.name)

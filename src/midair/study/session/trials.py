@@ -21,7 +21,7 @@ from midair.study.design.plan import Plan, Trial
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.session_state import SessionState, replay, right_answer_of_trial
 from midair.study.design.study_design import Design
-from midair.study.event_markers import EventMarkers
+from midair.study.event_markers import EventMarkers, MarkerKind
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter, SilentPresenter
 
@@ -187,8 +187,8 @@ class Session:
     Participants are numbered from 1, and an existing `log` with answers is continued: the unfinished trial is presented
     again and asks only unanswered questions. `simulated` (a simulated participant takes part) is stored in the log and
     all results, `room` (the air, None if unknown) in the log, `about` as further fields of its "open" event, such as
-    the masking noise. `clock` is the computer's by default. Open outputs in `markers` get a marker at each trial and
-    answer; stimuli are marked by a `MarkedPresenter`.
+    the masking noise. `clock` is the computer's by default. Open outputs in `markers` get a marker at each trial,
+    stimulus and answer.
     """
 
     def __init__(
@@ -281,8 +281,7 @@ class Session:
         """
         step = self._expect("present")
         trial = self._trials[step.code]
-        if self._markers is not None:
-            self._markers.send("trial", step.code)
+        self._mark("trial", step.code)
         stimulus = self._due(trial)
         try:
             self._clock.wait(trial.wait_s, self._stopped)
@@ -348,7 +347,8 @@ class Session:
                 return
             if text:
                 cue(f"{text} {place.capitalize()}." if stimulus.members else text)
-            self._presenter.present(self.plan.design.stimulus(name))
+            shown = self.plan.design.stimulus(name)
+            self._presenter.present(shown, lambda code=shown.code: self._mark("stimulus", code=code))
         if text:
             cue("")
 
@@ -371,11 +371,15 @@ class Session:
         if self._step.kind == "done":
             self._write("done")
 
+    def _mark(self, kind: MarkerKind, trial: str = "", *, code: int = 0) -> None:
+        if self._markers is not None:
+            self._markers.send(kind, trial, code=code)
+
     def _write_marked(self, event: Literal["answer", "late"], *, trial: str, **fields: Any) -> None:
         """Send the marker of an answer, then log the answer, even if the marker failed."""
         try:
-            if self._markers is not None and trial:
-                self._markers.send(event, trial)
+            if trial:
+                self._mark(event, trial)
         finally:
             self._write(event, trial=trial, **fields)
 

@@ -3,7 +3,7 @@
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.options import OptionalTime, StopInput, Study
-from midair.devices import stop_on_input
+from midair.devices import signals_end_the_program, stop_on_input
 from midair.errors import InputError
 from midair.rig import PlaySettings
 from midair.study import (
@@ -21,7 +21,6 @@ from midair.study import (
     keyboard_of_terminal,
     open_stimulus_rig,
     run,
-    stop_on_signals,
     withdrawn,
 )
 
@@ -82,26 +81,22 @@ def run_command(
     if _is_finished(folder, plan, participant):
         out().print(f"participant {participant} has already finished; no question was asked.")
         return 0
-    limits = (room or RoomOptions()).limits()
+    settings = PlaySettings(exposure=(room or RoomOptions()).limits(), follow=follow, tracker_latency=tracker_latency)
     screen = TerminalScreen(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
-    following = PlaySettings(follow=follow, tracker_latency=tracker_latency) if follow or tracker_latency else None
-
     with (
-        stop_on_signals(),
+        signals_end_the_program(),
         stop_on_input(stop_input),
         open_stimulus_rig(
             array,
             folder,
             plan,
-            exposure=limits,
-            room=limits.room,
+            settings=settings,
             noise=noise,
             serial=serial,
             show=screen.present_text,
             participant=participant,
-            follow=following,
         ) as rig,
     ):
         session = Session(
@@ -110,7 +105,7 @@ def run_command(
             folder.log(participant),
             rig.presenter,
             simulated=rig.simulated,
-            room=limits.room,
+            room=settings.exposure.room,
             about=rig.about,
             markers=rig.markers,
         )
