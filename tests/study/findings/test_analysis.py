@@ -7,7 +7,7 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
-from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
+from midair.study.findings.choice_findings import Finding, attempt, p_words
 from midair.study.findings.study_data import data_of_answers, data_of_columns, simulation_of
 from midair.study.tables import columns_of, legend_of, read_csv
 
@@ -46,16 +46,8 @@ def test_a_failed_analysis_gives_its_reason():
     assert (found.title, found.words) == ("A test", "Not computed. Pairs: expected two, got one.")
 
 
-def test_limits_or_the_reason_why_there_are_none():
-    x = np.array([1.0, 2, 3, 4, 5])
-    assert limits_words(np.mean, x, "plain") == "95 % limits over people 1.04 to 4.96"
-    assert "fewer than five" in limits_words(np.mean, x[:4], "plain")
-    assert "the differences between people are unknown" in limits_words(np.mean, np.ones(5), "share")
-
-
-def test_notes_are_last_and_columns_are_explained():
-    table = note_last(pd.DataFrame({"note": [""], "F": [1.0], "surface": ["a"]}))
-    assert table.columns.tolist() == ["F", "surface", "note"]
+def test_the_columns_of_a_table_are_explained():
+    table = pd.DataFrame({"F": [1.0], "surface": ["a"], "note": [""]})
     assert [name for name, _ in legend_of(Finding(title="", words="", table=table))] == ["F", "note"]
 
 
@@ -147,7 +139,6 @@ def test_one_participant():
     assert "Not computed. Pairs: expected two or more people" in found(report, "Effect of the condition").words or any(
         "two or more people" in one.words for one in report.findings
     )
-    assert report.choices[0].f_limits is None
     rated = analyse(data_of_columns(ratings(people=1), **RATED), draws=200)
     assert found(rated, "Ratings: analysis").words.startswith("Not computed. Participants: expected two or more")
 
@@ -208,16 +199,6 @@ def test_trials_without_a_right_answer_are_no_object():
     table = choices() | {"right": np.where(np.arange(144) % 12 == 5, "n/a", choices()["right"])}
     report = analyse(data_of_columns(table, **NAMES), draws=200)
     assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
-
-
-@pytest.mark.long
-def test_limits_are_over_people_or_are_not_given():
-    words = [
-        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Identification: plain").words
-        for people in (4, 6)
-    ]
-    assert "no limits with fewer than five people, got 4" in words[0]
-    assert "95 % limits over people" in words[1]
 
 
 def test_every_column_of_a_table_is_explained(reports):
