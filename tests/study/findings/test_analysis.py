@@ -251,24 +251,6 @@ def test_nothing_to_analyse():
         data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])
 
 
-@pytest.mark.long
-def test_few_wrong_answers_are_reported():
-    who, thing, _ = np.indices((6, 3, 4)).reshape(3, -1)
-    presented = np.array(["a", "b", "c"])[thing]
-    answered = presented.copy()
-    for wrong, warned in ((5, True), (6, False)):
-        answered[::12][:wrong] = "c"
-        data = data_of_columns(
-            {"participant": who, "presented": presented, "answered": answered},
-            participant="participant",
-            presented="presented",
-            answered="answered",
-        )
-        words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Identification"))
-        assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
-        assert ("There are fewer wrong answers than people" in words) == warned
-
-
 @pytest.mark.parametrize(
     ("marked", "by", "words"),
     [
