@@ -120,7 +120,7 @@ def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
 
 @singledispatch
 def describe(thing: Any) -> list[Line]:
-    """The table of a recording or of a calibration of an array."""
+    """The table of a recording, a calibration of an array, or an assignment of channels."""
     raise TypeError(type(thing))
 
 

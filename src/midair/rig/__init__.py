@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .bench.identify import TapTest as TapTest
     from .bench.identify import assignment_problems as assignment_problems
     from .bench.identify import identify_by_taps as identify_by_taps
-    from .bench.identify import identify_by_tones as identify_by_tones
     from .correction.budget_stages import BudgetPlan as BudgetPlan
     from .correction.budget_stages import LevelTrade as LevelTrade
     from .correction.budget_stages import error_budget as error_budget

@@ -69,14 +69,6 @@ def test_an_uncertain_order_does_not_change_the_file(tapped, capsys):
     assert load_sensor("palm.toml").order == tuple(range(16))
 
 
-def test_tones(capsys):
-    t = np.arange(3000) / 1000
-    tones = np.sin(2 * np.pi * (50 + 25 * np.arange(16)) * t[:, None])
-    save(Recording(samples=tones[:, ::-1].reshape(-1, 4, 4), rate=1000.0), "tones.h5")
-    assert run(["identify", "replay:tones.h5", "--tones", "50Hz", "425Hz"]) == 0
-    assert "turned by 180 degrees" in capsys.readouterr().out
-
-
 def test_silence_is_one_clear_line(capsys):
     command = bench(np.random.default_rng(0).normal(0, 1e-3, (18_000, 16)))
     assert run(command) == 1

@@ -13,8 +13,6 @@ from midair.rig.bench.identify import (
     assignment_problems,
     identify,
     identify_by_taps,
-    identify_by_tones,
-    tone_answers,
 )
 from midair.rig.names.sensor_names import VirtualRig
 
@@ -135,18 +133,6 @@ def test_silence_is_an_error():
         identify(np.full((16, 16), 1e-3), NOISE, GRID)
 
 
-def test_tones_are_measured_among_each_other():
-    """Two tones of .5 and .2 V in noise of .01 V rms, on two channels with opposite parts."""
-    rate, frames = 1000.0, 2000
-    t = np.arange(frames) / rate
-    noise = np.random.default_rng(0).normal(0, 0.01, (frames, 2))
-    one, two = np.sin(2 * np.pi * 100 * t + 1), np.sin(2 * np.pi * 103 * t + 2)
-    samples = np.stack([0.5 * one + 0.2 * two, 0.2 * one + 0.5 * two], axis=1) + noise + 7
-    answer, floor = tone_answers(samples, rate, np.array([100.0, 103.0]))
-    np.testing.assert_allclose(answer, [[0.5, 0.2], [0.2, 0.5]], atol=4 * 0.01 * np.sqrt(2 / frames))
-    np.testing.assert_allclose(floor, 0.01 * np.sqrt(2 / frames), rtol=0.1)
-
-
 RHYTHM = TapTest(every=1.0)
 ORDER = tuple(int(i) for i in np.random.default_rng(3).permutation(16))
 
@@ -214,21 +200,3 @@ def test_a_sensor_without_touch_is_an_error():
     samples = np.random.default_rng(0).normal(0, 1e-3, (18_000, 4, 4))
     with sensor_of(samples) as sensor, pytest.raises(InputError, match="got none"):
         identify_by_taps(sensor, RHYTHM, lambda cell: None)
-
-
-def hums(order, seconds=2.0):
-    """A tone of 50 + 25 k Hz in cell k, a fifth of it in every other channel, and noise."""
-    t = np.arange(round(seconds * 1000)) / 1000
-    tones = np.sin(2 * np.pi * (50 + 25 * np.arange(16)) * t[:, None])
-    cells = tones + 0.2 * (tones.sum(axis=1, keepdims=True) - tones)
-    samples = np.empty_like(cells)
-    samples[:, list(order)] = cells
-    samples += np.random.default_rng(1).normal(0, 0.3, samples.shape)
-    return ReplaySensor(Recording(samples=samples.reshape(-1, 4, 4), rate=1000.0))
-
-
-def test_tones_tell_the_order():
-    with hums(ORDER) as sensor:
-        identity = identify_by_tones(sensor, np.linspace(50, 425, 16), 2.0)
-    assert identity.channel == ORDER
-    assert identity.sound

@@ -1,4 +1,4 @@
-"""The first-day check of an array: by a person on the makers' emulator, and by a sensor on the virtual rig."""
+"""The first-day check of an array: by a person on the makers' emulator."""
 
 import io
 import json
@@ -6,9 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,19 +14,10 @@ from tests.drives import log, save_drive
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.devices import VirtualArray, state_folder
-from midair.errors import InputError
+from midair.devices import state_folder
 from midair.model import Acoustics, Placement
-from midair.physics import Transducers
-from midair.rig import VirtualRig, checkup_line, default_exposure
-from midair.rig.doctor.wizard import (
-    DEAD,
-    check_sensor_rate,
-    click_drive,
-    places_of_units,
-    run_wizard,
-    transducer_strengths,
-)
+from midair.rig import checkup_line
+from midair.rig.doctor.wizard import click_drive
 
 WIZARD = ["doctor", "--device", "autd3:emulator", "--wizard"]
 SWITCH, SILENCE = 0x12, 0x16
@@ -51,7 +40,6 @@ def test_a_person_confirms_a_sound_array(monkeypatch, capsys):
     found = stored()
     assert found["air"]["found"].startswith("22.5 °C")
     assert [found[each]["state"] for each in ("placement", "ears", "wiring", "heat")] == ["ok"] * 4
-    assert found["transducers"]["state"] == "missing"
     # One order a click; unit 1 clicked twice.
     played = [entry["drive"] for entry in log() if entry["event"] == "play"]
     assert played == [f"clicks of unit {unit}" for unit in (0, 1, 1, 2, 3)]
@@ -77,7 +65,7 @@ def test_without_a_person_nothing_is_confirmed(capsys):
     assert run([*WIZARD, "--yes", "--temperature", "21C"]) == 0
     found = stored()
     assert found["air"]["state"] == "ok"
-    assert [found[each]["state"] for each in ("placement", "wiring", "transducers")] == ["missing"] * 3
+    assert [found[each]["state"] for each in ("placement", "wiring")] == ["missing"] * 2
     assert "not confirmed" in found["wiring"]["found"]
 
 
@@ -142,69 +130,3 @@ def test_a_click_is_of_one_unit_and_above_its_centre():
     path = np.linalg.norm(array.position[inside] - focus, axis=1)
     turn = np.exp(1j * (drive.phase[0, inside] + 2 * np.pi * 40e3 / 340 * path))
     np.testing.assert_allclose(turn, turn[0], atol=1e-6)
-
-
-class Wired(VirtualArray):
-    """A virtual array whose cables reach other units: the commands for unit `order[place]` sound from `place`."""
-
-    order = (0, 1, 2, 3)
-
-    def emit(self, drive, progress, **how):
-        at = np.concatenate([np.flatnonzero(drive.array.unit == unit) for unit in self.order])
-        level = drive.level if drive.level.ndim == 1 else drive.level[:, at]
-        return super().emit(replace(drive, phase=drive.phase[:, at], level=level), progress, **how)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("order", "places"), [((0, 1, 2, 3), (0, 1, 2, 3)), ((1, 0, 2, 3), (1, 0, 2, 3)), ((3, 0, 1, 2), (1, 2, 3, 0))]
-)
-def test_a_sensor_finds_the_place_of_each_unit(order, places):
-    rig = VirtualRig()
-    skin = rig.skin()
-    array = Wired(rig.array, skin, silencer="off", seed=1)
-    array.order = order
-    with array, rig.sensor(skin) as sensor:
-        assert places_of_units(array, sensor, default_exposure(), rig.height) == places
-
-
-@pytest.mark.long
-def test_a_unit_without_power_has_no_place():
-    rig = VirtualRig()
-    base = Transducers.alike(rig.array.count)
-    response = np.where(rig.array.unit == 2, 0, base.response)
-    rig = replace(rig, transducers=Transducers(pole=base.pole, response=response))
-    skin = rig.skin()
-    array = rig.array_device(skin)
-    array.silencer = "off"
-    with array, rig.sensor(skin) as sensor:
-        assert places_of_units(array, sensor, default_exposure(), rig.height) == (0, 1, None, 3)
-
-
-@pytest.mark.long
-def test_a_sensor_finds_dead_transducers():
-    """Strengths that scatter by 10 %, resonances by 200 Hz; five dead transducers, one of half strength."""
-    rig, dead = VirtualRig(), [3, 250, 251, 700, 995]
-    base = Transducers.varied(rig.array.count, seed=1, gain_spread=0.1, resonance_spread=200.0)
-    response = base.response.copy()
-    response[dead] = 0
-    response[100] *= 0.5
-    rig = replace(rig, transducers=Transducers(pole=base.pole, response=response))
-    skin = rig.skin()
-    array = rig.array_device(skin)
-    array.silencer = "off"
-    with array, rig.sensor(skin) as sensor:
-        strength, uncertainty = transducer_strengths(array, sensor, default_exposure(), rig.height)
-    assert np.flatnonzero(strength < DEAD).tolist() == dead
-    assert uncertainty.max() < 0.2
-    assert 0.35 < strength[100] < 0.65
-    assert np.abs(strength[dead]).max() < 4 * uncertainty[dead].max()
-
-
-def test_a_sensor_of_another_rate_is_refused_before_a_sound():
-    sensor = SimpleNamespace(name="microphone", rate=44100.0)
-    with pytest.raises(InputError, match="microphone: expected a rate that is a multiple of 1000 Hz, got 44100 Hz"):
-        run_wizard(VirtualArray(VirtualRig().array), lambda _: pytest.fail("asked"), default_exposure(), sensor=sensor)
-    sensor.rate = 1000.0
-    with pytest.raises(InputError, match="higher rate for 20 units"):
-        check_sensor_rate(sensor, 20)

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,9 @@ from typing import Any
 from midair import files, rig
 from midair.cli.console import banner, err, print_json, print_note, print_rows
 from midair.cli.exposure_options import RoomOptions
-from midair.cli.options import Json, Length, Placement
+from midair.cli.options import Json, Placement
 from midair.cli.output import print_table
 from midair.errors import InputError
-from midair.model import HEIGHT
 from midair.table import Details, Line
 
 
@@ -21,8 +19,6 @@ def doctor_command(
     *,
     device: str | None = None,
     wizard: bool = False,
-    sensor: str | None = None,
-    height: Length = HEIGHT,
     yes: bool = False,
     placement: Placement = None,
     room: RoomOptions | None = None,
@@ -40,13 +36,8 @@ def doctor_command(
         Also query this array, without sound: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE.
         Or read this sensor for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
     wizard
-        Check the array with sound and questions: air, placement, sound at the ears, wiring, transducers, heat.
+        Check the array with sound and questions: air, placement, sound at the ears, wiring, heat.
         The report is stored, and midair play prints its age.
-    sensor
-        Sensor for --wizard, as in midair record, face down over the centre of the array.
-        It finds the order of the units, and dead transducers.
-    height
-        Height of the sensor of --wizard above the array.
     yes
         Ask nothing; what a person would confirm is reported as not checked.
     lab
@@ -65,10 +56,8 @@ def doctor_command(
         files.save_laboratory(files.Laboratory(), lab)
         print_rows([("laboratory", f"{lab}; replace what you know better, then midair budget take.h5 --lab {lab}")])
         return 0
-    if not wizard and (sensor or yes or placement or room or height != HEIGHT):
-        raise InputError(
-            "--sensor, --height, --yes and options of placement, air and exposure: expected --wizard, got none"
-        )
+    if not wizard and (yes or placement or room):
+        raise InputError("--yes and options of placement, air and exposure: expected --wizard, got none")
     if not wizard:
         findings = rig.run_checks(device)
     elif device is None:
@@ -76,12 +65,9 @@ def doctor_command(
     else:
         choices = (room or RoomOptions()).limits()
         array = rig.array_named(device, None if placement is None else files.load_placement(placement), silencer="off")
-        with (
-            array,
-            nullcontext() if sensor is None else rig.sensor_named(sensor, rig.VirtualRig(height=height)) as above,
-        ):
+        with array:
             banner(array.simulated)
-            findings = rig.run_wizard(array, (lambda _: None) if yes else _ask, choices, sensor=above, height=height)
+            findings = rig.run_wizard(array, (lambda _: None) if yes else _ask, choices)
         print_note(f"report stored: {rig.store_checkup(array.name, findings)}")
     if json:
         print_json([asdict(finding) for finding in findings])

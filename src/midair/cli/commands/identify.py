@@ -1,19 +1,19 @@
-"""The command `identify`: find the channel of each cell by taps or tones, and correct the sensor file."""
+"""The command `identify`: find the channel of each cell by taps, and correct the sensor file."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
 
-import numpy as np
 from rich.text import Text
 
 from midair import devices, files, rig
-from midair.cli.console import banner, err, out, print_json
+from midair.cli.console import banner, err, out
 from midair.cli.keys import Keys
-from midair.cli.options import Json, OptionalTime, Time, quantity
+from midair.cli.options import Json, OptionalTime, Time
+from midair.cli.output import describe, print_table
 from midair.errors import InputError
 from midair.model import SensorWiring
+from midair.table import Line, Row
 
 
 def identify_command(
@@ -23,12 +23,10 @@ def identify_command(
     sensor_file: Path | None = None,
     every: OptionalTime = None,
     wait: Time = 10.0,
-    tones: Annotated[tuple[float, float] | None, quantity("Hz", many=2)] = None,
-    duration: Time = 2.0,
     json: Json = False,
     seed: int = 0,
 ) -> int:
-    """Find out which channel belongs to which cell, by taps or tones.
+    """Find out which channel belongs to which cell, by taps.
 
     Tap each cell when the command names it, row by row from the top left.
     The exit status is 1 if a channel is dead, doubled or uncertain; a different order is no error.
@@ -43,10 +41,6 @@ def identify_command(
         Tap in this rhythm instead of waiting for each tap; this also finds cells that do not respond.
     wait
         Skip a cell that does not respond within this time; the key s skips it at once.
-    tones
-        Use a tone in each cell instead of taps: frequency of the first and of the last cell, the others evenly between.
-    duration
-        Listening time for tones.
     seed
         Random seed of a virtual sensor.
 
@@ -58,16 +52,15 @@ def identify_command(
     device = rig.sensor_named(sensor, rig.VirtualRig(seed=seed), wiring=wiring)
     banner(device.simulated)
     with device, Keys() as keys:
-        if tones is None:
-            prompt = _prompt(device, keys=keys.active)
-            found = rig.identify_by_taps(
-                device, rig.TapTest(every=every, wait=wait), prompt, lambda: "s" in keys.pressed()
-            )
-        else:
-            found = rig.identify_by_tones(device, np.linspace(*tones, device.grid.count), duration)
+        test, prompt = rig.TapTest(every=every, wait=wait), _prompt(device, keys=keys.active)
+        found = rig.identify_by_taps(device, test, prompt, lambda: "s" in keys.pressed())
         own = device.wiring or SensorWiring(grid=device.grid, unit=device.unit, full_scale=device.full_scale)
         written = _write(found, wiring or own, sensor_file)
-    _print(found, sensor_file if written else None, json=json)
+    if not json:
+        out().print("channel that responds at each cell:")
+        out().print(channel_map(found))
+    file = Row("written", str(sensor_file) if written else None, text=f"order, to {sensor_file}" if written else "")
+    print_table([*describe(found), file], json=json)
     return int(not found.sound)
 
 
@@ -95,19 +88,12 @@ def _write(found: rig.Identity, wiring: SensorWiring, path: Path | None) -> bool
     return True
 
 
-def _print(found: rig.Identity, written: Path | None, *, json: bool) -> None:
-    said = rig.assignment_problems(found)
-    if json:
-        parts = asdict(found) | {"grid": list(found.grid.shape), "margin": found.margin.tolist()}
-        state = {"sound": found.sound, "in_order": found.in_order, "order": list(found.order), "findings": said}
-        return print_json(parts | state | {"written": None if written is None else str(written)})
-    out().print("channel that responds at each cell:")
-    out().print(channel_map(found))
-    for sentence in said or ["every channel is in its place"]:
-        out().print(sentence)
-    if written is not None:
-        out().print(f"order written to {written}")
-    return None
+@describe.register
+def _(found: rig.Identity) -> list[Line]:
+    problems = rig.assignment_problems(found)
+    parts = asdict(found) | {"grid": list(found.grid.shape), "margin": found.margin.tolist(), "findings": problems}
+    state = {"sound": found.sound, "in_order": found.in_order, "order": list(found.order)}
+    return [parts | state, *(("found", each) for each in problems or ["every channel is in its place"])]
 
 
 def channel_map(found: rig.Identity) -> Text:

@@ -1,4 +1,4 @@
-"""Record a tap, or a tone, on each cell of a sensor, and assign channels to cells from the responses of every channel.
+"""Record a tap on each cell of a sensor, and assign channels to cells from the responses of every channel.
 
 Neighbouring channels respond too, taps differ in strength, and channels in gain. The assignment as a whole is more
 certain than any single pair: the product of the responses along it contains the strength of every tap and the gain of
@@ -111,28 +111,6 @@ def assignment_problems(identity: Identity) -> list[str]:
     return said if identity.in_order else [*said, _permutation(identity)]
 
 
-def tone_answers(samples: Array, rate: float, frequency: Array) -> tuple[Array, Array]:
-    """Fit the amplitude of every tone in every channel, and the noise of these amplitudes, by least squares.
-
-    The noise of an amplitude is sigma sqrt(2 / frames), with sigma the rms of the residual (D. Rife, R. Boorstyn, IEEE
-    Trans. Inf. Theory 20, 1974). `samples` (frame, channel) and `frequency` (tone,) give shapes (tone, channel) and
-    (channel,). InputError if a frequency is not between 0 and half the rate, or the recording is too short for them.
-    """
-    frames, gap = len(samples), float(np.diff(np.sort(frequency)).min(initial=np.inf))
-    if not 0 < frequency.min() <= frequency.max() < rate / 2:
-        raise InputError(f"tones: expected 0 to {rate / 2:g} Hz, got {frequency.min():g} to {frequency.max():g} Hz")
-    # Two periods of the difference frequency separate two tones.
-    if frames < 2 * rate / gap or frames <= 2 * len(frequency) + 1:
-        raise InputError(f"tones {gap:g} Hz apart: expected {2 / gap:.3g} s or more, got {frames / rate:.3g} s")
-    phase = 2 * np.pi * np.arange(frames)[:, None] / rate * frequency
-    basis = np.concatenate([np.cos(phase), np.sin(phase), np.ones((frames, 1))], axis=1)
-    part = np.asarray(np.linalg.lstsq(basis, samples, rcond=None)[0], np.float64)
-    rest = samples - basis @ part
-    count = len(frequency)
-    sigma = np.sqrt(np.square(rest).sum(axis=0) / (frames - basis.shape[1]))
-    return np.hypot(part[:count], part[count : 2 * count]), sigma * np.sqrt(2 / frames)
-
-
 def _assignment(cost: Array) -> tuple[dict[int, int], float]:
     cells, columns = scipy.optimize.linear_sum_assignment(cost)
     return {int(k): int(c) for k, c in zip(cells, columns, strict=True)}, float(cost[cells, columns].sum())
@@ -229,23 +207,6 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
     return identify(
         np.array([reader.strength(tap) for tap in heard]), reader.noise, sensor.grid, signals=np.concatenate(heard)
     )
-
-
-def identify_by_tones(sensor: SensorDevice, frequency: Array, duration: float) -> Identity:
-    """Assign channels to cells from a tone in each cell: `frequency` in Hz, in the order of the cells.
-
-    InputError if there is not one frequency for each cell, or `duration` (s) is too short to separate them; DeviceError
-    if the sensor ends early.
-    """
-    if len(frequency) != sensor.grid.count:
-        raise InputError(f"tones: expected {sensor.grid.count}, one for each cell, got {len(frequency)}")
-    sensor.start()
-    try:
-        samples = _SensorReader(sensor, TapTest()).take(round(duration * sensor.rate))
-    finally:
-        sensor.stop()
-    answer, noise = tone_answers(samples, sensor.rate, frequency)
-    return identify(answer, noise, sensor.grid, signals=samples)
 
 
 class _SensorReader:
