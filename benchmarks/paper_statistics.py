@@ -13,8 +13,7 @@ import scipy
 
 from midair.figures import STYLE, new_figure, plain_axes, png_bytes
 from midair.files import write_file
-from midair.study import bayes_factor, d_prime_choice, f_measure, power_paired
-from midair.study.statistics.detection import d_prime_of_share
+from midair.study import bayes_factor, d_prime_choice, f_measure, power_paired, wilson
 
 T = 1.60
 """Student's t of the paired test over objects, two surfaces."""
@@ -46,10 +45,8 @@ def published() -> dict[str, object]:
     d_z, df = T / OBJECTS**0.5, OBJECTS - 1
     total = PEOPLE * TRIALS
     fewest = int(np.floor(CORRECT * total)) + 1  # "over 95 %": the smallest number of answers above it
+    low, high = wilson(fewest, total)
     sense = d_prime_choice(fewest, total, alternatives=OBJECTS)
-    interval = scipy.stats.binomtest(fewest, total).proportion_ci(method="wilson")
-    low, high = float(interval.low), float(interval.high)
-    edges = [d_prime_of_share(share, alternatives=OBJECTS) for share in (low, high)]
     limits = [limit / OBJECTS**0.5 for limit in noncentral_t_limits(T, df)]
     return {
         "p of t(2) = 1.60, two-sided": 2 * scipy.stats.t.sf(T, df),
@@ -59,7 +56,7 @@ def published() -> dict[str, object]:
         + scipy.stats.t.ppf(0.95, df) / OBJECTS**0.5,
         "Bayes factor for a difference": bayes_factor(T, OBJECTS),
         f"share right of real objects, at least {fewest} of {total}": [fewest / total, low, high],
-        f"d' of real objects at {fewest} of {total}": [sense.d_prime, *edges],
+        f"d' of real objects at {fewest} of {total}": [sense.d_prime, sense.low, sense.high],
     }
 
 

@@ -33,7 +33,7 @@ LINES = {
     "patterns datasets": 1776,
     "view figures": 2045,
     "cli": 6626,
-    "study": 5951,
+    "study": 6254,
     "studio": 6055,
     "sweep": 502,
     "paper": 425,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 52_053, "benchmarks": 4_500}
+BESIDE = {"tests": 51_926, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -70,7 +70,7 @@ def test_the_page_does_not_overflow(reported, overflowing, width, media, scheme)
 def choices(name):
     answer = ["brush", "sponge", "towel", "towel", "sponge", "brush"]
     confusion = confusion_matrix(OBJECTS * 2, answer, labels=OBJECTS)
-    return Choices(name=name, confusion=confusion)
+    return Choices(name=name, confusion=confusion, f_limits=None)
 
 
 def test_confusions_show_every_count():
@@ -103,7 +103,7 @@ def test_ratings_are_drawn_by_one_or_two_factors(factors):
 @pytest.mark.long
 def test_long_names_stay_apart_and_inside():
     names = [f"corduroy-0{i}.fade" for i in range(4)]
-    shown = [Choices(name="all", confusion=confusion_matrix(names, names, labels=names))]
+    shown = [Choices(name="all", confusion=confusion_matrix(names, names, labels=names), f_limits=None)]
     table = pd.DataFrame({"cloth": names * 2, "hand": [f"the {i} hand" for i in range(2) for _ in names]})
     table = table.assign(mean=3.0, low=2.0, high=4.0)
     both = [

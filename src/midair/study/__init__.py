@@ -44,7 +44,10 @@ from .statistics.anova import rm_anova as rm_anova
 from .statistics.confusion import chance_macro_f as chance_macro_f
 from .statistics.confusion import confusion_matrix as confusion_matrix
 from .statistics.confusion import f_measure as f_measure
+from .statistics.confusion import limits_over_people as limits_over_people
 from .statistics.confusion import scores as scores
+from .statistics.confusion import sign_flip as sign_flip
+from .statistics.confusion import wilson as wilson
 from .statistics.detection import d_prime_choice as d_prime_choice
 from .statistics.detection import d_prime_same_different as d_prime_same_different
 from .statistics.detection import d_prime_yes_no as d_prime_yes_no

@@ -81,7 +81,9 @@ def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[PictureRo
     compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
     if compared:
         panel = Picture(title="F-measures", data=png_bytes(f_figure(compared, simulated=marked)))
-        caption = "F of each object. Dotted: mean by guessing; single studies vary around it."
+        limited = any(one.f_limits is not None for one in compared)
+        whiskers = "Whiskers: 95 % limits over people." if limited else "Fewer than five people: no limits."
+        caption = f"F of each object. {whiskers} Dotted: mean by guessing; single studies vary around it."
         found.append(PictureRow(title="F-measure of each object", caption=caption, panels=(panel,)))
     if report.ratings is not None and 1 <= len(within) <= 3:
         caption = "Mean ratings; whiskers: within-subject 95 % limits, for these people."
@@ -144,15 +146,20 @@ def confusion_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
 
 
 def f_figure(choices: Sequence[Choices], *, simulated: bool) -> Figure:
-    """F-measure of each object (Fig. 7), for choices of the same objects."""
+    """F-measure of each object with confidence intervals (Fig. 7), for choices of the same objects."""
     figure = new_figure(4.2, 3, simulated=simulated)
-    axes = plain_axes(figure.add_subplot(), y="F-measure")
+    axes = plain_axes(figure.add_subplot(), y="F-measure, 95 % over people")
     width = 0.8 / len(choices)
     colours = [STYLE.before, STYLE.reproduced, "#999999"]
     for place, one in enumerate(choices):
         value = one.confusion.f_measure
         x = np.arange(len(value)) + (place - (len(choices) - 1) / 2) * width
         axes.bar(x, value, width * 0.92, label=one.name, color=colours[place % 3])
+        if one.f_limits is not None:
+            limits = np.clip([value - one.f_limits.low, one.f_limits.high - value], 0, None)
+            # A wide white bar below a black one is visible on every colour.
+            axes.errorbar(x, value, limits, fmt="none", ecolor="white", capsize=4, linewidth=3.0, capthick=3.0)
+            axes.errorbar(x, value, limits, fmt="none", ecolor="black", capsize=3.5, linewidth=1.2, capthick=1.2)
     labels = [str(label) for label in choices[0].confusion.labels]
     axes.axhline(1 / len(labels), color=STYLE.ink, linewidth=0.8, linestyle=":")
     _name_ticks(axes, labels)

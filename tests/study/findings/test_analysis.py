@@ -7,7 +7,7 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
-from midair.study.findings.choice_findings import Finding, attempt, p_words
+from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.study_data import data_of_answers, data_of_columns, simulation_of
 from midair.study.tables import columns_of, legend_of, read_csv
 
@@ -46,8 +46,16 @@ def test_a_failed_analysis_gives_its_reason():
     assert (found.title, found.words) == ("A test", "Not computed. Pairs: expected two, got one.")
 
 
-def test_the_columns_of_a_table_are_explained():
-    table = pd.DataFrame({"F": [1.0], "surface": ["a"], "note": [""]})
+def test_limits_or_the_reason_why_there_are_none():
+    x = np.array([1.0, 2, 3, 4, 5])
+    assert limits_words(np.mean, x, "plain") == "95 % limits over people 1.04 to 4.96"
+    assert "fewer than five" in limits_words(np.mean, x[:4], "plain")
+    assert "the differences between people are unknown" in limits_words(np.mean, np.ones(5), "share")
+
+
+def test_notes_are_last_and_columns_are_explained():
+    table = note_last(pd.DataFrame({"note": [""], "F": [1.0], "surface": ["a"]}))
+    assert table.columns.tolist() == ["F", "surface", "note"]
     assert [name for name, _ in legend_of(Finding(title="", words="", table=table))] == ["F", "note"]
 
 
@@ -139,6 +147,7 @@ def test_one_participant():
     assert "Not computed. Pairs: expected two or more people" in found(report, "Effect of the condition").words or any(
         "two or more people" in one.words for one in report.findings
     )
+    assert report.choices[0].f_limits is None
     rated = analyse(data_of_columns(ratings(people=1), **RATED), draws=200)
     assert found(rated, "Ratings: analysis").words.startswith("Not computed. Participants: expected two or more")
 
@@ -201,6 +210,16 @@ def test_trials_without_a_right_answer_are_no_object():
     assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
 
 
+@pytest.mark.long
+def test_limits_are_over_people_or_are_not_given():
+    words = [
+        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Identification: plain").words
+        for people in (4, 6)
+    ]
+    assert "no limits with fewer than five people, got 4" in words[0]
+    assert "95 % limits over people" in words[1]
+
+
 def test_every_column_of_a_table_is_explained(reports):
     report, rated = reports
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
@@ -249,6 +268,24 @@ def test_nothing_to_analyse():
         data_of_answers(pd.DataFrame({"scored": np.zeros(2, bool)}), Analysis())
     with pytest.raises(InputError, match="expected ratings"):
         data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])
+
+
+@pytest.mark.long
+def test_few_wrong_answers_are_reported():
+    who, thing, _ = np.indices((6, 3, 4)).reshape(3, -1)
+    presented = np.array(["a", "b", "c"])[thing]
+    answered = presented.copy()
+    for wrong, warned in ((5, True), (6, False)):
+        answered[::12][:wrong] = "c"
+        data = data_of_columns(
+            {"participant": who, "presented": presented, "answered": answered},
+            participant="participant",
+            presented="presented",
+            answered="answered",
+        )
+        words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Identification"))
+        assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
+        assert ("There are fewer wrong answers than people" in words) == warned
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def test_a_rating_without_an_analysis_has_its_mean_and_spread(tmp_path):
     assert part.table["mean_rating"].tolist() == pytest.approx(means.mean(axis=1).tolist())
     assert part.table["sd_people"].tolist() == pytest.approx(means.std(axis=1).tolist())
     assert part.table["given"].tolist() == [15, 15]
-    assert f"Mean {means.to_numpy().mean():.2f}, over " in part.words
+    assert f"Mean {means.to_numpy().mean():.2f} (95 % limits over people" in part.words
     whole = next(one for one in found.findings if one.title == "Participants")
     assert "60 answers analysed" in whole.words
 
@@ -120,6 +120,7 @@ def test_one_person_has_a_mean_and_no_spread(tmp_path):
     found, _ = report(replace(design("slider", "scored"), participants=1), tmp_path)
     part = next(one for one in found.findings if one.title == "Question asked")
     assert np.isnan(part.table["sd_people"]).all()
+    assert "no limits with fewer than five people, got 1" in part.words
 
 
 def test_answers_without_a_correct_one_are_no_false_alarms():

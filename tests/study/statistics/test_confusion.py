@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
-from midair.study import chance_macro_f, confusion_matrix, f_measure, scores
+from midair.study import chance_macro_f, confusion_matrix, f_measure, scores, wilson
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -71,6 +71,13 @@ def test_permutation_keeps_the_marginal_counts():
     same = confusion_matrix(["a", "b", "a", "b"], ["a", "a", "a", "a"], labels=["a", "b"])
     constant = chance_macro_f(same, rng=np.random.default_rng(0), draws=99)
     assert constant.p == 1.0  # constant answers are at chance in every permutation
+
+
+def test_wilson_by_hand():
+    # Newcombe (1998), table 1: 81/263 and 15/148 with the score method.
+    assert [round(float(x), 4) for x in wilson(81, 263)] == [0.2553, 0.3662]
+    assert [round(float(x), 4) for x in wilson(15, 148)] == [0.0624, 0.1605]
+    assert [round(float(x), 4) for x in wilson(0, 20)] == [0.0, 0.1611]
 
 
 def test_invalid_answers_are_refused():

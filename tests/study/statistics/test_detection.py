@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import expit, logit
 
 from midair.errors import InputError
-from midair.study import d_prime_choice, d_prime_same_different, d_prime_yes_no, proportion_correct
+from midair.study import d_prime_choice, d_prime_same_different, d_prime_yes_no, f_measure, proportion_correct
+from midair.study.statistics.detection import d_prime_limits, f_limits, macro_f_limits, share_limits, two_answers_limits
 
 
 def test_three_alternatives():
@@ -26,6 +28,7 @@ def test_d_prime_of_share_inverts_proportion_correct(d, alternatives):
     correct = round(total * float(proportion_correct(d, alternatives=alternatives)))
     found = d_prime_choice(correct, total, alternatives=alternatives)
     assert found.d_prime == pytest.approx(d, abs=0.01)
+    assert found.low < found.d_prime < found.high
     assert not found.corrected
 
 
@@ -33,7 +36,15 @@ def test_perfect_answers_stay_finite():
     found = d_prime_choice(12, 12, alternatives=3)
     assert found.corrected
     assert np.isfinite(found.d_prime)
+    assert found.low < found.d_prime
     assert d_prime_choice(0, 12, alternatives=3).d_prime < 0
+
+
+@pytest.mark.parametrize("total", [12, 40, 41])
+@pytest.mark.parametrize("alternatives", [2, 3, 8])
+def test_limits_are_infinite_where_all_or_no_answers_are_correct(total, alternatives):
+    assert d_prime_choice(total, total, alternatives=alternatives).high == np.inf
+    assert d_prime_choice(0, total, alternatives=alternatives).low == -np.inf
 
 
 def test_yes_no_by_hand():
@@ -61,3 +72,104 @@ def test_invalid_counts_are_refused():
         d_prime_choice(5, 4, alternatives=3)
     with pytest.raises(InputError, match="2 or more"):
         proportion_correct(1, alternatives=1)
+
+
+def test_few_signals_or_blanks_set_no_limits():
+    # At 8 signals and 8 blanks the limits would cover up to .987 of a 95 % interval.
+    few, enough = d_prime_yes_no(15, 19, 3, 40), d_prime_yes_no(16, 20, 3, 40)
+    assert np.isnan([few.low, few.high]).all()
+    assert enough.low < enough.d_prime < enough.high
+
+
+FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'": d_prime_limits}
+
+
+@pytest.fixture
+def counts():
+    right = np.array([[4, 4, 3], [4, 3, 4], [2, 3, 3], [4, 4, 4], [3, 2, 2], [4, 3, 3]])
+    table = np.zeros((6, 3, 3), int)
+    for thing in range(3):
+        table[:, thing, thing] = right[:, thing]
+        table[:, thing, (thing + 1) % 3] = 4 - right[:, thing]
+    return table
+
+
+def test_the_share_by_hand(counts):
+    right = np.trace(counts, axis1=1, axis2=2)
+    without = logit((right.sum() - right + 1) / (60 + 2))
+    from scipy.stats import t
+
+    half = t.ppf(0.975, 5) * np.sqrt(5 / 6 * ((without - without.mean()) ** 2).sum())
+    found = share_limits(counts)
+    assert float(found.value) == right.sum() / 72
+    known = expit(logit((right.sum() + 1) / 74) + np.array([-half, half]))
+    assert [float(found.low), float(found.high)] == pytest.approx(known.tolist())
+
+
+def test_d_prime_has_the_limits_of_the_share(counts):
+    share, sense = share_limits(counts), d_prime_limits(counts)
+    assert proportion_correct([sense.low, sense.high], alternatives=3) == pytest.approx(
+        [float(share.low), float(share.high)]
+    )
+    right = int(np.trace(counts.sum(axis=0)))
+    assert float(sense.value) == pytest.approx(d_prime_choice(right, 72, alternatives=3).d_prime)
+
+
+def test_f_of_each_object_and_foils(counts):
+    found = f_limits(counts)
+    assert found.value.tolist() == f_measure(counts.sum(axis=0)).tolist()
+    assert ((found.low < found.value) & (found.value < found.high)).all()
+    # An answer that names none of the objects is one more column, and adds to no object.
+    foil = np.concatenate([counts, np.ones((6, 3, 1), int)], axis=2)
+    assert f_limits(foil).value.shape == (3,)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_four_people_and_people_who_are_always_right_have_none(counts, name):
+    with pytest.raises(InputError, match="got 4"):
+        FIGURES[name](counts[:4])
+    perfect = np.stack([4 * np.eye(3, dtype=int)] * 6)
+    assert np.isnan(FIGURES[name](perfect).low).all()
+
+
+def test_few_wrong_answers_have_at_least_the_limits_of_independent_ones():
+    """Three of sixty answers are wrong, by three of five people: too few to estimate differences between people."""
+    wrong = np.array([1, 1, 1, 0, 0])
+    table = np.stack([4 * np.eye(3, dtype=int)] * 5)
+    table[:, 0, 0] -= wrong
+    table[:, 0, 1] += wrong
+    share = (57 + 1) / (60 + 2)
+    half = 1.96 / np.sqrt(62 * share * (1 - share))
+    found = share_limits(table)
+    assert [float(found.low), float(found.high)] == pytest.approx(
+        expit(logit(share) + np.array([-half, half])), abs=1e-5
+    )
+
+
+@pytest.mark.parametrize(("measure", "least"), [(d_prime_yes_no, 60), (d_prime_same_different, 240)])
+def test_two_answers_need_enough_signals_and_blanks(measure, least):
+    enough = np.array([[k, 12, 3, 12] for k in (8, 9, 10, 7, 11)]) * (least // 60)
+    found = two_answers_limits(measure, enough)
+    assert found.low < found.value < found.high
+    assert float(found.value) == measure(*enough.sum(axis=0).tolist()).d_prime
+    with pytest.raises(InputError, match=f"expected {least} or more signals and blanks in all, got {least - 1}"):
+        two_answers_limits(measure, enough - np.array([[0, 0, 0, 1]] + [[0, 0, 0, 0]] * 4))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("d", [2.5, 3.0])
+def test_limits_cover_near_a_share_of_one(d):
+    # On the logit alone they hold the true share in .98 of studies of five people with twelve trials.
+    rng = np.random.default_rng(int(10 * d))
+
+    def drawn(people):
+        x = rng.normal(size=(people, 3, 4, 3)) + rng.normal(0, 0.4, (people, 1, 1, 3))
+        x[:, [0, 1, 2], :, [0, 1, 2]] += rng.normal(d, 0.3, people)[None, :, None]
+        return (x.argmax(axis=-1)[..., None] == np.arange(3)).sum(axis=2)
+
+    many = drawn(200_000).sum(axis=0)
+    true = np.trace(many) / many.sum()
+    found = [share_limits(drawn(5)) for _ in range(2000)]
+    held = [one.low <= true <= one.high for one in found if np.isfinite(one.low)]
+    assert len(held) > 1700
+    assert 0.935 < np.mean(held) < 0.97

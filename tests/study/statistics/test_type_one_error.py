@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.study import chance_macro_f, confusion_matrix, equivalence, paired_t, rm_anova
+from midair.study import chance_macro_f, confusion_matrix, equivalence, paired_t, rm_anova, sign_flip
 
 PEOPLE = 10
 OBJECTS = np.array(["brush", "sponge", "towel"])
@@ -11,6 +11,14 @@ OBJECTS = np.array(["brush", "sponge", "towel"])
 
 def paired(rng):
     return paired_t(rng.normal(size=PEOPLE), rng.normal(size=PEOPLE)).p
+
+
+def turned(rng):
+    return sign_flip(rng.standard_t(3, PEOPLE), rng=rng)
+
+
+def turned_at_random(rng):
+    return sign_flip(rng.normal(size=(14, 2)), rng=rng, draws=400)
 
 
 def equivalent_at_the_margin(rng):
@@ -45,6 +53,8 @@ def macro_f(rng):
 # Exact at .05 up to the steps of p: the share must lie in the 99.9 % interval of 2000 throws at .05.
 EXACT = {
     "paired t": paired,
+    "sign turns": turned,
+    "sign turns at random": turned_at_random,
     "equivalence at the margin": equivalent_at_the_margin,
     "anova, two levels": lambda rng: anova(rng, "p", "surface"),
     "anova, three levels": lambda rng: anova(rng, "p", "object"),

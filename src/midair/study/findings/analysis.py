@@ -18,11 +18,13 @@ from midair.study.findings.choice_findings import (
     choice_findings,
     compared,
     confusions,
+    interval_words,
+    limits_words,
 )
 from midair.study.findings.rating_findings import adaptive, anova, pairs, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics.columns import levels
-from midair.study.statistics.detection import d_prime_same_different, d_prime_yes_no
+from midair.study.statistics.detection import d_prime_same_different, d_prime_yes_no, two_answers_limits
 
 _UNTESTED = "There is no test, since the planned analyses do not include this question."
 
@@ -67,7 +69,8 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
                 "given": count.sum(axis=0).astype(int),
             }
         )
-        words = f"Mean {own.mean():.2f}, over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
+        limits = limits_words(lambda people: float(people.mean()), own, "plain")
+        words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
         return [Finding(title=title, words=words, table=table)]
     judged = kind != "choice" and bool((rows["right"] != "n/a").any())
     return [_detection_finding(title, rows) if judged else _choice_finding(title, rows)]
@@ -93,11 +96,16 @@ def _detection_finding(title: str, rows: DataFrame) -> Finding:
     rows = rows.loc[(rows["right"] != "n/a").to_numpy(bool)]
     there, said = ((rows[column] == signal).to_numpy(bool) for column in ("right", "answer"))
     measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
-    hits, signals, alarms, blanks = (int(each.sum()) for each in (there & said, there, ~there & said, ~there))
+    people, person = levels(rows.loc[:, "participant"])
+    by_person = np.stack(
+        [np.bincount(person, each, minlength=len(people)) for each in (there & said, there, ~there & said, ~there)], 1
+    ).astype(int)
+    hits, signals, alarms, blanks = by_person.sum(axis=0).tolist()
     sense = measure(hits, signals, alarms, blanks)
+    limits = interval_words(lambda people: two_answers_limits(measure, people), by_person)
     words = (
         f"{hits} of {signals} answered {signal!r} when it was correct, {alarms} of {blanks} when it was wrong:"
-        f" d' = {sense.d_prime:.2f}, criterion {sense.criterion:.2f}, over all people together."
+        f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."
     )
     return Finding(title=title, words=words)
 
@@ -146,7 +154,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     conditions = [] if data.choices is None else data.choices["condition"].map(str).tolist()
     pair = tuple(one for one in choices if one.name in conditions)
     if len(pair) == 2:
-        jobs.append(lambda: compared(pair, data))
+        jobs.append(lambda: compared(pair, data, rng=rng))
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
@@ -173,7 +181,9 @@ def _participants_finding(data: StudyData) -> Finding:
         out = sorted(set(data.excluded["participant"].tolist()))
         words += f" The plan excludes {', '.join(out)}." if out else " The plan excludes no participant."
     if len(people) < 2:
-        words += " With one person there are no tests over people."
+        words += " With one person there are no limits and no tests over people."
+    elif len(people) < 5:
+        words += " With fewer than five people there are no limits over people: their coverage would be below 95 %."
     title = (f"{data.simulated}. " if data.simulated else "") + words
     excluded = data.excluded if data.excluded is not None and len(data.excluded) else None
     return Finding(title="Participants", words=title, table=excluded)

@@ -2,14 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pandas import DataFrame
 
 from midair.errors import InputError
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics.confusion import Confusion, chance_macro_f, confusion_matrix, scores
-from midair.study.statistics.detection import d_prime_choice
+from midair.study.statistics.confusion import (
+    Confusion,
+    Interval,
+    Scale,
+    chance_macro_f,
+    confusion_matrix,
+    limits_over_people,
+    scores,
+    sign_flip,
+)
+from midair.study.statistics.detection import d_prime_choice, d_prime_limits, f_limits, macro_f_limits, share_limits
 from midair.study.statistics.paired import bayes_factor, equivalence, paired_t
 
 
@@ -31,6 +42,8 @@ class Choices:
     name: str
     """Name of the condition."""
     confusion: Confusion
+    f_limits: Interval | None
+    """Confidence interval of F of each object over participants; None with fewer than five."""
     left_out: int = 0
     """Number of answers left out because they name an object that was never presented."""
 
@@ -40,12 +53,38 @@ def p_words(p: float) -> str:
     return "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".", 1)
 
 
+def note_last(table: DataFrame) -> DataFrame:
+    """The table with the column "note" last."""
+    names = [str(name) for name in table.columns if name != "note"]
+    return DataFrame(table, columns=[*names, "note"])
+
+
 def attempt(title: str, make: Callable[[], list[Finding]]) -> list[Finding]:
     """Findings of `make`, or one finding with the reason of its InputError."""
     try:
         return make()
     except InputError as wrong:
         return [Finding(title=title, words=f"Not computed. {str(wrong)[0].upper()}{str(wrong)[1:]}.")]
+
+
+def limits_words(
+    statistic: Callable[[NDArray[Any]], float], by_person: NDArray[Any], scale: Scale, *, form: str = ".2f"
+) -> str:
+    """Confidence interval of a statistic over participants as text, or the reason why there is none."""
+    return interval_words(lambda people: limits_over_people(statistic, people, scale=scale), by_person, form=form)
+
+
+def interval_words(limits: Callable[[NDArray[Any]], Interval], by_person: NDArray[Any], *, form: str = ".2f") -> str:
+    """As `limits_words`, for a function that returns the interval."""
+    try:
+        found = limits(by_person)
+    except InputError as wrong:
+        if len(by_person) < 5:
+            return f"no limits with fewer than five people, got {len(by_person)}"
+        return f"no {wrong}"
+    if not np.isfinite(found.low):
+        return "no limits, since the differences between people are unknown"
+    return f"95 % limits over people {float(found.low):{form}} to {float(found.high):{form}}"
 
 
 def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
@@ -81,15 +120,17 @@ def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
         foils = sorted({*foils, *data.options} - set(labels))
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
-    return Choices(name=name, confusion=confusion, left_out=left_out)
+    limits = f_limits(confusion.by_person) if len(confusion.participants) >= 5 else None
+    return Choices(name=name, confusion=confusion, f_limits=limits, left_out=left_out)
 
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
     """Scores, chance level, sensitivity, information and bias of one confusion matrix."""
     confusion, counts = one.confusion, one.confusion.counts
+    limits = interval_words(share_limits, confusion.by_person, form=".3f")
     words = [
         f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are correct, among {counts.shape[1]} possible"
-        f" ones (share {confusion.accuracy:.3f})."
+        f" ones (share {confusion.accuracy:.3f}, {limits})."
     ]
     chosen = counts[:, len(confusion.labels) :].sum(axis=0)
     if chosen.any():
@@ -97,18 +138,28 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
         words.append(
             f"{chosen.sum()} answers name an object that was never presented ({', '.join(named)}); they count as wrong."
         )
+    wrong = int(counts.sum() - np.trace(counts))
+    if 0 < wrong < len(confusion.participants) >= 5:
+        words.append(
+            "There are fewer wrong answers than people, too few to measure how people differ: the limits are at least"
+            " as wide as those of independent answers."
+        )
     if one.left_out:
         words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
     words = [*words, _chance_words(one.confusion, rng, draws), _sensitivity_words(one.confusion)]
-    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=scores(one.confusion))]
+    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
+    if one.f_limits is not None:
+        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
+    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=note_last(table))]
 
 
 def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:
     chance = chance_macro_f(confusion, rng=rng, draws=draws)
     low, high = chance.range95
     better = "better than chance" if chance.p < 0.05 else "no better than chance"
+    limits = interval_words(macro_f_limits, confusion.by_person, form=".3f")
     return (
-        f"Macro F, the mean of F over the objects, is {confusion.macro_f:.3f}, {better}: shuffled answers"
+        f"Macro F, the mean of F over the objects, is {confusion.macro_f:.3f} ({limits}), {better}: shuffled answers"
         f" give {chance.mean:.3f}, 95 % of them {low:.3f} to {high:.3f} ({p_words(chance.p)})."
     )
 
@@ -116,17 +167,18 @@ def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) ->
 def _sensitivity_words(confusion: Confusion) -> str:
     counts = confusion.counts
     sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=counts.shape[1])
-    return f"d' is {sense.d_prime:.2f}{' (corrected for a rate of 0 or 1)' if sense.corrected else ''}."
+    limits = interval_words(d_prime_limits, confusion.by_person)
+    return f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''})."
 
 
-def compared(pair: tuple[Choices, ...], data: StudyData) -> list[Finding]:
+def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     """F-measures of two conditions: over objects as in the paper, and over participants."""
     first, second = pair
     names = f"{first.name} and {second.name}"
     title = "Effect of the condition on identification"
     return [
         *attempt(f"{title}, over objects as in the paper", lambda: [_over_objects(first, second, names)]),
-        *attempt(f"{title}, over people", lambda: _over_people(first, second, data, names)),
+        *attempt(f"{title}, over people", lambda: _over_people(first, second, data, names, rng)),
     ]
 
 
@@ -143,7 +195,9 @@ def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
     return Finding(title="Effect of the condition over objects, as in the paper", words=words)
 
 
-def _over_people(first: Choices, second: Choices, data: StudyData, names: str) -> list[Finding]:
+def _over_people(
+    first: Choices, second: Choices, data: StudyData, names: str, rng: np.random.Generator
+) -> list[Finding]:
     both = [who for who in first.confusion.participants if who in second.confusion.participants]
     if len(both) < 2:
         raise InputError(f"pairs: expected two or more people with both conditions, got {len(both)}")
@@ -152,6 +206,7 @@ def _over_people(first: Choices, second: Choices, data: StudyData, names: str) -
     found = paired_t(a, b)
     same = equivalence(a, b, margin=data.margin)
     evidence = bayes_factor(found.t, found.n)
+    exact = sign_flip(a - b, rng=rng)
     verdict = (
         f"The conditions are equivalent within {data.margin:g}"
         if same.p < 0.05
@@ -161,7 +216,7 @@ def _over_people(first: Choices, second: Choices, data: StudyData, names: str) -
     side = "for a difference" if evidence > 1 else "for no difference"
     words = (
         f"Macro F of each of {found.n} people, {names}: mean difference {found.difference:.3f} ({found.low:.3f} to"
-        f" {found.high:.3f}), t({found.df}) = {found.t:.2f}, {p_words(found.p)}."
+        f" {found.high:.3f}), t({found.df}) = {found.t:.2f}, {p_words(found.p)}; sign-flip test {p_words(exact)}."
         f" {verdict} (TOST {p_words(same.p)}, 90 % limits {same.low:.3f} to {same.high:.3f}). Bayes factor"
         f" {strength:.1f} {side}{'' if strength >= 3 else ', inconclusive'}."
     )
