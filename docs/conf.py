@@ -13,7 +13,7 @@ from sphinx_gallery.scrapers import figure_rst
 from midair import __version__
 from midair.cli.commands.play import PlayOptions
 from midair.datasets import TOUCHES
-from midair.files.native.schema import HEADER, TABLE
+from midair.files.native.schema import TABLE
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -67,7 +67,6 @@ myst_substitutions = {
     "record_table": reference.declared_table(RecordSettings),
     "play_table": reference.declared_table(PlaySettings, PlayOptions),
     "live_table": reference.declared_table(LiveSettings),
-    "header_table": reference.as_markdown(HEADER),
     "touches_table": reference.touches_table(TOUCHES),
     **{f"{kind}_table": reference.as_markdown(entries) for kind, entries in TABLE.items()},
 }

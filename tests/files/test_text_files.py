@@ -6,7 +6,7 @@ import os
 import pytest
 
 from midair.errors import BrokenFileError, MidairError, MissingFileError
-from midair.files import csv_text, for_json, load, load_placement, load_profiles, load_sensor, save
+from midair.files import csv_text, for_json, load_placement, load_profiles, load_sensor
 from midair.files.text_files import (
     LARGEST,
     json_of,
@@ -15,9 +15,7 @@ from midair.files.text_files import (
     read_text,
     read_toml,
     toml_of,
-    without_formulas,
 )
-from midair.model import Provenance, Recording, SensorGrid
 from midair.settings import Settings
 
 READERS = {
@@ -96,29 +94,6 @@ def test_text_is_no_formula_and_numbers_stay():
 def test_rows_of_a_report_are_no_formulas():
     (row,) = csv.DictReader(io.StringIO(csv_text([{"recording": "=1+1", "level": -2.5, "count": -3}])))
     assert row == {"recording": "'=1+1", "level": "-2.5", "count": "-3"}
-
-
-def test_json_means_the_same_without_formulas():
-    plain = {"notes": {"a": "x,=1;-2,@y\t+3", "b": [1, -2, "=1"]}}
-    text = without_formulas(json.dumps(plain))
-    assert json.loads(text) == plain
-    assert not any(part.startswith(("=", "+", "@")) for part in text.split(","))
-
-
-def test_the_first_line_of_a_csv_is_no_formula_wherever_it_is_cut(tmp_path):
-    notes = {"object": "towel,=cmd|' /C calc'!A0;=1,-1+1"}
-    recording = Recording(
-        samples=[[[1.0]], [[2.0]]],
-        rate=100.0,
-        sensor=SensorGrid(rows=1, columns=1),
-        unit="V",
-        provenance=Provenance(source="x,=1", notes=notes),
-    )
-    save(recording, tmp_path / "a.csv")
-    first = (tmp_path / "a.csv").read_text().splitlines()[0]
-    for mark in ",;\t":
-        assert not any(part.startswith(("=", "+", "-", "@")) for part in first.split(mark))
-    assert load(tmp_path / "a.csv").provenance == recording.provenance
 
 
 def test_rows_become_lines_with_six_digits():

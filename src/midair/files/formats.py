@@ -127,7 +127,8 @@ def save(
     write = writer_of(path)
     if write is HDF5.write:
         return write_recording(what, Path(path), calibration, pressure, journal=journal)
-    lost = list(write(what, Path(path)))
+    text = f"{format_of(path).name} holds no provenance and no distance of the cells; HDF5 of midair holds both."
+    lost = [FormatLoss(what="provenance", text=text), *write(what, Path(path))]
     if calibration is not None:
         text = f"{format_of(path).name} holds no calibration: it was left out; save_calibration() writes its own file."
         lost.append(FormatLoss(what="calibration", text=text))

@@ -104,6 +104,7 @@ class ImportedData:
     """Fixed rate that the file states, in Hz, where stamps may have jitter."""
     missing: int = 0
     """Number of frames that are NaN, because their rows are missing."""
+    simulated: bool = False
     sensor: SensorGrid | None = None
     names: tuple[str, ...] = ()
     """Channel names."""
@@ -149,7 +150,8 @@ class ImportedData:
             settings = {"format": self.form, "sha256": hashlib.file_digest(file, "sha256").hexdigest(), **self.settings}
         if given.scale is not None:
             settings["scale_pa"] = given.scale
-        provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
+        provenance = Provenance(source=path.name, simulated=self.simulated, notes=self.notes)
+        provenance = provenance.then("import", {**settings, "report": report})
         if mending is not None:
             # The positions of the first thousand gaps.
             gaps = tuple((event.channel, event.frame, event.frames) for event in mended.journal)

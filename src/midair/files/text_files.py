@@ -32,13 +32,7 @@ def no_formula(value: object) -> object:
     return f"'{value}"
 
 
-def without_formulas(json_text: str) -> str:
-    """JSON in which no comma, semicolon or tab, where a spreadsheet may split a line, is followed by a formula."""
-    return _BEFORE_FORMULA.sub(lambda found: f"{found[1]}\\u{ord(found[2]):04x}", json_text)
-
-
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-_BEFORE_FORMULA = re.compile(r"([,;\t])([=+\-@])")
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:

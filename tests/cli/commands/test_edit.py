@@ -67,7 +67,7 @@ def test_each_command_does_its_edit_and_keeps_the_calibration(words, check, take
 
 def test_the_result_can_be_of_any_format_and_losses_are_printed(take, answer):
     told = answer("cut", "take.h5", "made.csv", "--end", "0.1s")
-    assert [loss["what"] for loss in told["lost"]] == ["calibration"]
+    assert [loss["what"] for loss in told["lost"]] == ["provenance", "calibration"]
     np.testing.assert_array_equal(load("made.csv").samples, take.samples[:100])
 
 

@@ -99,16 +99,6 @@ def test_refuses_ambiguous_arrays(ending, arrays, tmp_path):
         load(write(tmp_path / f"a{ending}", arrays), **SAID)
 
 
-@each
-def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
-    path = tmp_path / f"a{ending}"
-    save(recording, path)
-    arrays = dict(np.load(path) if ending == ".npz" else loadmat(path))
-    arrays = {name: value for name, value in arrays.items() if not name.startswith("__")}
-    with pytest.raises(BrokenFileError, match="rate was edited"):
-        load(write(path, {**arrays, "rate": 5.0}))
-
-
 TONE = np.sin(2 * np.pi * 100 * np.arange(60)[:, None] / 1000) * np.linspace(0.5, 1, 16)
 
 

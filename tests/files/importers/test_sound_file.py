@@ -6,27 +6,14 @@ import soundfile
 
 from midair.errors import BrokenFileError, FileError, MismatchError, NonFiniteError, UnitError
 from midair.files import load, open_take, save
-from midair.files.importers.sound_file import CHUNK, append_chunk, chunks
 from midair.model import Recording, SensorGrid
-
-
-@pytest.mark.parametrize("text", [b"", b"x", b"even", b"odd", b"x" * 300_000])
-@pytest.mark.parametrize("frames", [2, 3])
-def test_a_chunk_is_read_back_and_ignored_by_other_programs(text, frames, tmp_path):
-    path = tmp_path / "a.wav"
-    soundfile.write(path, np.arange(frames) / 8, 8000, subtype="PCM_U8", format="WAV")
-    append_chunk(path, text)
-    found = [path.read_bytes()[one.start :][: one.length] for one in chunks(path) if one.letters == CHUNK]
-    assert found == [text]
-    np.testing.assert_array_equal(soundfile.read(path)[0], np.arange(frames) / 8)
-    assert int.from_bytes(path.read_bytes()[4:8], "little") == path.stat().st_size - 8
 
 
 @pytest.mark.parametrize("data", [b"RIFX\0\0\0\0WAVE", b"RIFF\0\0\0\0AVI ", b"RI"])
 def test_refuses_other_files_than_wav(data, tmp_path):
     (tmp_path / "a.wav").write_bytes(data)
     with pytest.raises(BrokenFileError, match="expected a WAV"):
-        chunks(tmp_path / "a.wav")
+        load(tmp_path / "a.wav", unit="V")
 
 
 @pytest.fixture
@@ -47,13 +34,13 @@ def test_other_programs_read_midairs_own_below_full_scale(recording, tmp_path):
     scale = 2.0 ** np.ceil(np.log2(np.abs(recording.samples).max()))
     np.testing.assert_array_equal(samples * scale, recording.samples.reshape(40, 15))
     assert 0.5 <= np.abs(samples).max() < 1
-    assert "other programs read 333 Hz for 333.333333 Hz" in str(lost[0])
-    assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[1])
+    assert "other programs read 333 Hz for 333.333333 Hz" in str(lost[1])
+    assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[2])
 
 
 def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
     whole = Recording(samples=recording.samples, rate=1000, sensor=recording.sensor)
-    assert len(save(whole, tmp_path / "a.wav")) == 1
+    assert [loss.what for loss in save(whole, tmp_path / "a.wav")] == ["provenance", "scale"]
 
 
 @pytest.mark.parametrize("unit", ["Pa", "count"])
@@ -63,16 +50,15 @@ def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
     samples = rng.integers(-(2**15), 2**15, (500, 2, 4)) if unit == "count" else recording.samples[:, :2, :4]
     one = Recording(samples=samples, rate=1000 / 3, unit=unit, sensor=SensorGrid(rows=2))
     lost = save(one, tmp_path / "a.flac")
-    back = load(tmp_path / "a.flac")
-    assert (back.rate, back.unit, back.sensor, back.provenance) == (one.rate, unit, one.sensor, one.provenance)
-    step = 2.0 ** (np.ceil(np.log2(np.abs(one.samples).max())) - 23)
-    assert np.abs(back.samples - one.samples).max() <= (0 if unit == "count" else step / 2)
-    assert f"rounded to 24 bits, steps of {step:.3g} {unit}" in str(lost)
     heard, rate = soundfile.read(tmp_path / "a.flac", always_2d=True)
-    np.testing.assert_array_equal(heard * step * 2**23, back.samples.reshape(len(heard), -1))
     assert rate == 333
-    with pytest.raises(MismatchError, match="leave scale out"):
-        load(tmp_path / "a.flac", scale=2.0)
+    step = 2.0 ** (np.ceil(np.log2(np.abs(one.samples).max())) - 23)
+    back = heard * step * 2**23
+    assert np.abs(back - one.samples.reshape(back.shape)).max() <= (0 if unit == "count" else step / 2)
+    assert f"rounded to 24 bits, steps of {step:.3g} {unit}" in str(lost)
+    if unit == "Pa":
+        taken = load(tmp_path / "a.flac", scale=step * 2**23, rate=one.rate, sensor=one.sensor)
+        np.testing.assert_array_equal(taken.samples.reshape(back.shape), back)
 
 
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
@@ -115,7 +101,7 @@ def test_takes_the_exact_rate_behind_a_whole_one(foreign):
 
 def test_refuses_a_bad_header(tmp_path):
     (tmp_path / "a.wav").write_bytes(b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted")
-    with pytest.raises(BrokenFileError, match="bytes in chunk 'fact', got 2"):
+    with pytest.raises(BrokenFileError, match="expected a WAV file, got a damaged or foreign file"):
         load(tmp_path / "a.wav", unit="V")
 
 

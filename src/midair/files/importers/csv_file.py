@@ -1,4 +1,4 @@
-"""Tables as text: midair's own with a header that makes them exact, those of other programs, poses of a palm.
+"""Tables as text: recordings of midair and of other programs, poses of a palm.
 
 FabricSlide (Wang et al. 2022, doi 10.3389/fnbot.2022.808222): a robot arm slides a capacitive finger with 16 taxels
 over fabrics and gratings. Columns: timestamp in ms, two proximity readings, channel1 to channel16 in raw counts, at
@@ -15,25 +15,21 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
 from midair.files.atomic import atomic_file, write_file
-from midair.files.importers.header import header_of, own_take
 from midair.files.importers.text_table import decoded, read_table
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
-from midair.files.text_files import read_text, without_formulas
+from midair.files.text_files import read_text
 from midair.model import PalmPath, Recording, SensorGrid
 from midair.streaming import blocks
 
-MARK = "# midair "
-"""First characters of midair's own files."""
-
 
 def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
-    """Write the header as a comment, a row of names, and a row per frame, all numbers without loss."""
+    """Write a row of names, and a row per frame, all numbers without loss."""
     sensor = recording.sensor
     cells = [
         f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
     ]
     with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
+        file.write("# SIMULATED\n" if recording.provenance.simulated else "")
         file.write(",".join(["time [s]", *cells]) + "\n")
         # repr gives the shortest text that is read back as the same number.
         first = 0
@@ -46,10 +42,8 @@ def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
 
 
 def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a table of midair, of FabricSlide, or of any program that writes one channel per column."""
+    """Read a table of FabricSlide, or of any program that writes one channel per column."""
     text, encoding = decoded(path.read_bytes())
-    if text.startswith(MARK):
-        return _own(text, path, given)
     table = read_table(text, path, given, encoding=encoding)
     if table.names == FABRICSLIDE:
         layout = {} if given.sensor else {"layout": _LAYOUT}
@@ -65,13 +59,6 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
             report=("Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
         ).resolve(given, path)
     return table.resolve(given, path)
-
-
-def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
-    first, _, rest = text.partition("\n")
-    if not text.endswith("\n"):
-        raise BrokenFileError(f"{path}: expected a line end at the end, got a truncated line; copy the file again")
-    return own_take(first.removeprefix(MARK), read_table(rest, path).samples[:, 1:], given, path)
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)

@@ -1,4 +1,4 @@
-"""MATLAB and NumPy files: `samples`, `rate`, `unit` and midair's header, or one array of another program.
+"""MATLAB and NumPy files: the only array of frames, or `samples`, beside `rate` and `unit`.
 
 SciPy reads and writes MATLAB's versions 4 to 7; version 7.3 is HDF5. Fields of structs and cells are arrays with a path
 as name, S.data or trials.0. A number fs, srate or the like beside the array is its rate, a vector of times its stamps.
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, FileError, MismatchError, ShapeError
 from midair.files.atomic import atomic_file, check_disk_space, reason
-from midair.files.importers.header import header_of, own_take
 from midair.files.importers.text_table import WORDS
 from midair.files.native.hdf5 import open_hdf5
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
@@ -25,9 +24,7 @@ from midair.recordings import is_clock
 
 
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in named arrays of midair, or in the only array of frames of another program."""
-    if "midair" in arrays:
-        return _own(arrays, path, given)
+    """The recording in the only one of named arrays that can hold frames, or in the array `field`."""
     flat = dict(_flattened(arrays))
     name = _chosen(flat, path, given)
     samples, report = _time_first(np.asarray(flat[name], np.float64), name, path, given)
@@ -55,6 +52,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
         nominal=rate,
         units=tuple(units[:1]) * int(np.prod(samples.shape[1:])),
         settings={"array": name},
+        simulated=bool(near.get("simulated", np.zeros(1)).any()),
         report=report,
     ).resolve(given, path)
 
@@ -116,22 +114,6 @@ def _time_first(
     return moved, (f"Array {name} {shape} was turned: its last axis is time, {len(moved)} frames.",)
 
 
-def _own(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> OpenedTake:
-    take = own_take(_text(arrays["midair"]), np.asarray(arrays["samples"], np.float64), given, path)
-    for name in ("rate", "unit"):
-        have = _text(arrays[name]) if name == "unit" else np.asarray(arrays[name]).item()
-        if have != (stated := getattr(take.recording, name)):
-            raise BrokenFileError(f"{path}: {name} was edited: expected {stated} as in the header, got {have}")
-    return take
-
-
-def _text(array: Any) -> str:
-    value: NDArray[Any] = np.asarray(array)
-    if value.dtype.kind != "U" or value.size != 1:
-        raise BrokenFileError(f"expected one piece of text, got {value.dtype} of shape {value.shape}")
-    return str(value.reshape(-1)[0])
-
-
 def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
     """Read an array of frames, which has no other information; objects are not loaded, because they could run code."""
     # Mapped, because NumPy would allocate what a damaged header announces.
@@ -142,18 +124,22 @@ def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
 NPY = Format(name="NPY", read=read_npy, memory=2)
 
 
+def _content(recording: Recording) -> dict[str, Any]:
+    content = {"samples": recording.samples, "rate": recording.rate, "unit": recording.unit}
+    return {**content, "simulated": recording.provenance.simulated}
+
+
 def write_npz(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
-    """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
-    header = header_of(recording)
+    """Write the samples, shape (frame, row, column), their rate in Hz and unit, and whether they are simulated."""
     with atomic_file(path) as partial:
         check_disk_space(partial.parent, recording.samples.nbytes, path)
         with partial.open("wb") as file:
-            np.savez(file, samples=recording.samples, rate=recording.rate, unit=recording.unit, midair=header)
+            np.savez(file, **_content(recording))
     return ()
 
 
 def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read an archive of midair, or the only array of frames of another; objects could run code and are not loaded."""
+    """Read an archive of arrays; objects could run code and are not loaded."""
     arrays: dict[str, Any] = {}
     with zipfile.ZipFile(path) as packed:
         # At most the stated size of a member is read.
@@ -168,17 +154,16 @@ NPZ = Format(name="NPZ", read=read_npz, write=write_npz, memory=3)
 
 
 def write_mat(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
-    """Write a v5 file of less than 4 GiB: samples, shape (frame, row, column), rate in Hz, unit, and the header."""
+    """Write a v5 file of less than 4 GiB, with the content of `write_npz`."""
     if recording.samples.nbytes >= 2**32:
         raise FileError(f"{path}: a MAT v5 array holds less than 4 GiB, got {recording.samples.nbytes}; save to .h5")
-    rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
     with atomic_file(path) as partial:
-        scipy.io.savemat(str(partial), {"samples": recording.samples, **rest}, appendmat=False, do_compression=True)
+        scipy.io.savemat(str(partial), _content(recording), appendmat=False, do_compression=True)
     return ()
 
 
 def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a MATLAB file of midair, or the only array of frames of another program."""
+    """Read a MATLAB file."""
     with path.open("rb") as file:
         start = file.read(128)
     if start.startswith(b"MATLAB 7.3"):

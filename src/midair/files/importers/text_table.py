@@ -147,6 +147,7 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
         nominal=rate,
         names=tuple(named[i] for i in kept) if names else (),
         units=tuple(units[i] for i in kept) if any(units) else (),
+        simulated="SIMULATED" in comments,
         report=(f"Text read as {', '.join(said)}.", "; ".join([f"Columns: {', '.join(shown[:20])}", *left]) + "."),
     )
 

@@ -64,10 +64,6 @@ def _entries(listed: Iterable[Any]) -> Iterator[Entry]:
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {kind: tuple(_entries(listed)) for kind, listed in _STORED["kind"].items()}
 """Entries of each kind."""
 
-HEADER: tuple[Entry, ...] = tuple(_entries(_STORED["other"]["header"]))
-"""Entries of the JSON header of CSV, WAV, NPZ and MAT files."""
-
-
 PLAYED = ("phase_steps", "intensity", "instant", "state")
 """Values of a frame of live touch."""
 
