@@ -153,7 +153,7 @@ def test_refuses_a_drive_without_level(path):
 @pytest.mark.parametrize(
     ("name", "read", "words"),
     [
-        ("grid_rows", load_target, "expected grid_rows beside the target"),
+        ("grid_rows", load_target, "expected grid_rows beside grid_columns"),
         ("air_density_kg_m3", load_solution, "expected air_density_kg_m3 in a midair drive"),
     ],
 )

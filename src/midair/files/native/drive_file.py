@@ -5,30 +5,28 @@ other arrays as float64 without rounding. Targets are stored as float32.
 """
 
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.atomic import parse_errors
 from midair.files.native.hdf5 import (
     finite,
     name_numbers,
     new_file,
     read_group,
-    signature,
     stored_dataset,
     write_frames,
     write_group,
 )
-from midair.files.native.provenance_json import from_json, to_json
 from midair.files.native.raw_recording import open_file
-from midair.files.native.schema import array_from, array_values, check_time, time_values
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Solution, Status
+from midair.files.native.schema import built, check_time, stored_values, time_values
+from midair.model import AmplitudeFrames, Drive, Solution, Status
 from midair.progress import report_progress
 from midair.streaming import LazyFrames, block_ranges, blocks, each_frame
 
@@ -89,7 +87,8 @@ def save_solutions(
                 if written:
                     write_frames(file, values, written)
                 else:
-                    write_group(file, "drive", {**_target_values(target), **values}, frames=frames)
+                    known = stored_values("drive", SimpleNamespace(target=target))
+                    write_group(file, "drive", {**known, **values}, frames=frames)
                 written += len(block)
 
 
@@ -99,46 +98,21 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
     Raises MissingFileError, BrokenFileError or UnknownFormatError if the file does not exist, is damaged or of another
     type, or was written by a newer midair; a subclass of InputError that names invalid values.
     """
-    return solution_from(read_drive(Path(path), streamed=streamed), Path(path))
-
-
-def read_drive(path: Path, *, streamed: bool) -> dict[str, Any]:
-    """Stored values of a drive."""
-    with open_file(path) as file:
-        values = read_group(file, "drive", path, streamed=streamed)
-        for stored, name, steps in (("phase_step", "phase", _TURN), ("level_step", "transducer_level", 255)):
-            if stored in values:
-                values[name] = each_frame(values.pop(stored), lambda byte, steps=steps: byte / steps)
-        return values
-
-
-def solution_from(values: Mapping[str, Any], path: Path) -> Solution:
-    """Solution from its stored values."""
-    with parse_errors(path, "a drive of midair"):
-        check_time(values, path)
+    with _opened(path, streamed=streamed) as values:
         level = values.get("level", values.get("transducer_level"))
         if level is None or ("level" in values and "transducer_level" in values):
             raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
         if "phase" not in values:
             raise BrokenFileError(f"{path}: expected either phase or phase_step; the file is damaged")
-        if ("response_real" in values) != ("response_imag" in values):
-            raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
-        measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
-        medium = Medium(**{attribute: values[name] for name, attribute in _AIR.items() if name in values})
-        medium.check_speed(str(path))
-        return Solution(
-            drive=Drive(
-                phase=finite(values["phase"], "phase"),
-                level=_levels(level, path),
-                rate=values["rate_hz"],
-                array=replace(array_from(values), response=measured),
-                acoustics=Acoustics(medium=medium, directivity=values["directivity"]),
-                provenance=from_json(values["provenance"]),
-            ),
-            error=values["error"],
-            iterations=values["iterations"],
-            status=_status_from(values["status"], path),
-        )
+        phase = finite(values["phase"], "phase")
+        drive = built(Drive, "drive", values, phase=phase, level=_levels(level, path))
+        drive.acoustics.medium.check_speed(str(path))
+        known: tuple[Status, ...] = get_args(Status)
+        codes = values["status"]
+        if codes.min() < 0 or codes.max() >= len(known):
+            raise BrokenFileError(f"{path}: expected status 0 to {len(known) - 1}, got {codes.min()} to {codes.max()}")
+        status = tuple(known[code] for code in codes)
+        return Solution(drive=drive, error=values["error"], iterations=values["iterations"], status=status)
 
 
 def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
@@ -146,53 +120,30 @@ def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> Ampl
 
     Errors are those of `load_solution`.
     """
-    return target_from(read_drive(Path(path), streamed=streamed), Path(path))
+    with _opened(path, streamed=streamed) as values:
+        if "target" not in values:
+            return None
+        values["target"] = finite(values["target"], "target")
+        return built(AmplitudeFrames, "drive", values, "target", rate=values["rate_hz"])
 
 
-def target_from(values: Mapping[str, Any], path: Path) -> AmplitudeFrames | None:
-    """Target of a drive from its stored values."""
-    if "target" not in values:
-        return None
-    needed = (*_GRID, "grid_centre_x_m", "grid_centre_y_m", "target_provenance")
-    missing = [name for name in needed if name not in values]
-    if missing:
-        raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
-    with parse_errors(path, "a drive of midair"):
-        check_time(values, path)
-        return AmplitudeFrames(
-            amplitude=finite(values["target"], "target"),
-            rate=values["rate_hz"],
-            grid=ControlGrid(
-                **{attribute: values[name] for name, attribute in _GRID.items()},
-                centre=(values["grid_centre_x_m"], values["grid_centre_y_m"]),
-            ),
-            provenance=from_json(values["target_provenance"]),
-        )
-
-
-_GRID = {"grid_rows": "rows", "grid_columns": "columns", "grid_pitch_m": "pitch", "grid_height_m": "height"}
-_AIR = {
-    "air_density_kg_m3": "density",
-    "air_speed_m_s": "speed",
-    "air_attenuation_np_m": "attenuation",
-    "air_alpha": "alpha",
-    "air_temperature_c": "temperature",
-    "air_humidity": "humidity",
-}
-"""Names in the file of the attributes of a grid and of the air."""
+@contextmanager
+def _opened(path: str | os.PathLike[str], *, streamed: bool) -> Generator[dict[str, Any]]:
+    """Stored values of a drive."""
+    with open_file(path) as file:
+        values = read_group(file, "drive", Path(path), streamed=streamed)
+        check_time(values, Path(path))
+        for stored, name, steps in (("phase_step", "phase", _TURN), ("level_step", "transducer_level", 255)):
+            if stored in values:
+                values[name] = each_frame(values.pop(stored), lambda byte, steps=steps: byte / steps)
+        yield values
 
 
 def _drive_values(drive: Drive, frames: int) -> dict[str, Any]:
     """Stored values of a drive of so many frames, without those of its frames."""
-    array = drive.array
-    return {
-        **signature("drive", drive.provenance),
-        **time_values(frames, drive.rate),
-        **array_values(array),
-        **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
-        "directivity": drive.acoustics.directivity,
-        **{name: value for name, own in _AIR.items() if (value := getattr(drive.acoustics.medium, own)) is not None},
-    }
+    values = {**stored_values("drive", drive), **time_values(frames, drive.rate)}
+    left_out = {"phase", "level", *(("response_real", "response_imag") if drive.array.alike else ())}
+    return {name: value for name, value in values.items() if name not in left_out}
 
 
 def _frame_values(part: Solution) -> dict[str, np.ndarray]:
@@ -217,19 +168,7 @@ def _steps(x: np.ndarray, steps: float) -> NDArray[np.uint8]:
     return np.mod(np.rint(x * steps), 256).astype(np.uint8)
 
 
-def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
-    """Stored values of a target without those of its frames."""
-    grid = target.grid
-    return {
-        **{name: getattr(grid, attribute) for name, attribute in _GRID.items()},
-        "grid_centre_x_m": grid.centre[0],
-        "grid_centre_y_m": grid.centre[1],
-        "target_provenance": to_json(target.provenance),
-        "point": np.arange(grid.count),
-    }
-
-
-def _levels(level: Frames, path: Path) -> NDArray[np.float64]:
+def _levels(level: Frames, path: str | os.PathLike[str]) -> NDArray[np.float64]:
     """Levels that are checked; lazy ones when they are read."""
 
     def checked(block: np.ndarray) -> np.ndarray:
@@ -240,10 +179,3 @@ def _levels(level: Frames, path: Path) -> NDArray[np.float64]:
         return block
 
     return each_frame(level, checked)
-
-
-def _status_from(codes: np.ndarray, path: Path) -> tuple[Status, ...]:
-    known: tuple[Status, ...] = get_args(Status)
-    if codes.min() < 0 or codes.max() >= len(known):
-        raise BrokenFileError(f"{path}: expected status 0 to {len(known) - 1}, got {codes.min()} to {codes.max()}")
-    return tuple(known[code] for code in codes)

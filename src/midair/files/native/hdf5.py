@@ -7,7 +7,6 @@ HDF5.
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,19 +17,15 @@ from numpy.typing import NDArray
 from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, parse_errors
-from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
 from midair.streaming import LazyFrames
 from midair.validation import check_finite
-from midair.version import __version__
 
 if TYPE_CHECKING:
     import os
 
     import h5py
     from typing_extensions import Buffer
-
-    from midair.model import Provenance
 
 LAYOUT = ("v110", "v110")
 """Oldest and newest version of the HDF5 file format in use."""
@@ -70,22 +65,22 @@ def open_hdf5(path: Path) -> "Generator[h5py.File]":
         yield file
 
 
-def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
-    """Attributes that every file and group has."""
-    return {
-        "kind": f"midair {kind}",
-        "format": FORMAT,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "created_by": f"midair {__version__}",
-        "provenance": to_json(provenance),
-    }
-
-
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, frames: int | None = None) -> None:
     """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
 
-    With `frames`, values per frame have room for so many; `write_frames` writes those that come later.
+    An axis without coordinates counts from 0. With `frames`, values per frame have room for so many; `write_frames`
+    writes those that come later.
     """
+    axes = {
+        axis: np.arange(length)
+        for entry in TABLE[kind]
+        if entry.name in values
+        for axis, length in zip(entry.dimensions or (), np.shape(values[entry.name]), strict=True)
+    }
+    values = {
+        **{entry.name: axes[entry.name] for entry in TABLE[kind] if entry.counts and entry.name in axes},
+        **values,
+    }
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
     for entry in entries:
@@ -239,12 +234,17 @@ def fixed_text(value: str) -> Any:
 
 
 def _present(group: "h5py.Group", kind: Kind, path: Path) -> list[Entry]:
-    present: list[Entry] = []
+    """Entries of a group; raises if a required one is missing, or one of an optional part whose others are there."""
+    present = [entry for entry in TABLE[kind] if entry.name in (group.attrs if entry.dimensions is None else group)]
+    beside = {entry.part: entry for entry in reversed(present) if entry.part}
     for entry in TABLE[kind]:
-        if entry.name in (group.attrs if entry.dimensions is None else group):
-            present.append(entry)
-        elif entry.required:
+        if entry in present:
+            continue
+        if entry.required:
             raise BrokenFileError(f"{path}: expected {entry.name} in a midair {kind}, found none; the file is damaged")
+        if entry.part in beside and not beside[entry.part].required:
+            other = beside[entry.part].name
+            raise BrokenFileError(f"{path}: expected {entry.name} beside {other}, found none; the file is damaged")
     return present
 
 

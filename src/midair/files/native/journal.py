@@ -30,7 +30,6 @@ def event_values(events: Iterable[Event]) -> dict[str, Any]:
     rows = tuple(events)
     whole = {f"event_{name}": [getattr(row, name) for row in rows] for name in ("frame", "frames", "channel")}
     return {
-        "event": np.arange(len(rows)),
         "event_kind": np.array([KINDS.index(row.kind) for row in rows], np.int8),
         **{name: np.array(values, np.int64) for name, values in whole.items()},
         "event_ppm": np.array([row.ppm for row in rows], np.float64),
@@ -96,7 +95,7 @@ COLUMNS = ("stage_time", "stage_x", "stage_y", "stage_z", "stage_feed")
 def stage_values(stamps: Iterable[StageStamp]) -> dict[str, Any]:
     """Stored values of stage positions."""
     table = np.array([(stamp.time, *stamp.position, stamp.feed) for stamp in stamps], np.float64).reshape(-1, 5)
-    return {"stage": np.arange(len(table)), **dict(zip(COLUMNS, table.T, strict=True))}
+    return dict(zip(COLUMNS, table.T, strict=True))
 
 
 def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:

@@ -60,11 +60,10 @@ def records(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 def frame_type(header: Mapping[str, Any]) -> np.dtype[Any]:
     """Type of a stored frame: the samples, and for live touch the values played during it."""
     known, played = header["recording"], header["played"]
-    fields: list[Any] = [("samples", f"<{header['stored']}", (len(known["row"]), len(known["column"])))]
+    fields: list[Any] = [("samples", f"<{header['stored']}", (len(known["y"]), len(known["x"])))]
     for entry in TABLE["played"] if played else ():
         if entry.name in PLAYED:
-            axes = (entry.dimensions or ())[1:]
-            shape = (header["played_each"], *(len(played[axis]) for axis in axes))
+            shape = (header["played_each"], *(len(played["transducer_unit"]) for _ in (entry.dimensions or ())[1:]))
             fields.append((entry.name, np.dtype(entry.dtype).newbyteorder("<"), shape))
     return np.dtype(fields)
 

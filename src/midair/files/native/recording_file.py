@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
-from midair.files.native.calibration_file import calibration_values, read_calibration
-from midair.files.native.hdf5 import check_fits, check_kind, new_file, read_group, signature, stored_group, write_group
+from midair.files.native.hdf5 import check_fits, check_kind, new_file, read_group, stored_group, write_group
 from midair.files.native.journal import (
     event_values,
     events_from,
@@ -21,7 +20,7 @@ from midair.files.native.journal import (
 )
 from midair.files.native.provenance_json import from_json
 from midair.files.native.raw_recording import complete, open_file
-from midair.files.native.schema import PLAYED, array_from, check_time, sensor_from, sensor_values, single, time_values
+from midair.files.native.schema import built, check_time, single, stored_values, time_values
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import (
     Calibration,
@@ -47,12 +46,7 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
             return None
         values = read_group(stored_group(file, "played"), "played", Path(path))
         check_time(values, Path(path))
-        return PlayedTouch(
-            **{name: values[name] for name in PLAYED},
-            rate=values["rate_hz"],
-            array=array_from(values),
-            provenance=from_json(values["provenance"]),
-        )
+        return built(PlayedTouch, "played", values)
 
 
 def write_recording(
@@ -73,10 +67,8 @@ def write_recording(
             "save the pressure of this recording"
         )
     values: dict[str, Any] = {
-        **signature("recording", recording.provenance),
+        **stored_values("recording", recording),
         **time_values(recording.frames, recording.rate),
-        **sensor_values(recording.sensor),
-        "unit": recording.unit,
         "samples": single(recording.samples),
     }
     if journal:
@@ -87,16 +79,9 @@ def write_recording(
         write_group(file, "recording", values)
         name_event_kinds(file)
         if calibration is not None:
-            write_group(file.create_group("calibration"), "calibration", calibration_values(calibration))
+            write_group(file.create_group("calibration"), "calibration", stored_values("calibration", calibration))
         if pressure is not None:
-            band = {} if pressure.band is None else {"band_low_hz": pressure.band[0], "band_high_hz": pressure.band[1]}
-            stored = {
-                **signature("pressure", pressure.provenance),
-                **time_values(pressure.frames, pressure.rate),
-                **sensor_values(pressure.sensor),
-                **band,
-                "pressure": pressure.pressure,
-            }
+            stored = {**stored_values("pressure", pressure), **time_values(pressure.frames, pressure.rate)}
             write_group(file.create_group("pressure"), "pressure", stored)
     return ()
 
@@ -111,15 +96,13 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
         check_time(values, path)
         journal, stamps = events_from(values), stamps_from(values)
         life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
-        recording = Recording(
-            samples=values["samples"],
-            rate=values["rate_hz"],
-            sensor=sensor_from(values),
-            unit=values["unit"],
-            provenance=with_stage(life, stamps, journal, values["rate_hz"]),
-        )
+        life = with_stage(life, stamps, journal, values["rate_hz"])
+        recording = built(Recording, "recording", values, provenance=life)
         given.check(recording, path)
-        calibration = read_calibration(stored_group(file, "calibration"), path) if "calibration" in file else None
+        calibration = None
+        if "calibration" in file:
+            stored = read_group(stored_group(file, "calibration"), "calibration", path)
+            calibration = built(Calibration, "calibration", stored)
         return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
 
 
@@ -193,14 +176,7 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
         check_fits(stored_group(file, "pressure"), "pressure", Path(path))
         values = read_group(stored_group(file, "pressure"), "pressure", Path(path))
         check_time(values, Path(path))
-        low, high = values.get("band_low_hz"), values.get("band_high_hz")
-        return PressureFrames(
-            pressure=values["pressure"],
-            rate=values["rate_hz"],
-            sensor=sensor_from(values),
-            band=None if low is None or high is None else (low, high),
-            provenance=from_json(values["provenance"]),
-        )
+        return built(PressureFrames, "pressure", values)
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)

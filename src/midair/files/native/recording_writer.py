@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
@@ -14,10 +15,8 @@ from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
 from midair.files.atomic import lock_recording, reason, writable_path
-from midair.files.native.calibration_file import calibration_values
-from midair.files.native.hdf5 import signature
 from midair.files.native.raw_recording import FRAMES, MAGIC, TEXT, convert, frame_type, record
-from midair.files.native.schema import array_values, sensor_values, single
+from midair.files.native.schema import single, stored_values
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
 from midair.streaming import Stored
 from midair.validation import frozen_array, positive
@@ -66,17 +65,12 @@ class RecordingWriter:
         self.stored: Stored = stored
         self.frames = 0
         """Number of frames so far."""
-        begun = signature("played", provenance)
+        known = SimpleNamespace(rate=self.rate, sensor=sensor, unit=unit, array=array, provenance=provenance)
         self._header: dict[str, Any] = {
             "stored": stored,
-            "recording": {
-                **signature("recording", provenance),
-                **sensor_values(sensor),
-                "rate_hz": self.rate,
-                "unit": unit,
-            },
-            "calibration": None if calibration is None else calibration_values(calibration),
-            "played": None if array is None else {**begun, **array_values(array)},
+            "recording": stored_values("recording", known),
+            "calibration": None if calibration is None else stored_values("calibration", calibration),
+            "played": None if array is None else stored_values("played", known),
             "played_each": played_each,
         }
         self._type = frame_type(self._header)

@@ -1,15 +1,18 @@
-"""Schema of midair's files: dimensions, type and unit of every stored name, for writers, readers and the docs."""
+"""Schema of midair's files: what is stored of each object, its dimensions, type and unit, for writers and readers."""
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.model import SensorGrid, TransducerArray
+from midair.files.native.provenance_json import from_json, to_json
+from midair.model import Provenance
+from midair.version import __version__
 
 Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
 """Content of a file or group."""
@@ -17,12 +20,16 @@ Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played
 FORMAT = 1
 """Version of the schema; it increases when an older reader would misread a file."""
 
+Made = TypeVar("Made")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
     """A stored attribute or dataset."""
 
     name: str
+    of: str = ""
+    """Attribute of the stored object, such as ``sensor.pitch``, ``response.real`` or ``band.0``; empty for none."""
     what: str
     """Meaning in a few words; ``long_name`` of a dataset."""
     dtype: Literal["f8", "i8", "i1", "u1", "text"] = "f8"
@@ -43,6 +50,16 @@ class Entry:
         """True if it holds the coordinates of the axis of the same name."""
         return self.dimensions == (self.name,)
 
+    @property
+    def counts(self) -> bool:
+        """True for the coordinates 0, 1, 2 ... of an axis; the object has their number."""
+        return self.coordinate and self.dtype == "i8"
+
+    @property
+    def part(self) -> str:
+        """The part of the object that it belongs to, such as ``sensor``; "" for the object itself."""
+        return self.of.rpartition(".")[0]
+
 
 BLOCK = 64
 """Number of frames in a compressed chunk."""
@@ -56,8 +73,9 @@ def _entries(listed: Iterable[Any]) -> Iterator[Entry]:
         if isinstance(one, str):
             yield from _entries(_STORED["part"][one])
         else:
-            axes = one.get("dimensions")
-            fields: dict[str, Any] = {**one, "dimensions": None if axes is None else tuple(axes.split())}
+            axes = tuple(one["dimensions"].split()) if "dimensions" in one else None
+            own = "" if axes == (one["name"],) else one["name"]
+            fields: dict[str, Any] = {"of": own, **one, "dimensions": axes}
             yield Entry(**fields)
 
 
@@ -68,56 +86,60 @@ PLAYED = ("phase_steps", "intensity", "instant", "state")
 """Values of a frame of live touch."""
 
 
+def stored_values(kind: Kind, what: object) -> dict[str, Any]:
+    """Stored values of an object, without those that are None, and the signature that every file and group has."""
+    values: dict[str, Any] = {
+        "kind": f"midair {kind}",
+        "format": FORMAT,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "created_by": f"midair {__version__}",
+    }
+    for entry in TABLE[kind]:
+        value: Any = what if entry.of else None
+        for name in entry.of.split("."):
+            value = value[int(name)] if value is not None and name.isdecimal() else getattr(value, name, None)
+        if isinstance(value, Provenance):
+            value = to_json(value)
+        if value is not None:
+            values[entry.name] = np.arange(value) if entry.counts else value
+    return values
+
+
+def built(made: type[Made], kind: Kind, values: Mapping[str, Any], part: str = "", **more: Any) -> Made:
+    """Build an object, or the `part` of one, from its stored values; `more` are fields that are not stored as such."""
+    found: dict[str, Any] = {}
+    for entry in TABLE[kind]:
+        if entry.name in values and entry.of.startswith(part):
+            *folders, last = entry.of.removeprefix(f"{part}.").split(".")
+            place = found
+            for folder in folders:
+                place = place.setdefault(folder, {})
+            place[last] = len(values[entry.name]) if entry.counts else values[entry.name]
+    return _built(made, {**found, **more})
+
+
+def _built(made: type[Made], found: Mapping[str, Any]) -> Made:
+    hints, names = get_type_hints(made), [one.name for one in fields(made) if one.init]  # pyright: ignore[reportArgumentType]
+    return made(**{name: _value(hints[name], value) for name, value in found.items() if name in names})
+
+
+def _value(hint: Any, value: Any) -> Any:
+    """A value of a field: complex numbers, tuples and dataclasses are stored in parts."""
+    if hint is Provenance and isinstance(value, str):
+        return from_json(value)
+    if not isinstance(value, dict):
+        return value
+    if "real" in value:
+        return value["real"] + 1j * value["imag"]
+    if "0" in value:
+        return tuple(value.values())
+    (made,) = (kind for kind in (hint, *get_args(hint)) if is_dataclass(kind))
+    return _built(made, value)
+
+
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
     return {"rate_hz": rate, "time": np.arange(frames) / rate}
-
-
-def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
-    """Stored values of a sensor."""
-    return {
-        "sensor_name": sensor.name,
-        "sensor_pitch_m": sensor.pitch,
-        "row": np.arange(sensor.rows),
-        "column": np.arange(sensor.columns),
-        "y": sensor.y,
-        "x": sensor.x,
-    }
-
-
-def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
-    """Sensor from its stored values."""
-    return SensorGrid(
-        rows=len(values["row"]),
-        columns=len(values["column"]),
-        pitch=values["sensor_pitch_m"],
-        name=values["sensor_name"],
-    )
-
-
-_ATTRIBUTES = {
-    "array_name": "name",
-    "array_pressure_pa_m": "pressure",
-    "array_frequency_hz": "frequency",
-    "transducer_position": "position",
-    "transducer_normal": "normal",
-    "transducer_unit": "unit",
-}
-"""Names in the file of the attributes of an array."""
-
-
-def array_values(array: TransducerArray) -> dict[str, Any]:
-    """Stored values of an array without the response of its transducers."""
-    return {
-        **{name: getattr(array, attribute) for name, attribute in _ATTRIBUTES.items()},
-        "transducer": np.arange(array.count),
-        "axis": np.arange(3),
-    }
-
-
-def array_from(values: Mapping[str, Any]) -> TransducerArray:
-    """Array from its stored values, with transducers as the model's."""
-    return TransducerArray(**{attribute: values[name] for name, attribute in _ATTRIBUTES.items()})
 
 
 def check_time(values: Mapping[str, Any], path: Path) -> None:
