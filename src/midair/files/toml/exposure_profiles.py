@@ -15,7 +15,7 @@ import numpy as np
 from midair.errors import BrokenFileError, InputError
 from midair.files.text_files import read_toml
 from midair.physics import ExposureProfile, Place
-from midair.validation import one_of
+from midair.validation import check_settings, one_of, setting
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -29,13 +29,31 @@ def read_sheet(
 ) -> Made:
     """Read a TOML file with the keys of a dataclass, and convert it by `make`; `expected` is for messages.
 
+    A missing name is that of the file.
     Raises MissingFileError if the file does not exist; BrokenFileError if it is not TOML, or a key or value is invalid.
     """
     content = read_toml(path, expected)
+    if "name" in get_type_hints(sheet):
+        content.setdefault("name", Path(path).stem)
     try:
         return make(from_plain(sheet, content))
     except InputError as wrong:
         raise BrokenFileError(f"{path}: {wrong}") from wrong
+
+
+_SCALES = {"_mm_s": 1e-3, "_mm": 1e-3, "_deg": np.pi / 180, "_db": 1.0, "_k": 1.0}
+
+
+def in_si(sheet: Any) -> dict[str, Any]:
+    """Fields of a sheet that are not None, by their names without the unit: lengths in m, angles in rad."""
+    found: dict[str, Any] = {}
+    for name, value in ((one.name, getattr(sheet, one.name)) for one in fields(sheet)):
+        end = next((end for end in _SCALES if name.endswith(end)), "")
+        if end and isinstance(value, tuple):
+            found[name.removesuffix(end)] = tuple(each * _SCALES[end] for each in value)
+        elif value is not None:
+            found[name.removesuffix(end)] = value * _SCALES[end] if end else value
+    return found
 
 
 def to_plain(value: Any) -> Any:
@@ -127,6 +145,10 @@ class PlaceSheet:
     enforced: bool = True
     source: str = ""
 
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.position_mm, self.reach_mm, self.limit_db]).all() or self.reach_mm < 0:
+            raise InputError(f"place {self.name}: expected finite numbers, and reach_mm from 0 on")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileSheet:
@@ -137,9 +159,14 @@ class ProfileSheet:
     source: str
     evidence: str
     place: tuple[PlaceSheet, ...]
-    duty: float | None = None
-    warming_k: float | None = None
-    hours: float | None = None
+    duty: float | None = setting(None, "", limits=(0, 1), above=True)
+    warming_k: float | None = setting(None, "", unit="K", limits=(0, np.inf), above=True)
+    hours: float | None = setting(None, "", unit="h", limits=(0, 24), above=True)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not any(each.enforced for each in self.place):
+            raise InputError(f"profile {self.name}: expected at least one enforced limit, got none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,7 +183,9 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
     """
 
     def profiles(keys: ProfilesSheet) -> dict[str, ExposureProfile]:
-        return {each.name: _profile(each) for each in keys.profile}
+        known = [in_si(each) for each in keys.profile]
+        places = [tuple(Place(**in_si(place)) for place in each.pop("place")) for each in known]
+        return {each["name"]: ExposureProfile(places=own, **each) for each, own in zip(known, places, strict=True)}
 
     file = Path(__file__).with_name("exposure.toml") if path is None else path
     return read_sheet(file, "a TOML file of exposure profiles", ProfilesSheet, profiles)
@@ -167,31 +196,3 @@ def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> Expo
     profiles = load_profiles(path)
     one_of(name, profiles, "exposure profile")
     return profiles[name]
-
-
-def _profile(keys: ProfileSheet) -> ExposureProfile:
-    for each in keys.place:
-        if not np.isfinite([*each.position_mm, each.reach_mm, each.limit_db]).all() or each.reach_mm < 0:
-            raise InputError(f"place {each.name}: expected finite numbers, and reach_mm from 0 on")
-    if not any(each.enforced for each in keys.place):
-        raise InputError(f"profile {keys.name}: expected at least one enforced limit, got none")
-    stated = {"duty": keys.duty, "warming": keys.warming_k, "hours": keys.hours}
-    heat = {name: value for name, value in stated.items() if value is not None}
-    if not all(0 < limit < np.inf for limit in heat.values()) or heat.get("duty", 1) > 1 or heat.get("hours", 1) > 24:
-        raise InputError(
-            f"profile {keys.name}: expected duty above 0 and at most 1, warming_k above 0 K, hours above 0, at most 24"
-        )
-    places = tuple(
-        Place(
-            name=each.name,
-            position=(1e-3 * each.position_mm[0], 1e-3 * each.position_mm[1], 1e-3 * each.position_mm[2]),
-            reach=each.reach_mm * 1e-3,
-            limit=each.limit_db,
-            enforced=each.enforced,
-            source=each.source,
-        )
-        for each in keys.place
-    )
-    return ExposureProfile(
-        name=keys.name, title=keys.title, source=keys.source, evidence=keys.evidence, places=places, **heat
-    )

@@ -8,7 +8,6 @@ file of each kind: build-a-sensor.md, data/stage.toml, play-on-your-array.md, fo
 
 import os
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ import tomli_w
 
 from midair.errors import InputError
 from midair.files.atomic import write_file
-from midair.files.toml.exposure_profiles import read_sheet, to_plain
+from midair.files.toml.exposure_profiles import in_si, read_sheet
 from midair.model import Heading, Palm, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
 from midair.validation import Declared, check_settings, positive, setting
 
@@ -29,7 +28,7 @@ PathLike = str | os.PathLike[str]
 class SensorSheet:
     """Keys of a sensor."""
 
-    name: str | None = None
+    name: str
     rows: int = 4
     columns: int = 4
     pitch_mm: float = 11.0
@@ -43,14 +42,9 @@ def load_sensor(path: PathLike) -> SensorWiring:
     """Read a sensor; the defaults are 4 x 4 cells at 11 mm, in counts. Raises the errors of `read_sheet`."""
 
     def wiring(keys: SensorSheet) -> SensorWiring:
-        name = Path(path).stem if keys.name is None else keys.name
-        return SensorWiring(
-            grid=SensorGrid(rows=keys.rows, columns=keys.columns, pitch=keys.pitch_mm * 1e-3, name=name),
-            order=keys.order,
-            unit=keys.unit,
-            full_scale=keys.full_scale,
-            sensitivity=keys.sensitivity,
-        )
+        known = in_si(keys)
+        grid = SensorGrid(**{name: known.pop(name) for name in ("name", "rows", "columns", "pitch")})
+        return SensorWiring(grid=grid, **known)
 
     return read_sheet(path, "a TOML file that describes a sensor", SensorSheet, wiring)
 
@@ -58,16 +52,14 @@ def load_sensor(path: PathLike) -> SensorWiring:
 def save_sensor(sensor: SensorWiring, path: PathLike) -> None:
     """Write a sensor file atomically. Raises FileError if the file cannot be written."""
     grid = sensor.grid
-    keys = SensorSheet(
-        name=grid.name,
-        rows=grid.rows,
-        columns=grid.columns,
-        pitch_mm=float(f"{grid.pitch * 1e3:.12g}"),
-        unit=sensor.unit,
-        full_scale=sensor.full_scale,
-        sensitivity=sensor.sensitivity,
-    )
-    head = tomli_w.dumps({name: value for name, value in to_plain(keys).items() if name != "order"})
+    keys = {
+        "name": grid.name,
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "pitch_mm": float(f"{grid.pitch * 1e3:.12g}"),
+    }
+    keys |= {name: getattr(sensor, name) for name in ("unit", "full_scale", "sensitivity")}
+    head = tomli_w.dumps({name: value for name, value in keys.items() if value is not None})
     rows = "".join(f"  {', '.join(map(str, row))},\n" for row in np.reshape(sensor.order, grid.shape).tolist())
     write_file(path, f"{head}# Channel of the source for each cell, row by row.\norder = [\n{rows}]\n")
 
@@ -98,20 +90,9 @@ class StageSheet:
 def load_stage(path: PathLike) -> StageSetup:
     """Read the set-up of a motion stage. Raises the errors of `read_sheet`."""
 
-    def metres(pair: tuple[float, float]) -> tuple[float, float]:
-        return pair[0] * 1e-3, pair[1] * 1e-3
-
     def setup(keys: StageSheet) -> StageSetup:
-        return StageSetup(
-            heading=keys.heading,
-            start=metres(keys.start_mm),
-            contact=keys.contact_mm * 1e-3,
-            clear=keys.clear_mm * 1e-3,
-            approach=keys.approach_mm_s * 1e-3,
-            back=keys.return_mm_s * 1e-3,
-            travel=(metres(keys.travel.x_mm), metres(keys.travel.y_mm), metres(keys.travel.z_mm)),
-            homing=keys.homing,
-        )
+        known = in_si(keys) | {"travel": tuple(in_si(keys.travel).values())}
+        return StageSetup(back=known.pop("return"), **known)
 
     return read_sheet(path, "a TOML file that describes a motion stage", StageSheet, setup)
 
@@ -128,7 +109,7 @@ class UnitSheet:
 class PlacementSheet:
     """Keys of a placement of units."""
 
-    name: str | None = None
+    name: str
     unit: tuple[UnitSheet, ...]
 
 
@@ -136,11 +117,9 @@ def load_placement(path: PathLike) -> Placement:
     """Read the placement of an array's units. Raises the errors of `read_sheet`."""
 
     def placement(keys: PlacementSheet) -> Placement:
-        return Placement(
-            position=np.array([unit.position_mm for unit in keys.unit]) * 1e-3,
-            rotation=np.radians([unit.rotation_deg for unit in keys.unit]),
-            name=Path(path).stem if keys.name is None else keys.name,
-        )
+        units = [in_si(unit) for unit in keys.unit]
+        position, rotation = (np.array([unit[name] for unit in units]) for name in ("position", "rotation"))
+        return Placement(position=position, rotation=rotation, name=keys.name)
 
     return read_sheet(path, "a TOML file with the placement of the units", PlacementSheet, placement)
 
@@ -158,11 +137,9 @@ def load_tracker(path: PathLike) -> TrackerPlacement:
     """Read the placement of a tracker. Raises the errors of `read_sheet`."""
 
     def placement(keys: TrackerSheet) -> TrackerPlacement:
-        return TrackerPlacement(
-            rotation=scipy.spatial.transform.Rotation.from_euler("xyz", keys.rotation_deg, degrees=True).as_matrix(),
-            offset=np.array(keys.offset_mm) * 1e-3,
-            uncertainty=keys.uncertainty_mm * 1e-3,
-        )
+        known = in_si(keys)
+        turns = scipy.spatial.transform.Rotation.from_euler("xyz", known.pop("rotation"))
+        return TrackerPlacement(rotation=turns.as_matrix(), **known)
 
     return read_sheet(path, "a TOML file with the placement of a tracker", TrackerSheet, placement)
 
@@ -215,7 +192,7 @@ def save_laboratory(laboratory: Laboratory, path: PathLike) -> None:
 class PalmSheet:
     """Keys of the file of a palm."""
 
-    name: str = ""
+    name: str
     disc_mm: float | None = None
     outline_mm: tuple[tuple[float, float], ...] | None = None
     pitch_mm: float = 2.5
@@ -225,7 +202,7 @@ def load_palm(path: PathLike) -> Palm:
     """Read a palm. Raises the errors of `read_sheet`."""
 
     def palm(keys: PalmSheet) -> Palm:
-        pitch, name = positive(keys.pitch_mm, "pitch_mm", "mm") * 1e-3, keys.name or Path(path).stem
+        pitch, name = positive(keys.pitch_mm, "pitch_mm", "mm") * 1e-3, keys.name
         if (keys.disc_mm is None) == (keys.outline_mm is None):
             got = "none" if keys.disc_mm is None else "both"
             raise InputError(f"expected one of disc_mm and outline_mm, got {got}")
