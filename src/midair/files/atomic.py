@@ -3,13 +3,10 @@
 import os
 import secrets
 import shutil
-import stat
-import warnings
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from errno import EACCES, EAGAIN, EINVAL, ENOLCK, ENOSYS, ENOTSUP, EOPNOTSUPP
-from functools import cache
 from pathlib import Path
 
 from midair.errors import BrokenFileError, DeviceStateError, FileError, MidairError, MissingFileError, did_you_mean
@@ -19,19 +16,14 @@ try:
 except ImportError:  # Windows, where an open file cannot be replaced anyway
     fcntl = None
 
-_HELD = (EAGAIN, EACCES)
-_NONE = (ENOLCK, ENOTSUP, EOPNOTSUPP, ENOSYS, EINVAL)
-
-
-class NoLocksWarning(UserWarning):
-    """A file system without locks, on which two programs could write to the same file unnoticed."""
+_NO_LOCKS = (ENOLCK, ENOTSUP, EOPNOTSUPP, ENOSYS, EINVAL)
 
 
 def lock_or_raise(handle: int, refusal: str) -> None:
     """Lock an open file or folder until the handle is closed or the process ends.
 
-    On a file system without locks it issues a `NoLocksWarning` and continues. Raises DeviceStateError with the message
-    `refusal` if another program holds the lock, and FileError if the lock fails for any other reason.
+    On a disk without locks it does nothing. Raises DeviceStateError with the message `refusal` if another program holds
+    the lock, and FileError if the lock fails for any other reason.
     """
     if not _locked(handle, refusal.partition(":")[0]):
         raise DeviceStateError(refusal)
@@ -45,54 +37,53 @@ def lock_recording(handle: int, path: Path, *, shared: bool = False) -> None:
 
 def check_not_recording(path: Path) -> None:
     """Raise FileError if a program is recording into a file that is to be replaced or removed."""
-    if not path.is_file():
-        return
     # Without read permission, the following operation raises the error.
-    with suppress(PermissionError), path.open("rb") as file:
-        lock_recording(file.fileno(), path, shared=True)
+    with suppress(PermissionError):
+        if path.is_file():
+            with path.open("rb") as file:
+                lock_recording(file.fileno(), path, shared=True)
 
 
 def _locked(handle: int, what: Path | str, *, shared: bool = False) -> bool:
-    """Lock an open file if no other program holds the lock."""
     if fcntl is None:
         return True
-    try:
-        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-    except OSError as wrong:
-        if wrong.errno in _HELD:
-            return False
-        if wrong.errno not in _NONE:
-            raise FileError(f"{what}: cannot be locked: {wrong.strerror}") from wrong
-        _warn_once(f"this disk has no locks ({wrong.strerror}): make sure that no two programs write to the same file")
+    with _disk_errors(what, "locked"):
+        try:
+            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        except OSError as wrong:
+            if wrong.errno not in (EAGAIN, EACCES, *_NO_LOCKS):
+                raise
+            return wrong.errno in _NO_LOCKS
     return True
 
 
-@cache
-def _warn_once(text: str) -> None:
-    # Python's own "once" starts again whenever a library changes the warning filters.
-    warnings.warn(text, NoLocksWarning, stacklevel=1)
+@contextmanager
+def _disk_errors(path: Path | str | os.PathLike[str], act: str, *more: type[Exception]) -> Generator[None]:
+    """Raise errors of the system and of HDF5, and `more`, as FileError; `act` is what failed, such as "written"."""
+    try:
+        yield
+    except MidairError:
+        raise
+    except (OSError, RuntimeError, *more) as wrong:
+        raise (BrokenFileError if act == "read" else FileError)(f"{path}: cannot be {act}: {reason(wrong)}") from wrong
 
 
 def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
     """Return `path` as a Path if it is a readable regular file, not empty unless `empty`; otherwise raise FileError."""
     file = Path(path)
-    try:
+    with _disk_errors(file, "read", ValueError):
         if not file.exists():
             near = did_you_mean(file.name, (each.name for each in file.parent.glob("*")))
             raise MissingFileError(f"{file}: no such file{near or '; check the name'}")
         if file.is_dir():
             raise BrokenFileError(f"{file}: expected a file, got a folder; name a file in it")
         # Reading a pipe or a device may block or never end.
-        if not stat.S_ISREG(file.stat().st_mode):
+        if not file.is_file():
             raise BrokenFileError(f"{file}: expected a file, got a pipe or a device; write its output to a file")
         if file.stat().st_size == 0 and not empty:
             raise BrokenFileError(f"{file}: expected a file with content, got an empty file; copy it again")
         with file.open("rb"):
             return file
-    except MidairError:
-        raise
-    except (OSError, ValueError) as wrong:
-        raise BrokenFileError(f"{file}: cannot be read: {reason(wrong)}") from wrong
 
 
 _noting: ContextVar[list[Path] | None] = ContextVar("noting", default=None)
@@ -107,13 +98,6 @@ def collect_written_files() -> Generator[list[Path]]:
         yield noted
     finally:
         _noting.reset(before)
-
-
-def note_written_file(path: str | os.PathLike[str]) -> None:
-    """Add a completed file to the list of `collect_written_files`."""
-    noted = _noting.get()
-    if noted is not None and Path(path) not in noted:
-        noted.append(Path(path))
 
 
 @contextmanager
@@ -142,12 +126,11 @@ def _beside(target: Path, named: str | os.PathLike[str]) -> Generator[Path]:
     """A temporary name beside `target`, which the block replaces; what is left of it is removed."""
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
-        yield partial
-        note_written_file(named)
-    except MidairError:
-        raise
-    except (OSError, RuntimeError) as wrong:
-        raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
+        with _disk_errors(target, "written"):
+            yield partial
+        noted = _noting.get()
+        if noted is not None and Path(named) not in noted:
+            noted.append(Path(named))
     finally:
         # If the disk fails, the reason has been raised already.
         with suppress(OSError):
@@ -195,7 +178,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
     Raises MissingFileError without a folder, FileError if it is read-only, BrokenFileError for the name of a folder.
     """
-    try:
+    with _disk_errors(path, "written", ValueError):
         target = Path(path).resolve()
         if not target.parent.is_dir():
             raise MissingFileError(f"{path}: expected the folder {target.parent}, found none; create it first")
@@ -203,11 +186,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
             raise BrokenFileError(f"{path}: expected the name of a file, got that of a folder; name a file in it")
         if not os.access(target.parent, os.W_OK):
             raise FileError(f"{path}: cannot be written: the folder is read-only; use another one")
-    except (OSError, ValueError) as wrong:
-        if isinstance(wrong, MidairError):
-            raise
-        raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
-    return target
+        return target
 
 
 @contextmanager
