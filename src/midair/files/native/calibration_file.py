@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.hdf5 import kind_of, new_file, read_group, stored_group, write_group
+from midair.files.native.hdf5 import kind_of, new_file, read_group, read_part, write_group
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
 from midair.model import ArrayCalibration, Calibration
@@ -40,10 +40,7 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
         if (kind := kind_of(file)) not in ("midair calibration", "midair recording"):
             found = kind or "an HDF5 file of another program"
             raise BrokenFileError(f"{path}: expected a midair calibration or recording, got {found}")
-        if kind == "midair recording" and "calibration" not in file:
-            return None
-        group = stored_group(file, "calibration") if kind == "midair recording" else file
-        return built(Calibration, "calibration", read_group(group, "calibration", Path(path)))
+        return read_part(file, "calibration", Calibration, Path(path))
 
 
 ARRAY_SUFFIX = ".array.h5"

@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.native.hdf5 import (
     finite,
-    name_numbers,
     new_file,
     read_group,
-    stored_dataset,
     write_frames,
     write_group,
 )
 from midair.files.native.raw_recording import open_file
-from midair.files.native.schema import built, check_time, stored_values, time_values
+from midair.files.native.schema import built, stored_values
 from midair.model import AmplitudeFrames, Drive, Solution, Status
 from midair.progress import report_progress
 from midair.streaming import LazyFrames, block_ranges, blocks, each_frame
@@ -73,8 +71,7 @@ def save_solutions(
     room = frames * (sum(each.nbytes for each in values.values()) // done + 8)
     room += 0 if target is None else 4 * frames * target.grid.count
     with new_file(path, room=room) as file:
-        write_group(file, "drive", {**_drive_values(first.drive, frames), **values}, frames=frames)
-        name_numbers(stored_dataset(file, "status"), get_args(Status))
+        write_group(file, "drive", {**_drive_values(first.drive), **values}, frames=frames)
         for part in report_progress(coming, frames, weight=lambda part: part.drive.frames):
             write_frames(file, _frame_values(part), done)
             done += part.drive.frames
@@ -107,11 +104,7 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
         phase = finite(values["phase"], "phase")
         drive = built(Drive, "drive", values, phase=phase, level=_levels(level, path))
         drive.acoustics.medium.check_speed(str(path))
-        known: tuple[Status, ...] = get_args(Status)
-        codes = values["status"]
-        if codes.min() < 0 or codes.max() >= len(known):
-            raise BrokenFileError(f"{path}: expected status 0 to {len(known) - 1}, got {codes.min()} to {codes.max()}")
-        status = tuple(known[code] for code in codes)
+        status: tuple[Status, ...] = tuple(get_args(Status)[code] for code in values["status"])
         return Solution(drive=drive, error=values["error"], iterations=values["iterations"], status=status)
 
 
@@ -132,18 +125,16 @@ def _opened(path: str | os.PathLike[str], *, streamed: bool) -> Generator[dict[s
     """Stored values of a drive."""
     with open_file(path) as file:
         values = read_group(file, "drive", Path(path), streamed=streamed)
-        check_time(values, Path(path))
         for stored, name, steps in (("phase_step", "phase", _TURN), ("level_step", "transducer_level", 255)):
             if stored in values:
                 values[name] = each_frame(values.pop(stored), lambda byte, steps=steps: byte / steps)
         yield values
 
 
-def _drive_values(drive: Drive, frames: int) -> dict[str, Any]:
-    """Stored values of a drive of so many frames, without those of its frames."""
-    values = {**stored_values("drive", drive), **time_values(frames, drive.rate)}
-    left_out = {"phase", "level", *(("response_real", "response_imag") if drive.array.alike else ())}
-    return {name: value for name, value in values.items() if name not in left_out}
+def _drive_values(drive: Drive) -> dict[str, Any]:
+    """Stored values of a drive without those of its frames."""
+    left_out = ("response_real", "response_imag") if drive.array.alike else ()
+    return {name: value for name, value in stored_values("drive", drive).items() if name not in left_out}
 
 
 def _frame_values(part: Solution) -> dict[str, np.ndarray]:

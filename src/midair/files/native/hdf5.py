@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, check_disk_space, parse_errors
-from midair.files.native.schema import BLOCK, FORMAT, TABLE, Entry, Kind
+from midair.files.native.schema import BLOCK, FLAGS, FORMAT, TABLE, Entry, Kind, Made, built
 from midair.streaming import LazyFrames
 from midair.validation import check_finite
 
@@ -68,19 +68,19 @@ def open_hdf5(path: Path) -> "Generator[h5py.File]":
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, frames: int | None = None) -> None:
     """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
 
-    An axis without coordinates counts from 0. With `frames`, values per frame have room for so many; `write_frames`
-    writes those that come later.
+    An axis without coordinates counts from 0, and time from 0 s. With `frames`, values per frame have room for so many;
+    `write_frames` writes those that come later.
     """
-    axes = {
-        axis: np.arange(length)
+    lengths = {
+        axis: length
         for entry in TABLE[kind]
         if entry.name in values
         for axis, length in zip(entry.dimensions or (), np.shape(values[entry.name]), strict=True)
     }
-    values = {
-        **{entry.name: axes[entry.name] for entry in TABLE[kind] if entry.counts and entry.name in axes},
-        **values,
-    }
+    counted = [entry.name for entry in TABLE[kind] if entry.counts and entry.name in lengths]
+    values = {**{axis: np.arange(lengths[axis]) for axis in counted}, **values}
+    if "rate_hz" in values:
+        values["time"] = np.arange(frames or lengths["time"]) / values["rate_hz"]
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
     for entry in entries:
@@ -99,33 +99,53 @@ def write_frames(group: "h5py.Group", values: Mapping[str, np.ndarray], first: i
 
 
 def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = False) -> dict[str, Any]:
-    """Read the values that the schema lists for `kind`, and check types, axes, units and lengths.
+    """Read the values that the schema lists for `kind`, and check types, axes, units, lengths and times.
 
-    With `streamed`, datasets with several numbers per frame are lazy.
+    With `streamed`, datasets with several numbers per frame are lazy. Raises InputError if the others do not fit into
+    memory, with the length that would.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
     values = {entry.name: _attribute(group, entry, path) for entry in present if entry.dimensions is None}
     stored = [entry for entry in present if entry.dimensions is not None]
+    if "rate_hz" in values and not streamed:
+        _check_fits([stored_dataset(group, entry.name) for entry in stored], values["rate_hz"], path)
     for entry in stored:
         unit = entry.unit.format(unit=values.get("unit", ""))
         values[entry.name] = _dataset(group, entry, unit, path, streamed=streamed)
     _check_lengths(stored, values, path)
+    if "rate_hz" in values:
+        _check_time(values["time"], values["rate_hz"], path)
     return values
 
 
-def check_fits(group: "h5py.Group", name: str, path: Path) -> None:
-    """Raise InputError if the frames of a dataset do not fit into memory, with the length that would."""
-    if name not in group:
-        return  # `read_group` refuses it
-    dataset, rate = stored_dataset(group, name), group.attrs.get("rate_hz")
+def read_part(file: "h5py.File", kind: Kind, made: type[Made], path: Path) -> Made | None:
+    """The object in a file of its own kind or in a group of another; None if there is no such group."""
+    if kind_of(file) != f"midair {kind}" and kind not in file:
+        return None
+    group = file if kind_of(file) == f"midair {kind}" else stored_group(file, kind)
+    return built(made, kind, read_group(group, kind, path))
+
+
+def _check_fits(datasets: "Sequence[h5py.Dataset]", rate: float, path: Path) -> None:
     # Reading keeps the numbers as stored, as float64, and as a checked copy.
-    needed, free = 24 * int(np.prod(dataset.shape, dtype=np.int64)), ram.available_memory()
-    if free is not None and needed > free and isinstance(rate, float):
-        seconds = len(dataset) / rate
+    needed, free = 24 * max(int(np.prod(each.shape, dtype=np.int64)) for each in datasets), ram.available_memory()
+    if free is not None and needed > free:
+        seconds = max(each.shape[0] for each in datasets) / rate
         raise InputError(
             f"{path}: expected {needed / 1e9:.3g} GB of free memory for {seconds:.4g} s at {rate:g} Hz, got "
             f"{free / 1e9:.3g} GB; {seconds * free / needed:.3g} s would fit: take a part of it, or a lower rate"
+        )
+
+
+def _check_time(time: np.ndarray, rate: float, path: Path) -> None:
+    """Raise BrokenFileError if a time differs from frame / rate by more than a thousandth of a frame."""
+    right = np.abs(time * rate - np.arange(len(time))) < 1e-3
+    if not right.all():
+        wrong = int(np.argmin(right))
+        raise BrokenFileError(
+            f"{path}: expected frame i at i / {rate:g} Hz, got frame {wrong} at {time[wrong]:g} s; the file is damaged "
+            "or its rate was edited"
         )
 
 
@@ -136,11 +156,7 @@ def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
         advice = "; solve it first (midair solve)" if (kind, have) == ("drive", "midair recording") else ""
         found = have or "an HDF5 file of another program"
         raise BrokenFileError(f"{path}: expected a midair {kind}, got {found}{advice}")
-    check_format(group.attrs.get("format"), path)
-
-
-def check_format(version: object, path: Path) -> None:
-    """Raise unless a file states a version of the schema that this program reads."""
+    version = group.attrs.get("format")
     if not isinstance(version, int | np.integer) or version < 1:
         raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")
     if version > FORMAT:
@@ -197,6 +213,9 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, frames: in
     dataset[: len(data) if data.ndim else ()] = data
     dataset.attrs["units"] = fixed_text(unit)
     dataset.attrs["long_name"] = fixed_text(entry.what)
+    if names := FLAGS.get(entry.name):  # as in the CF conventions
+        dataset.attrs["flag_values"] = np.arange(len(names), dtype="i1")
+        dataset.attrs["flag_meanings"] = fixed_text(" ".join(names))
     if entry.coordinate:
         dataset.make_scale(entry.name)
         return
@@ -212,12 +231,6 @@ def _chunk(shape: tuple[int, ...], itemsize: int, *, frames: int) -> tuple[int, 
         return None
     row = int(np.prod(shape[1:], dtype=int)) * itemsize
     return (frames or max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
-
-
-def name_numbers(dataset: "h5py.Dataset", names: Sequence[str]) -> None:
-    """Store the meanings of the numbers 0, 1, 2 ... of a dataset, as in the CF conventions."""
-    dataset.attrs["flag_values"] = np.arange(len(names), dtype="i1")
-    dataset.attrs["flag_meanings"] = fixed_text(" ".join(names))
 
 
 def fixed_text(value: str) -> Any:
@@ -276,7 +289,13 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
 
     if streamed and axes[0] == "time" and len(axes) > 1:
         return _lazy_dataset(dataset, path)
-    return _rows(dataset, 0, len(dataset), path).astype(kind, copy=False)
+    values = _rows(dataset, 0, len(dataset), path).astype(kind, copy=False)
+    names = FLAGS.get(entry.name)
+    if names and values.size and not 0 <= values.min() <= values.max() < len(names):
+        raise BrokenFileError(
+            f"{path}: expected {entry.name} 0 to {len(names) - 1}, got {values.min()} to {values.max()}"
+        )
+    return values
 
 
 def _rows(dataset: "h5py.Dataset", first: int, last: int, path: Path) -> np.ndarray:

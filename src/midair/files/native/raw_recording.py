@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
 from midair.files.native.hdf5 import new_file, open_hdf5, stored_group, write_frames, write_group
-from midair.files.native.journal import event_values, name_event_kinds, stage_values
-from midair.files.native.schema import PLAYED, TABLE, time_values
+from midair.files.native.journal import event_values, stage_values
+from midair.files.native.schema import PLAYED, TABLE
 from midair.model import Event, StageStamp
 from midair.streaming import BYTES
 
@@ -105,16 +105,14 @@ def convert(path: Path, handle: int) -> tuple[int, float]:
     with os.fdopen(handle, "rb+") as file:
         header, frames, events, stamps = _read(file, path)
         rate, kind, each = header["recording"]["rate_hz"], frame_type(header), header["played_each"]
-        values = {**header["recording"], **time_values(frames, rate), "samples": np.empty(0, kind)["samples"]}
-        values |= event_values(events) if events else {}
-        values |= stage_values(stamps) if stamps else {}
+        values = {**header["recording"], "samples": np.empty(0, kind)["samples"]}
+        values |= event_values(events) | stage_values(stamps)
         with new_file(path, room=os.fstat(handle).st_size + 8 * frames, recording=True) as made:
             write_group(made, "recording", values, frames=frames)
-            name_event_kinds(made)
             if header["calibration"]:
                 write_group(made.create_group("calibration"), "calibration", header["calibration"])
             if header["played"]:
-                played = {**header["played"], **time_values(each * frames, each * rate), **_played(np.empty(0, kind))}
+                played = {**header["played"], "rate_hz": each * rate, **_played(np.empty(0, kind))}
                 write_group(made.create_group("played"), "played", played, frames=each * frames)
             done = 0
             for block in _blocks(file, kind):

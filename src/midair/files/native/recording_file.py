@@ -9,18 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
-from midair.files.native.hdf5 import check_fits, check_kind, new_file, read_group, stored_group, write_group
+from midair.files.native.hdf5 import check_kind, new_file, read_group, read_part, write_group
 from midair.files.native.journal import (
     event_values,
     events_from,
-    name_event_kinds,
     stamps_from,
     with_events,
     with_stage,
 )
 from midair.files.native.provenance_json import from_json
 from midair.files.native.raw_recording import complete, open_file
-from midair.files.native.schema import built, check_time, single, stored_values, time_values
+from midair.files.native.schema import Kind, built, single, stored_values
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.model import (
     Calibration,
@@ -42,11 +41,7 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
-        if "played" not in file:
-            return None
-        values = read_group(stored_group(file, "played"), "played", Path(path))
-        check_time(values, Path(path))
-        return built(PlayedTouch, "played", values)
+        return read_part(file, "played", PlayedTouch, Path(path))
 
 
 def write_recording(
@@ -66,23 +61,13 @@ def write_recording(
             f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
             "save the pressure of this recording"
         )
-    values: dict[str, Any] = {
-        **stored_values("recording", recording),
-        **time_values(recording.frames, recording.rate),
-        "samples": single(recording.samples),
-    }
-    if journal:
-        values |= event_values(journal)
-    samples = values["samples"]
-    room = 8 * recording.frames + samples.nbytes + (0 if pressure is None else pressure.pressure.nbytes)
-    with new_file(path, room=room) as file:
+    values = {**stored_values("recording", recording), "samples": single(recording.samples), **event_values(journal)}
+    parts: dict[Kind, Any] = {"calibration": calibration, "pressure": pressure}
+    with new_file(path, room=2 * recording.samples.nbytes) as file:
         write_group(file, "recording", values)
-        name_event_kinds(file)
-        if calibration is not None:
-            write_group(file.create_group("calibration"), "calibration", stored_values("calibration", calibration))
-        if pressure is not None:
-            stored = {**stored_values("pressure", pressure), **time_values(pressure.frames, pressure.rate)}
-            write_group(file.create_group("pressure"), "pressure", stored)
+        for kind, part in parts.items():
+            if part is not None:
+                write_group(file.create_group(kind), kind, stored_values(kind, part))
     return ()
 
 
@@ -90,19 +75,13 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a recording; an interrupted one is converted first, and reported."""
     report = complete(path)
     with open_file(path) as file:
-        check_kind(file, "recording", path)
-        check_fits(file, "samples", path)
         values = read_group(file, "recording", path)
-        check_time(values, path)
         journal, stamps = events_from(values), stamps_from(values)
         life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
         life = with_stage(life, stamps, journal, values["rate_hz"])
         recording = built(Recording, "recording", values, provenance=life)
         given.check(recording, path)
-        calibration = None
-        if "calibration" in file:
-            stored = read_group(stored_group(file, "calibration"), "calibration", path)
-            calibration = built(Calibration, "calibration", stored)
+        calibration = read_part(file, "calibration", Calibration, path)
         return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
 
 
@@ -171,12 +150,7 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
-        if "pressure" not in file:
-            return None
-        check_fits(stored_group(file, "pressure"), "pressure", Path(path))
-        values = read_group(stored_group(file, "pressure"), "pressure", Path(path))
-        check_time(values, Path(path))
-        return built(PressureFrames, "pressure", values)
+        return read_part(file, "pressure", PressureFrames, Path(path))
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)

@@ -9,9 +9,8 @@ from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
-from midair.errors import BrokenFileError
 from midair.files.native.provenance_json import from_json, to_json
-from midair.model import Provenance
+from midair.model import EventKind, Provenance, Status
 from midair.version import __version__
 
 Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
@@ -82,6 +81,9 @@ def _entries(listed: Iterable[Any]) -> Iterator[Entry]:
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {kind: tuple(_entries(listed)) for kind, listed in _STORED["kind"].items()}
 """Entries of each kind."""
 
+FLAGS = {"event_kind": get_args(EventKind), "status": get_args(Status)}
+"""Meanings of the numbers 0, 1, 2 ... of a dataset."""
+
 PLAYED = ("phase_steps", "intensity", "instant", "state")
 """Values of a frame of live touch."""
 
@@ -135,23 +137,6 @@ def _value(hint: Any, value: Any) -> Any:
         return tuple(value.values())
     (made,) = (kind for kind in (hint, *get_args(hint)) if is_dataclass(kind))
     return _built(made, value)
-
-
-def time_values(frames: int, rate: float) -> dict[str, Any]:
-    """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
-    return {"rate_hz": rate, "time": np.arange(frames) / rate}
-
-
-def check_time(values: Mapping[str, Any], path: Path) -> None:
-    """Raise BrokenFileError if a stored time differs from frame / rate by more than a thousandth of a frame."""
-    time, rate = values["time"], values["rate_hz"]
-    right = np.abs(time * rate - np.arange(len(time))) < 1e-3
-    if not right.all():
-        wrong = int(np.argmin(right))
-        raise BrokenFileError(
-            f"{path}: expected frame i at i / {rate:g} Hz, got frame {wrong} at {time[wrong]:g} s; the file is damaged "
-            "or its rate was edited"
-        )
 
 
 def single(samples: np.ndarray) -> np.ndarray:

@@ -91,7 +91,8 @@ def load_stage(path: PathLike) -> StageSetup:
     """Read the set-up of a motion stage. Raises the errors of `read_sheet`."""
 
     def setup(keys: StageSheet) -> StageSetup:
-        known = in_si(keys) | {"travel": tuple(in_si(keys.travel).values())}
+        known = in_si(keys)
+        known["travel"] = tuple(in_si(keys.travel).values())
         return StageSetup(back=known.pop("return"), **known)
 
     return read_sheet(path, "a TOML file that describes a motion stage", StageSheet, setup)
