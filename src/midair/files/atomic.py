@@ -190,20 +190,22 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def parse_errors(path: Path | str, expected: str) -> Generator[None]:
+def parse_errors(path: str | os.PathLike[str], expected: str) -> Generator[None]:
     """Convert errors of a parser into one message that names the file; `expected` completes "expected ...".
 
-    Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose unprintable
-    characters, which can come from names in damaged files. Raises BrokenFileError if the file cannot be parsed or read,
+    Errors of midair (a NaN, a wrong shape) get the file's name if they lack it, and lose unprintable characters, which
+    can come from names in damaged files. Raises BrokenFileError if the file cannot be parsed or read,
     FileError if its content does not fit into memory.
     """
     try:
         yield
     except MidairError as wrong:
-        text = "".join(letter if letter.isprintable() else "?" for letter in str(wrong).replace("\n", " "))
-        if text == str(wrong) and str(path) in text:
-            raise
-        raise type(wrong)(text if str(path) in text else f"{path}: {text}") from wrong
+        first = wrong
+        while first.args and isinstance(first.args[0], MidairError):
+            first = first.args[0]
+        said = "".join(letter if letter.isprintable() else "?" for letter in str(first.args[0]).replace("\n", " "))
+        first.args = (said if str(path) in said else f"{path}: {said}",)
+        raise
     except MemoryError as wrong:
         raise FileError(
             f"{path}: needs more memory than available ({reason(wrong)}); cut it, or use a computer with more"

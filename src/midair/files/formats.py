@@ -201,7 +201,7 @@ def contents(path: str | os.PathLike[str]) -> Contents:
         if text not in kinds:
             raise BrokenFileError(f"{path}: expected a file of midair, got {text or 'an HDF5 file of another program'}")
         kind: Kind = kinds[text]
-        check_kind(file, kind, Path(path))
+        check_kind(file, kind)
         return Contents(
             kind=kind,
             created=plain_text(file.attrs.get("created")),

@@ -77,14 +77,14 @@ class ImportOptions(Declared):
         if self.scale is not None and self.unit not in (None, "Pa"):
             raise MismatchError(f"scale: it converts numbers to Pa, got the unit {self.unit}; leave the unit out")
 
-    def check(self, recording: Recording, path: Path) -> None:
+    def check(self, recording: Recording) -> None:
         """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
         for name in (one.name for one in fields(self)):
             value, stated = getattr(self, name), getattr(recording, name, None)
             if name in ("rate", "unit", "sensor") and value not in (None, stated):
-                raise MismatchError(f"{path}: the file states {name} {stated}, got {name} {value}; leave {name} out")
+                raise MismatchError(f"the file states {name} {stated}, got {name} {value}; leave {name} out")
             if name not in ("rate", "unit", "sensor") and value not in (None, False):
-                raise MismatchError(f"{path}: a file of midair has no gaps and needs no options; leave {name} out")
+                raise MismatchError(f"a file of midair has no gaps and needs no options; leave {name} out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,8 +119,8 @@ class ImportedData:
 
     def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
-        found = self if self.rate is not None else self._at_fixed_rate(given, path)
-        found = found if given.channels is None else found._select(given.channels, path)
+        found = self if self.rate is not None else self._at_fixed_rate(given)
+        found = found if given.channels is None else found._select(given.channels)
         return found._recording(given, path)
 
     def _recording(self, given: ImportOptions, path: Path) -> OpenedTake:
@@ -128,16 +128,13 @@ class ImportedData:
         lacking: list[InputError] = []
         for find in (self._rate, self._unit, self._sensor):
             try:
-                facts.append(find(given, path))
+                facts.append(find(given))
             except InputError as wrong:
                 if not wrong.parameters:
                     raise
                 lacking.append(wrong)
         if lacking:
-            others = [
-                type(one)(one.args[0].removeprefix(f"{path}: "), parameters=one.parameters) for one in lacking[1:]
-            ]
-            raise InputError(lacking[0], *others) if others else lacking[0]
+            raise InputError(*lacking) if len(lacking) > 1 else lacking[0]
         rate, unit, (sensor, assumed) = facts
         mended, mending = Mended(samples=self.samples, journal=()), given.mending
         if mending is None and self.missing:
@@ -165,25 +162,25 @@ class ImportedData:
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
 
-    def _at_fixed_rate(self, given: ImportOptions, path: Path) -> "ImportedData":
+    def _at_fixed_rate(self, given: ImportOptions) -> "ImportedData":
         """Place rows on frames by their stamps, or by the first column of stamps; other such columns are left out."""
         stamps, clock, report, found = self.stamps, self.clock, self.report, self
         at = [i for i, name in enumerate(self.names) if is_clock(name)]
         at = at or [0] * bool(self.names and self.units and is_clock(f"t [{self.units[0]}]"))
         if given.time is not None:
-            stamps, at = None, [] if given.time == "none" else [self._index_of(given.time, self.samples.shape[1], path)]
+            stamps, at = None, [] if given.time == "none" else [self._index_of(given.time, self.samples.shape[1])]
         if at:
             found = self._only([i for i in range(self.samples.shape[1]) if i not in at])
             found = replace(found, settings={**self.settings, "columns": found.names})
             if not found.samples.size:
-                raise ShapeError(f"{path}: expected a channel beside the time, got none. {' '.join(self.report)}")
+                raise ShapeError(f"expected a channel beside the time, got none. {' '.join(self.report)}")
         if stamps is None and at:
             place, *at = at
             stamps, clock = self.samples[:, place], self.names[place] if self.names else str(place)
             unit = f"time [{self.units[place]}]" if self.units else ""
             clock = unit if is_clock(unit) else clock
             if any(self.names[i] == self.names[place] and (self.samples[:, i] != stamps).any() for i in at):
-                raise RateError(f"{path}: expected one time for all channels, got columns {clock!r} that differ")
+                raise RateError(f"expected one time for all channels, got columns {clock!r} that differ")
         if at:
             report = (*report, f"Other columns of time were left out: {', '.join(self.names[i] for i in at)}.")
         if stamps is None:
@@ -210,49 +207,49 @@ class ImportedData:
             units=tuple(self.units[i] for i in places) if self.units else (),
         )
 
-    def _rate(self, given: ImportOptions, path: Path) -> float:
+    def _rate(self, given: ImportOptions) -> float:
         rate = given.rate if self.rate is None else self.rate
         if rate is None:
-            raise RateError(f"{path}: the file does not state its frame rate", parameters={"rate": "rate=1000 (Hz)"})
+            raise RateError("the file does not state its frame rate", parameters={"rate": "rate=1000 (Hz)"})
         if given.rate not in (None, rate):
-            raise MismatchError(f"{path}: the file states {rate:g} Hz, got {given.rate:g} Hz; leave the rate out")
+            raise MismatchError(f"the file states {rate:g} Hz, got {given.rate:g} Hz; leave the rate out")
         return rate
 
-    def _unit(self, given: ImportOptions, path: Path) -> Unit:
+    def _unit(self, given: ImportOptions) -> Unit:
         texts = sorted(set(self.units))
         known: set[Unit | None] = {known_unit(text)[0] for text in texts} or {None}
         alike = len(self.units) == np.prod(self.samples.shape[1:]) and given.scale is None and None not in known
         if len(known) > 1 or (len(texts) > 1 and not alike):
             got = ", ".join(text or "none" for text in texts)
-            raise UnitError(f"{path}: expected one unit in all channels, got {got}; choose channels of one")
+            raise UnitError(f"expected one unit in all channels, got {got}; choose channels of one")
         stated, said = known.pop(), texts[0] if texts else ""
         if given.scale is not None:
             if stated == "Pa":
-                raise MismatchError(f"{path}: the file states Pa, got a scale; leave it out")
+                raise MismatchError("the file states Pa, got a scale; leave it out")
             return "Pa"
         # Numbers of an unknown unit can be counts, but no volts.
         if given.unit not in (None, stated) and (stated or (said and given.unit != "count")):
             advice = "leave the unit out" if stated else "give a scale, the pressure of the value 1, or correct it"
-            raise MismatchError(f"{path}: the file states {stated or said}, got {given.unit}; {advice}")
+            raise MismatchError(f"the file states {stated or said}, got {given.unit}; {advice}")
         unit = stated or given.unit
         if unit is None:
             scale = {"scale": "scale=2, the pressure in Pa of the value 1"}
             if said:
-                raise UnitError(f"{path}: expected V, Pa or count, the file states {said}", parameters=scale)
+                raise UnitError(f"expected V, Pa or count, the file states {said}", parameters=scale)
             raise UnitError(
-                f"{path}: the file does not state the unit of its samples",
+                "the file does not state the unit of its samples",
                 parameters={"unit": 'unit="V", "count" or "Pa"', **scale},
             )
         return unit
 
-    def _sensor(self, given: ImportOptions, path: Path) -> tuple[SensorGrid, str]:
+    def _sensor(self, given: ImportOptions) -> tuple[SensorGrid, str]:
         channels = int(np.prod(self.samples.shape[1:]))
         if given.sensor is not None:
             rows_differ = self.samples.ndim == 3 and self.samples.shape[1:] != given.sensor.shape
             if given.sensor.count != channels or rows_differ:
                 have = " x ".join(map(str, self.samples.shape[1:]))
                 want = f"{given.sensor.rows} x {given.sensor.columns}"
-                raise MismatchError(f"{path}: the file has {have} channels, got a sensor of {want}; give one that fits")
+                raise MismatchError(f"the file has {have} channels, got a sensor of {want}; give one that fits")
             return given.sensor, ""
         if self.sensor is not None:
             return self.sensor, ""
@@ -267,18 +264,18 @@ class ImportedData:
             return SensorGrid(), f"The file does not state the layout of its 16 channels: {layout} was assumed."
         named = f" ({', '.join(self.names[:20])})" if self.names else ""
         raise ShapeError(
-            f"{path}: the file has {channels} channels{named} and does not state their layout",
+            f"the file has {channels} channels{named} and does not state their layout",
             parameters={
                 "channels": "channels=(...) to choose some",
                 "sensor": "sensor=SensorGrid(rows=..., columns=..., pitch=...)",
             },
         )
 
-    def _select(self, channels: Sequence[str], path: Path) -> "ImportedData":
+    def _select(self, channels: Sequence[str]) -> "ImportedData":
         """Keep only these channels; their layout becomes unknown."""
-        places = [self._index_of(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
+        places = [self._index_of(channel, int(np.prod(self.samples.shape[1:]))) for channel in channels]
         if not places or len(set(places)) != len(places):
-            raise ShapeError(f"{path}: expected different channels, got {', '.join(channels) or 'none'}")
+            raise ShapeError(f"expected different channels, got {', '.join(channels) or 'none'}")
         found = self._only(places)
         some = found.samples[:_COMPARED]
         fine = len(np.unique(some, axis=0)) > len(some) / 2  # coarse numbers repeat by themselves
@@ -286,13 +283,13 @@ class ImportedData:
         settings = {**self.settings, "channels": found.names}
         return replace(found, report=(*self.report, *repeats), sensor=None, settings=settings)
 
-    def _index_of(self, channel: str, count: int, path: Path) -> int:
+    def _index_of(self, channel: str, count: int) -> int:
         if channel in self.names:
             return self.names.index(channel)
         if channel.isdecimal() and int(channel) < count:
             return int(channel)
         known = ", ".join(self.names[:40]) or "no names"
-        raise ShapeError(f"{path}: expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
+        raise ShapeError(f"expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
 
 
 def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:

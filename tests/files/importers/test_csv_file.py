@@ -181,8 +181,8 @@ def test_a_file_of_other_content_is_refused(tmp_path, text, told):
         " a ,b , c \n 1 ,2.0,3e0\n4,+5,6\n",
     ],
 )
-def test_reads_every_dialect_alike(text, tmp_path):
-    table = read_table(text, tmp_path)
+def test_reads_every_dialect_alike(text):
+    table = read_table(text)
     assert table.names == ("a", "b", "c")
     np.testing.assert_array_equal(table.samples, [[1, 2, 3], [4, 5, 6]])
 
@@ -202,6 +202,6 @@ def test_reads_every_dialect_alike(text, tmp_path):
         ("1,2\n3,inf\n", NonFiniteError, "got inf in line 2, column 2"),
     ],
 )
-def test_errors_name_the_place(text, error, message, tmp_path):
+def test_errors_name_the_place(text, error, message):
     with pytest.raises(error, match=message):
-        read_table(text, tmp_path)
+        read_table(text)

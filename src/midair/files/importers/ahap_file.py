@@ -49,12 +49,12 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     """
     content = json.loads(path.read_text(encoding="utf-8-sig"))
     if not isinstance(content, dict) or not isinstance(content.get("Pattern"), list):
-        raise BrokenFileError(f"{path}: expected an AHAP with a Pattern, got none")
+        raise BrokenFileError("expected an AHAP with a Pattern, got none")
     pattern = [entry for entry in content["Pattern"] if isinstance(entry, dict)]
     events = [entry["Event"] for entry in pattern if "Event" in entry]
     haptic = [event for event in events if event.get("EventType") in ("HapticContinuous", "HapticTransient")]
     if not haptic:
-        raise BrokenFileError(f"{path}: expected a haptic event in the AHAP, got none")
+        raise BrokenFileError("expected a haptic event in the AHAP, got none")
     rate = given.rate or RATE
     end = max(float(event["Time"]) + _length(event) for event in haptic)
     time = frame_times(path, end, rate)
@@ -79,7 +79,7 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
 def frame_times(path: Path, end: float, rate: float) -> Array:
     """Times of the frames of an effect in s, after a check of its duration and of the memory that it needs."""
     if not 0 < end <= LONGEST:
-        raise BrokenFileError(f"{path}: expected an effect of up to {LONGEST:g} s, got {end:g} s")
+        raise BrokenFileError(f"expected an effect of up to {LONGEST:g} s, got {end:g} s")
     check_memory_for(64 * end * rate, f"{path}, {end:g} s at {rate:g} Hz", "state a lower rate with --rate")
     return np.arange(round(end * rate)) / rate
 
@@ -143,11 +143,11 @@ def read_haptic(path: Path, given: ImportOptions) -> OpenedTake:
     content = json.loads(path.read_text(encoding="utf-8-sig"))
     try:
         envelopes: dict[str, Any] = content["signals"]["continuous"]["envelopes"]
-        at, amplitude = _envelope(path, envelopes["amplitude"], "amplitude")
-        turns, frequency = _envelope(path, envelopes.get("frequency") or [{"time": 0, "frequency": 0.5}], "frequency")
+        at, amplitude = _envelope(envelopes["amplitude"], "amplitude")
+        turns, frequency = _envelope(envelopes.get("frequency") or [{"time": 0, "frequency": 0.5}], "frequency")
         clicks = [(float(each["time"]), each["emphasis"]) for each in envelopes["amplitude"] if each.get("emphasis")]
     except (KeyError, TypeError, AttributeError) as wrong:
-        raise BrokenFileError(f"{path}: expected a .haptic clip with an envelope of amplitude, got none") from wrong
+        raise BrokenFileError("expected a .haptic clip with an envelope of amplitude, got none") from wrong
     rate, (low, high) = given.rate or RATE, SHARPNESS
     time = frame_times(path, float(at[-1]) + (7 * CLICK if clicks else 0.0), rate)
     carrier = low + (high - low) * np.clip(np.interp(time, turns, frequency), 0, 1)
@@ -169,11 +169,11 @@ def read_haptic(path: Path, given: ImportOptions) -> OpenedTake:
     return found.resolve(given, path)
 
 
-def _envelope(path: Path, points: list[dict[str, Any]], name: str) -> tuple[Array, Array]:
+def _envelope(points: list[dict[str, Any]], name: str) -> tuple[Array, Array]:
     """Times in s and values of the points of an envelope, in order of time."""
     values = np.array([[each["time"], each[name]] for each in points], np.float64).reshape(-1, 2)
     if not len(values) or not np.isfinite(values).all() or values.min() < 0:
-        raise BrokenFileError(f"{path}: expected points of {name} with numbers from 0 on, got others")
+        raise BrokenFileError(f"expected points of {name} with numbers from 0 on, got others")
     return tuple(values[np.argsort(values[:, 0], kind="stable")].T)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
-from midair.files.atomic import atomic_file, write_file
+from midair.files.atomic import atomic_file, parse_errors, write_file
 from midair.files.importers.text_table import decoded, read_table
 from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
 from midair.files.text_files import read_text
@@ -44,7 +44,7 @@ def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
 def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a table of FabricSlide, or of any program that writes one channel per column."""
     text, encoding = decoded(path.read_bytes())
-    table = read_table(text, path, given, encoding=encoding)
+    table = read_table(text, given, encoding=encoding)
     if table.names == FABRICSLIDE:
         layout = {} if given.sensor else {"layout": _LAYOUT}
         return replace(
@@ -94,15 +94,16 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
     Normals and directions of fingers are normalised; a length that differs by more than 1 % from 1 is refused. Raises
     MissingFileError or BrokenFileError if the file does not exist, or is not a table of poses with increasing times.
     """
-    table = read_table(read_text(path, "a table of poses"), Path(path))
-    if table.names != NAMES:
-        raise BrokenFileError(f"{path}: expected the columns {','.join(NAMES)}, got {','.join(table.names) or 'none'}")
-    rows = table.samples.copy()
-    rows[:, 4:7], rows[:, 7:10] = _unit(rows[:, 4:7]), _unit(rows[:, 7:10])
-    try:
-        return PalmPath.from_rows(rows)
-    except InputError as wrong:
-        raise BrokenFileError(f"{path}: {wrong}") from wrong
+    with parse_errors(path, "a table of poses"):
+        table = read_table(read_text(path, "a table of poses"))
+        if table.names != NAMES:
+            raise BrokenFileError(f"expected the columns {','.join(NAMES)}, got {','.join(table.names) or 'none'}")
+        rows = table.samples.copy()
+        rows[:, 4:7], rows[:, 7:10] = _unit(rows[:, 4:7]), _unit(rows[:, 7:10])
+        try:
+            return PalmPath.from_rows(rows)
+        except InputError as wrong:
+            raise BrokenFileError(str(wrong)) from wrong
 
 
 def save_palm_path(palm: PalmPath, path: str | os.PathLike[str]) -> None:

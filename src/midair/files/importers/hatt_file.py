@@ -20,11 +20,11 @@ def read_hatt(path: Path, given: ImportOptions) -> OpenedTake:
     content = path.read_bytes()
     if b"<!" in content.replace(b"<!--", b""):
         # Declared entities can grow without limit.
-        raise BrokenFileError(f"{path}: expected XML without declarations, got <!; remove them")
+        raise BrokenFileError("expected XML without declarations, got <!; remove them")
     elements = list(ElementTree.fromstring(content).iter())
     named = {each.tag.rpartition("}")[2].lower(): each for each in reversed(elements)}
     if "accel" not in named or "samplerate" not in named:
-        raise BrokenFileError(f"{path}: expected elements Accel and SampleRate, got {', '.join(sorted(named))[:200]}")
+        raise BrokenFileError(f"expected elements Accel and SampleRate, got {', '.join(sorted(named))[:200]}")
     axes = {each.tag.rpartition("}")[2].lower(): _numbers(each) for each in named["accel"]}
     axes = axes or {"accel": _numbers(named["accel"])}
     medians = {name: _numbers(named[name]) for name in ("speed", "forcenormal") if name in named}

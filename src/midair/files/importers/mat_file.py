@@ -26,8 +26,8 @@ from midair.recordings import is_clock
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
     """The recording in the only one of named arrays that can hold frames, or in the array `field`."""
     flat = dict(_flattened(arrays))
-    name = _chosen(flat, path, given)
-    samples, report = _time_first(np.asarray(flat[name], np.float64), name, path, given)
+    name = _chosen(flat, given)
+    samples, report = _time_first(np.asarray(flat[name], np.float64), name, given)
     # What stands in the same struct is nearer than what stands beside it.
     folder, _, _ = name.rpartition(".")
     near: dict[str, NDArray[Any]] = {}
@@ -38,7 +38,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
     facts = {key.lower().replace("_", ""): each for key, each in near.items() if each.size == 1}
     rates = {float(each[0]) for key, each in facts.items() if key in WORDS["rates"] and each.dtype.kind in "fiu"}
     if len(rates) > 1:
-        raise MismatchError(f"{path}: expected one rate, got {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}")
+        raise MismatchError(f"expected one rate, got {', '.join(f'{rate:g} Hz' for rate in sorted(rates))}")
     rate = next(iter(rates), None)
     clocks = {key: each for key, each in near.items() if is_clock(key) and each.size == len(samples)}
     clock, stamps = next(iter(clocks.items()), ("time [s]", None))
@@ -72,14 +72,14 @@ def _flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield from _flattened(each, f"{name}.{key}" if name else key)
 
 
-def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
+def _chosen(arrays: Mapping[str, Any], given: ImportOptions) -> str:
     """Name of the array of frames: the chosen one, or "samples" or "data", or the only one."""
     numbers = {name: each for name, each in arrays.items() if isinstance(each, np.ndarray) and each.dtype.kind in "fiu"}
     names = [name for name, array in numbers.items() if array.ndim in (1, 2, 3) and array.size > 1]
     found = ", ".join(f"{name} {np.shape(array)}" for name, array in list(arrays.items())[:12]) or "nothing"
     if given.field is not None:
         if given.field not in names:
-            raise MismatchError(f"{path}: expected an array of frames called {given.field!r}, got {found}")
+            raise MismatchError(f"expected an array of frames called {given.field!r}, got {found}")
         return given.field
     names = [name for name in names if not is_clock(name.rpartition(".")[2])] or names
     usual = [[name for name in names if name.rpartition(".")[2] == each] for each in ("samples", "data")]
@@ -87,12 +87,12 @@ def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
         if len(only) == 1:
             return only[0]
     raise BrokenFileError(
-        f"{path}: expected one array of numbers, or one called samples or data, or its name as field, got {found}"
+        f"expected one array of numbers, or one called samples or data, or its name as field, got {found}"
     )
 
 
 def _time_first(
-    samples: NDArray[np.float64], name: str, path: Path, given: ImportOptions
+    samples: NDArray[np.float64], name: str, given: ImportOptions
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Samples with the axis of time first: the one beside which the layout fits, or else the longer one."""
     shape = samples.shape
@@ -104,7 +104,7 @@ def _time_first(
     if len(fits) != 1 and not given.transpose:
         if shape[0] == shape[-1]:
             raise ShapeError(
-                f"{path}: expected an array with one longest axis, got {name} {shape}, whose first or last may be time",
+                f"expected an array with one longest axis, got {name} {shape}, whose first or last may be time",
                 parameters={"transpose": "transpose=True for the last", "sensor": "sensor=SensorGrid(...)"},
             )
         fits = [0 if shape[0] > shape[-1] else -1]
@@ -170,11 +170,11 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
         return from_arrays(_version_73(path), "MAT v7.3", path, given)
     # A file of version 4 has a 0 in its first four bytes; SciPy crashes on some other files.
     if start[124:128] not in (b"\x00\x01IM", b"\x01\x00MI") and 0 not in start[:4]:
-        raise BrokenFileError(f"{path}: expected a MATLAB file, got one that begins with {start[:12]!r}")
+        raise BrokenFileError(f"expected a MATLAB file, got one that begins with {start[:12]!r}")
     try:
         arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False, simplify_cells=True)
     except scipy.io.matlab.MatReadError as wrong:
-        raise BrokenFileError(f"{path}: expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
+        raise BrokenFileError(f"expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
     return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", path, given)
 
 

@@ -77,7 +77,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     """
     data = path.read_bytes()
     if data[:4] not in (b"RIFF", b"RF64") or data[8:12] != b"WAVE":
-        raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {data[:12]!r}")
+        raise BrokenFileError(f"expected a WAV, got a file that begins with {data[:12]!r}")
     place, letters, length = 12, b"", 0
     while letters != b"data":
         letters, length = struct.unpack_from("<4sI", data, place)
@@ -86,7 +86,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         (length,) = struct.unpack_from("<Q", data, 28)
     rest = len(data) - place
     if rest < length < 2**31 - 2**10:
-        raise BrokenFileError(f"{path}: expected {length} bytes of samples, got {rest}; the file is truncated")
+        raise BrokenFileError(f"expected {length} bytes of samples, got {rest}; the file is truncated")
     if rest < length or (not length and not re.match(rb"[\w ]{4}|$", data[place:])):
         stated = struct.pack("<I", min(rest, _LONG))
         return _read(
@@ -115,17 +115,17 @@ def _read(path: Path, given: ImportOptions, wav: BytesIO | None = None, *notes: 
         form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
         if form not in (_WAV if wav else _FORMATS) or (wav and subtype not in _READABLE):
             expected = "PCM, float or µ-law in a WAV" if wav else f"one of {', '.join(_FORMATS)}"
-            raise BrokenFileError(f"{path}: expected {expected}, got {form} with {subtype}")
+            raise BrokenFileError(f"expected {expected}, got {form} with {subtype}")
         simulated = file.comment == "SIMULATED"
         samples: Any = file.read(dtype="float64", always_2d=True)
     # The decoder only estimates the length of an MP3.
     if form != "MP3" and len(samples) < promised:
-        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
+        raise BrokenFileError(f"expected {promised} frames, got {len(samples)}; the file is truncated")
     name, scale = "WAV" if wav else form, 1.0
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
     report = [f"Full scale of the {name} ({subtype}) was taken as {full}."]
     if given.unit == "count" and given.scale is None:
-        scale, report[0] = _counts(subtype, path)
+        scale, report[0] = _counts(subtype)
     if subtype in _LOSSY:
         report.append(f"{form} is lossy: it removes signals that people cannot hear but may feel.")
     return ImportedData(
@@ -138,12 +138,12 @@ def _read(path: Path, given: ImportOptions, wav: BytesIO | None = None, *notes: 
     ).resolve(given, path)
 
 
-def _counts(subtype: str, path: Path) -> tuple[float, str]:
+def _counts(subtype: str) -> tuple[float, str]:
     if subtype in _BITS:
         return 2.0 ** (_BITS[subtype] - 1), f"Samples are the integers of {subtype}."
     if subtype == "ULAW":
         unit: Unit = "V"
-        raise UnitError(f'{path}: µ-law holds no counts; give the unit of full scale, such as unit="{unit}"')
+        raise UnitError(f'µ-law holds no counts; give the unit of full scale, such as unit="{unit}"')
     return 1.0, f"Samples of {subtype} were not scaled."
 
 

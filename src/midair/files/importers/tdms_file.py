@@ -43,15 +43,15 @@ class _Object:
 def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
     """Read the channels of the only group that has any, or of the group `field`."""
     objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
-    group, channels = _group(objects, path, given)
-    columns = [_scaled(name, channel, path) for name, channel in channels.items()]
+    group, channels = _group(objects, given)
+    columns = [_scaled(name, channel) for name, channel in channels.items()]
     if len({len(column) for column in columns}) != 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(channels, columns, strict=True))
-        raise BrokenFileError(f"{path}: expected channels of one length in group {group!r}, got {lengths}")
+        raise BrokenFileError(f"expected channels of one length in group {group!r}, got {lengths}")
     return ImportedData(
         samples=np.stack(columns, axis=1),
         form="TDMS",
-        rate=_rate(channels, path),
+        rate=_rate(channels),
         names=tuple(channels),
         units=tuple(str(channel.properties.get("unit_string", "")) for channel in channels.values()),
         notes={"group": group},
@@ -60,7 +60,7 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
     ).resolve(given, path)
 
 
-def _scaled(name: str, channel: _Object, path: Path) -> NDArray[np.float64]:
+def _scaled(name: str, channel: _Object) -> NDArray[np.float64]:
     """Numbers of a channel after its scales; UnknownFormatError for a scale that is neither a line nor a polynomial."""
     raw = np.concatenate([piece.astype(np.float64) for piece in channel.pieces])
     known = channel.properties
@@ -74,13 +74,11 @@ def _scaled(name: str, channel: _Object, path: Path) -> NDArray[np.float64]:
         if scale == _UNSCALED or (kind is None and channel.widths and scale == 0):
             return raw
         if kind not in ("Linear", "Polynomial"):
-            raise UnknownFormatError(
-                f"{path}: channel {name} has the scale {kind}, which is not read; export it as text"
-            )
+            raise UnknownFormatError(f"channel {name} has the scale {kind}, which is not read; export it as text")
         own = f"NI_Scale[{scale}]_{kind}_"
         source = int(known.get(f"{own}Input_Source", _UNSCALED))
         if source != _UNSCALED and source >= scale:
-            raise BrokenFileError(f"{path}: expected a scale before {scale} as its input, got {source}")
+            raise BrokenFileError(f"expected a scale before {scale} as its input, got {source}")
         if kind == "Linear":
             return numbers(source) * known[f"{own}Slope"] + known[f"{own}Y_Intercept"]
         terms = [known[f"{own}Coefficients[{i}]"] for i in range(int(known[f"{own}Coefficients_Size"]))]
@@ -89,7 +87,7 @@ def _scaled(name: str, channel: _Object, path: Path) -> NDArray[np.float64]:
     return numbers(last)
 
 
-def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tuple[str, dict[str, _Object]]:
+def _group(objects: dict[str, _Object], given: ImportOptions) -> tuple[str, dict[str, _Object]]:
     groups: dict[str, dict[str, _Object]] = {}
     for name, item in objects.items():
         parts = _parts(name)
@@ -98,17 +96,17 @@ def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tup
     found = ", ".join(f"{name} ({len(channels)} channels)" for name, channels in groups.items()) or "none"
     wanted = {given.field} & groups.keys() if given.field is not None else groups.keys()
     if given.field is not None and not wanted:
-        raise MismatchError(f"{path}: expected a group {given.field!r} with numbers in it, got {found}")
+        raise MismatchError(f"expected a group {given.field!r} with numbers in it, got {found}")
     if len(wanted) != 1:
-        raise BrokenFileError(f"{path}: expected one group with numbers, or its name as field, got {found}")
+        raise BrokenFileError(f"expected one group with numbers, or its name as field, got {found}")
     name = next(iter(wanted))
     return name, groups[name]
 
 
-def _rate(channels: dict[str, _Object], path: Path) -> float | None:
+def _rate(channels: dict[str, _Object]) -> float | None:
     steps = {channel.properties.get("wf_increment") for channel in channels.values()}
     if len(steps) > 1:
-        raise BrokenFileError(f"{path}: expected channels of one rate, got wf_increment {sorted(map(str, steps))}")
+        raise BrokenFileError(f"expected channels of one rate, got wf_increment {sorted(map(str, steps))}")
     step = next(iter(steps))
     if not isinstance(step, float) or not math.isfinite(step) or step <= 0:
         return None
@@ -132,9 +130,7 @@ class _Cursor:
 
     def take(self, count: int) -> bytes:
         if count < 0 or self.place + count > len(self.data):
-            raise BrokenFileError(
-                f"{self.path}: expected {count} bytes at {self.place}, got the end; the file is truncated"
-            )
+            raise BrokenFileError(f"expected {count} bytes at {self.place}, got the end; the file is truncated")
         self.place += count
         return self.data[self.place - count : self.place]
 
@@ -154,7 +150,7 @@ def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
         start = cursor.place
         cursor.order = "<"
         if cursor.take(4) != b"TDSm":
-            raise BrokenFileError(f"{cursor.path}: expected a TDMS segment at byte {start}, got other bytes")
+            raise BrokenFileError(f"expected a TDMS segment at byte {start}, got other bytes")
         # The flags, which give the byte order of the rest, are always little-endian.
         flags = cursor.number("I")
         cursor.order = ">" if flags & _BIG else "<"
@@ -188,9 +184,7 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
                 # The index of plain numbers is 20 bytes long.
                 kind = _TYPES.get(code, "") if index == 20 else ""
             if not kind or dimension != 1:
-                raise UnknownFormatError(
-                    f"{cursor.path}: {name} holds text, digital lines or data of type {code}, not read"
-                )
+                raise UnknownFormatError(f"{name} holds text, digital lines or data of type {code}, not read")
             item.dtype, item.count = np.dtype(cursor.order + kind), count
         if index == 0xFFFFFFFF:
             active = [other for other in active if other != name]
@@ -210,7 +204,7 @@ def _value(cursor: _Cursor, code: int) -> Any:
     if code == _TIME:
         return cursor.take(16)
     if code not in _TYPES:
-        raise UnknownFormatError(f"{cursor.path}: a property of type {code} is not known")
+        raise UnknownFormatError(f"a property of type {code} is not known")
     return np.frombuffer(cursor.take(np.dtype(_TYPES[code]).itemsize), cursor.order + _TYPES[code])[0].item()
 
 
@@ -231,7 +225,7 @@ def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: i
     shared = interleaved or any(stored)
     counts = [held[0].count] * len(widths) if shared else [item.count for item in held]
     if shared and (len(stored) > 1 or len({item.count for item in held}) > 1):
-        raise BrokenFileError(f"{cursor.path}: expected channels of one length in shared rows, got several")
+        raise BrokenFileError("expected channels of one length in shared rows, got several")
     chunk = [count * width for count, width in zip(counts, widths, strict=True)]
     whole = max(0, end - cursor.place) // sum(chunk) if sum(chunk) else 0
     table = np.frombuffer(cursor.take(whole * sum(chunk)), np.uint8).reshape(whole, sum(chunk))

@@ -82,7 +82,7 @@ def decoded(data: bytes) -> tuple[str, str]:
         return data.decode("cp1252"), "Windows-1252"
 
 
-def read_table(text: str, path: Path, given: ImportOptions | None = None, *, encoding: str = "UTF-8") -> ImportedData:
+def read_table(text: str, given: ImportOptions | None = None, *, encoding: str = "UTF-8") -> ImportedData:
     """Read the numbers of a text, shape (row, column), with names and units of their columns, stamps and rate.
 
     Stamps come from times of day, a counter at the stated rate, or a first column without a name.
@@ -92,18 +92,18 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
     given = given or ImportOptions()
     lines, comments, separator = _lines(text, given)
     sample = [line for _, line in lines[len(lines) // 2 :]]
-    separator = separator or _separator(sample[:: 1 + len(sample) // 200], given, path)
-    rows = _rows(lines, separator, path)
-    decimal = given.decimal or _decimal(rows, path)
+    separator = separator or _separator(sample[:: 1 + len(sample) // 200], given)
+    rows = _rows(lines, separator)
+    decimal = given.decimal or _decimal(rows)
     columns, start = _place(rows)
     head, body = rows[:start], rows[start:]
     if not body:
-        raise BrokenFileError(f"{path}: expected rows of numbers, got none")
-    names, units, unit_line = _names(head, columns, given, body[0].line, path)
+        raise BrokenFileError("expected rows of numbers, got none")
+    names, units, unit_line = _names(head, columns, given, body[0].line)
     names = names or next((found for note in comments[-1:] if (found := _row_of_names(note, separator, columns))), ())
     if not names and all(map(_LABEL.fullmatch, body[0].fields)):
-        names, body = _labelled(body, path)
-    _check_widths(body, columns[-1] + 1, path)
+        names, body = _labelled(body)
+    _check_widths(body, columns[-1] + 1)
     rate, unit = _facts(comments, head, body, columns, decimal)
     if any(_PER_SAMPLE.match(row.fields[0]) for row in head) and str(len(body) - 1) in body[0].fields:
         body = body[1:]  # AcqKnowledge counts the rows in the first of them
@@ -112,8 +112,8 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
     units = units or own
     for name, one, two in zip(named, own, units, strict=True) if given.unit_row is None else ():
         if known_unit(one)[0] and known_unit(two)[0] and known_unit(one) != known_unit(two):
-            raise InputError(f"{path}: expected one unit of column {name!r}, got {two} in line {unit_line}")
-    kept, stamps, left = _converted(body, columns, named, decimal, path, gaps=given.mending is not None)
+            raise InputError(f"expected one unit of column {name!r}, got {two} in line {unit_line}")
+    kept, stamps, left = _converted(body, columns, named, decimal, gaps=given.mending is not None)
     if skipped := [str(i + 1) for i in range(columns[-1]) if i not in columns]:
         left.append(f"without numbers in the second half of the rows, and left out: {', '.join(skipped)}")
     if len(kept) > 1:
@@ -129,7 +129,7 @@ def read_table(text: str, path: Path, given: ImportOptions | None = None, *, enc
             if not timed and (every := rate or given.rate):
                 stamps = counted / every
     if not kept:
-        raise BrokenFileError(f"{path}: expected rows of numbers, got none")
+        raise BrokenFileError("expected rows of numbers, got none")
     if not (names or rate) and (rate := _below_a_date(kept)):
         kept = {i: each[2:] for i, each in kept.items()}
         left.append("the first two rows hold the date and the rate")
@@ -172,11 +172,11 @@ def _lines(text: str, given: ImportOptions) -> tuple[list[tuple[int, str]], list
     return lines, comments, separator
 
 
-def _separator(sample: Sequence[str], given: ImportOptions, path: Path) -> str:
+def _separator(sample: Sequence[str], given: ImportOptions) -> str:
     """The separator by which most fields are numbers or times, in lines of equal numbers of fields."""
     best, separator = 0.0, _ONE_COLUMN
     for sign in SEPARATORS.values():
-        rows = [row.fields for row in _rows(list(enumerate(sample)), sign, path)]
+        rows = [row.fields for row in _rows(list(enumerate(sample)), sign)]
         width, count = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
         filled = [field for row in rows for field in row if field]
         share = sum(map(_is_value, filled)) / max(1, len(filled))
@@ -184,13 +184,13 @@ def _separator(sample: Sequence[str], given: ImportOptions, path: Path) -> str:
             best, separator = share, sign
     if separator == "," and given.decimal is None and any(re.search(r"(?:^|,)0\d*,0\d", line) for line in sample):
         raise InputError(
-            f"{path}: expected one reading of {sample[-1][:40]!r}, got two: commas of decimals, and between columns",
+            f"expected one reading of {sample[-1][:40]!r}, got two: commas of decimals, and between columns",
             parameters={"decimal": 'decimal="comma", or "point" for columns'},
         )
     return separator
 
 
-def _rows(lines: Sequence[tuple[int, str]], separator: str, path: Path) -> list[_Row]:
+def _rows(lines: Sequence[tuple[int, str]], separator: str) -> list[_Row]:
     if separator == " ":
         return [_Row(number, line.split()) for number, line in lines]
     texts = report_progress([line for _, line in lines], len(lines))
@@ -200,11 +200,11 @@ def _rows(lines: Sequence[tuple[int, str]], separator: str, path: Path) -> list[
             rows.append(_Row(lines[reader.line_num - 1][0], [field.strip() for field in fields]))
     except csv.Error as wrong:
         at = lines[reader.line_num - 1][0]
-        raise BrokenFileError(f"{path}: expected separated values, got line {at}: {wrong}") from wrong
+        raise BrokenFileError(f"expected separated values, got line {at}: {wrong}") from wrong
     return [row for row in rows if any(row.fields)]
 
 
-def _decimal(rows: Sequence[_Row], path: Path) -> Decimal:
+def _decimal(rows: Sequence[_Row]) -> Decimal:
     """The sign of decimals; InputError if commas may be of decimals and of thousands."""
     some = rows[len(rows) // 2 :]
     later = (field for row in some[:: 1 + len(some) // 2000] for field in row.fields)
@@ -216,7 +216,7 @@ def _decimal(rows: Sequence[_Row], path: Path) -> Decimal:
         return "point"
     if grouped:
         raise InputError(
-            f"{path}: expected one reading of {commas[0]!r}, got two: a comma of decimals, and of thousands",
+            f"expected one reading of {commas[0]!r}, got two: a comma of decimals, and of thousands",
             parameters={"decimal": 'decimal="comma" or "point"'},
         )
     return "comma"
@@ -262,12 +262,12 @@ def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
 
 
 def _names(
-    head: Sequence[_Row], columns: Sequence[int], given: ImportOptions, line: int, path: Path
+    head: Sequence[_Row], columns: Sequence[int], given: ImportOptions, line: int
 ) -> tuple[tuple[str, ...], list[str], int]:
     """Names and units of the columns, and the line of the units; (), [] and 0 for none."""
     stated = [row for row in head if row.line == given.unit_row]
     if given.unit_row and not stated:
-        raise InputError(f"{path}: unit_row: expected a line before the numbers in line {line}, got {given.unit_row}")
+        raise InputError(f"unit_row: expected a line before the numbers in line {line}, got {given.unit_row}")
     titles = [row.fields[1:] for row in head if row.fields[0].lower() == "channeltitle="]  # of LabChart
     if titles and len(titles[0]) == len(columns) - 1:
         return ("", *titles[0]), [], 0
@@ -283,7 +283,7 @@ def _names(
     last = [field for row in head[-1:] for field in row.fields if field]
     if not found and not stated and 1 < len(last) <= columns[-1] and not any(map(is_number, last)):
         raise BrokenFileError(
-            f"{path}: expected {len(last)} fields in line {line}, got {columns[-1] + 1}; the file is truncated or its "
+            f"expected {len(last)} fields in line {line}, got {columns[-1] + 1}; the file is truncated or its "
             "rows differ"
         )
     return found, units, stated[0].line if stated else 0
@@ -318,21 +318,21 @@ def _bare(unit: str) -> str:
     return re.sub(r"^[\[(]\s*(.*?)\s*[\])]$", r"\1", unit)
 
 
-def _labelled(body: Sequence[_Row], path: Path) -> tuple[tuple[str, ...], list[_Row]]:
+def _labelled(body: Sequence[_Row]) -> tuple[tuple[str, ...], list[_Row]]:
     """Labels of numbers such as ``a0:512``, which are the same in all rows, and the rows without them."""
     found = [[_LABEL.fullmatch(field) for field in row.fields] for row in body]
     names = tuple(each[1].strip() if each else "" for each in found[0])
     for row, each in zip(body, found, strict=True):
         if tuple(one[1].strip() if one else "" for one in each) != names:
-            raise BrokenFileError(f"{path}: expected the labels {', '.join(names)}, got others in line {row.line}")
+            raise BrokenFileError(f"expected the labels {', '.join(names)}, got others in line {row.line}")
     return names, [_Row(row.line, [one[2] for one in each if one]) for row, each in zip(body, found, strict=True)]
 
 
-def _check_widths(body: Sequence[_Row], width: int, path: Path) -> None:
+def _check_widths(body: Sequence[_Row], width: int) -> None:
     for row in body:
         if len(row.fields) < width or any(row.fields[width:]):
             raise BrokenFileError(
-                f"{path}: expected {width} fields in line {row.line}, got {len(row.fields)}; the file is truncated or "
+                f"expected {width} fields in line {row.line}, got {len(row.fields)}; the file is truncated or "
                 "its rows differ"
             )
 
@@ -356,7 +356,7 @@ def _facts(
 
 
 def _converted(
-    body: Sequence[_Row], columns: Sequence[int], names: Sequence[str], decimal: Decimal, path: Path, *, gaps: bool
+    body: Sequence[_Row], columns: Sequence[int], names: Sequence[str], decimal: Decimal, *, gaps: bool
 ) -> tuple[dict[int, Array], Array | None, list[str]]:
     """Numbers by place in `columns`, times of the rows in s from times of day, and what was done with other columns."""
     kept: dict[int, Array] = {}
@@ -377,7 +377,7 @@ def _converted(
         elif len(body) > 2 and not any(map(_is_value, filter(None, fields))):
             left.append(f"{where} has no numbers and is left out")
         else:
-            kept[i] = _numbers(fields, body, where, decimal, path, gaps=gaps)
+            kept[i] = _numbers(fields, body, where, decimal, gaps=gaps)
             wraps = np.diff(kept[i], prepend=kept[i][:1]) < -(2.0**31)
             if wraps.any() and 0 <= kept[i].min() <= kept[i].max() < 2**32:
                 # Clocks of microcontrollers have 32 bits.
@@ -428,9 +428,7 @@ def _counted(values: Array) -> Array | None:
     return np.concatenate([[0], np.cumsum(steps)]) if steps.min() > 0 and np.median(steps) == 1 else None
 
 
-def _numbers(
-    fields: Sequence[str], body: Sequence[_Row], where: str, decimal: Decimal, path: Path, *, gaps: bool
-) -> Array:
+def _numbers(fields: Sequence[str], body: Sequence[_Row], where: str, decimal: Decimal, *, gaps: bool) -> Array:
     try:
         values = np.array(fields, np.float64)
         plain = not any("_" in field for field in fields) and not np.isin(values, _SCPI).any()
@@ -440,16 +438,12 @@ def _numbers(
         found = [_number(field, decimal) for field in fields]
         if None in found:
             at = found.index(None)
-            raise BrokenFileError(
-                f"{path}: expected a number, got {fields[at][:40]!r} in line {body[at].line}, {where}"
-            )
+            raise BrokenFileError(f"expected a number, got {fields[at][:40]!r} in line {body[at].line}, {where}")
         values = np.array(found, np.float64)
     if gaps:
         return np.where(np.isfinite(values), values, np.nan)
     if not np.isfinite(values).all():
         at = int(np.argmin(np.isfinite(values)))
         got = f"finite numbers, got {fields[at]}" if fields[at] else "a number, got an empty field"
-        raise NonFiniteError(
-            f"{path}: expected {got} in line {body[at].line}, {where}; midair import --mend fills short gaps"
-        )
+        raise NonFiniteError(f"expected {got} in line {body[at].line}, {where}; midair import --mend fills short gaps")
     return values

@@ -22,7 +22,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     try:
         from pyxdf import load_xdf
     except ImportError as wrong:
-        raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
+        raise MissingExtraError("XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
     with _captured_log("pyxdf") as messages, path.open("rb") as file:
         streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=False)
     usable = [stream for stream in streams if isinstance(stream["time_series"], np.ndarray)]
@@ -32,9 +32,9 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
     if given.field is not None:
         usable = [stream for stream in usable if _first(stream["info"], "name") == given.field]
         if len(usable) != 1:
-            raise MismatchError(f"{path}: expected one stream of numbers called {given.field!r}, got {found}")
+            raise MismatchError(f"expected one stream of numbers called {given.field!r}, got {found}")
     if len(usable) != 1:
-        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as field, got {found}")
+        raise BrokenFileError(f"expected one stream of numbers, or its name as field, got {found}")
     stream = usable[0]
     info = stream["info"]
     channels, nominal = _channels(info), float(_first(info, "nominal_srate") or 0)

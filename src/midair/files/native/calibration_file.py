@@ -39,7 +39,7 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
     with open_file(path) as file:
         if (kind := kind_of(file)) not in ("midair calibration", "midair recording"):
             found = kind or "an HDF5 file of another program"
-            raise BrokenFileError(f"{path}: expected a midair calibration or recording, got {found}")
+            raise BrokenFileError(f"expected a midair calibration or recording, got {found}")
         return read_part(file, "calibration", Calibration, Path(path))
 
 

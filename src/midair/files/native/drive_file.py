@@ -98,11 +98,11 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
     with _opened(path, streamed=streamed) as values:
         level = values.get("level", values.get("transducer_level"))
         if level is None or ("level" in values and "transducer_level" in values):
-            raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
+            raise BrokenFileError("expected either level or transducer_level; the file is damaged")
         if "phase" not in values:
-            raise BrokenFileError(f"{path}: expected either phase or phase_step; the file is damaged")
+            raise BrokenFileError("expected either phase or phase_step; the file is damaged")
         phase = finite(values["phase"], "phase")
-        drive = built(Drive, "drive", values, phase=phase, level=_levels(level, path))
+        drive = built(Drive, "drive", values, phase=phase, level=_levels(level))
         drive.acoustics.medium.check_speed(str(path))
         status: tuple[Status, ...] = tuple(get_args(Status)[code] for code in values["status"])
         return Solution(drive=drive, error=values["error"], iterations=values["iterations"], status=status)
@@ -159,14 +159,12 @@ def _steps(x: np.ndarray, steps: float) -> NDArray[np.uint8]:
     return np.mod(np.rint(x * steps), 256).astype(np.uint8)
 
 
-def _levels(level: Frames, path: str | os.PathLike[str]) -> NDArray[np.float64]:
+def _levels(level: Frames) -> NDArray[np.float64]:
     """Levels that are checked; lazy ones when they are read."""
 
     def checked(block: np.ndarray) -> np.ndarray:
         if not (block.min() >= 0 and block.max() <= 1):
-            raise BrokenFileError(
-                f"{path}: level: expected 0 to 1 of full drive, got {block.min():g} to {block.max():g}"
-            )
+            raise BrokenFileError(f"level: expected 0 to 1 of full drive, got {block.min():g} to {block.max():g}")
         return block
 
     return each_frame(level, checked)

@@ -56,7 +56,7 @@ def open_hdf5(path: Path) -> "Generator[h5py.File]":
         file = h5py.File(path, "r", locking=False)
     except OSError as wrong:
         if "truncated file" in str(wrong):
-            raise BrokenFileError(f"{path}: damaged, its end is missing; use a copy") from wrong
+            raise BrokenFileError("damaged, its end is missing; use a copy") from wrong
         # HDF5 opens a file twice in a program only with the same locks; xarray and h5netcdf open it with HDF5's own.
         if "file locking" not in str(wrong):
             raise
@@ -104,18 +104,18 @@ def read_group(group: "h5py.Group", kind: Kind, path: Path, *, streamed: bool = 
     With `streamed`, datasets with several numbers per frame are lazy. Raises InputError if the others do not fit into
     memory, with the length that would.
     """
-    check_kind(group, kind, path)
-    present = _present(group, kind, path)
-    values = {entry.name: _attribute(group, entry, path) for entry in present if entry.dimensions is None}
+    check_kind(group, kind)
+    present = _present(group, kind)
+    values = {entry.name: _attribute(group, entry) for entry in present if entry.dimensions is None}
     stored = [entry for entry in present if entry.dimensions is not None]
     if "rate_hz" in values and not streamed:
-        _check_fits([stored_dataset(group, entry.name) for entry in stored], values["rate_hz"], path)
+        _check_fits([stored_dataset(group, entry.name) for entry in stored], values["rate_hz"])
     for entry in stored:
         unit = entry.unit.format(unit=values.get("unit", ""))
         values[entry.name] = _dataset(group, entry, unit, path, streamed=streamed)
-    _check_lengths(stored, values, path)
+    _check_lengths(stored, values)
     if "rate_hz" in values:
-        _check_time(values["time"], values["rate_hz"], path)
+        _check_time(values["time"], values["rate_hz"])
     return values
 
 
@@ -127,40 +127,40 @@ def read_part(file: "h5py.File", kind: Kind, made: type[Made], path: Path) -> Ma
     return built(made, kind, read_group(group, kind, path))
 
 
-def _check_fits(datasets: "Sequence[h5py.Dataset]", rate: float, path: Path) -> None:
+def _check_fits(datasets: "Sequence[h5py.Dataset]", rate: float) -> None:
     # Reading keeps the numbers as stored, as float64, and as a checked copy.
     needed, free = 24 * max(int(np.prod(each.shape, dtype=np.int64)) for each in datasets), ram.available_memory()
     if free is not None and needed > free:
         seconds = max(each.shape[0] for each in datasets) / rate
         raise InputError(
-            f"{path}: expected {needed / 1e9:.3g} GB of free memory for {seconds:.4g} s at {rate:g} Hz, got "
+            f"expected {needed / 1e9:.3g} GB of free memory for {seconds:.4g} s at {rate:g} Hz, got "
             f"{free / 1e9:.3g} GB; {seconds * free / needed:.3g} s would fit: take a part of it, or a lower rate"
         )
 
 
-def _check_time(time: np.ndarray, rate: float, path: Path) -> None:
+def _check_time(time: np.ndarray, rate: float) -> None:
     """Raise BrokenFileError if a time differs from frame / rate by more than a thousandth of a frame."""
     right = np.abs(time * rate - np.arange(len(time))) < 1e-3
     if not right.all():
         wrong = int(np.argmin(right))
         raise BrokenFileError(
-            f"{path}: expected frame i at i / {rate:g} Hz, got frame {wrong} at {time[wrong]:g} s; the file is damaged "
+            f"expected frame i at i / {rate:g} Hz, got frame {wrong} at {time[wrong]:g} s; the file is damaged "
             "or its rate was edited"
         )
 
 
-def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
+def check_kind(group: "h5py.Group", kind: Kind) -> None:
     """Raise if `group` is of another kind than `kind`, or was written by a newer midair."""
     have = kind_of(group)
     if have != f"midair {kind}":
         advice = "; solve it first (midair solve)" if (kind, have) == ("drive", "midair recording") else ""
         found = have or "an HDF5 file of another program"
-        raise BrokenFileError(f"{path}: expected a midair {kind}, got {found}{advice}")
+        raise BrokenFileError(f"expected a midair {kind}, got {found}{advice}")
     version = group.attrs.get("format")
     if not isinstance(version, int | np.integer) or version < 1:
-        raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")
+        raise BrokenFileError(f"expected a whole number from 1 on as format, got {version!r}")
     if version > FORMAT:
-        raise UnknownFormatError(f"{path}: expected format {FORMAT}, got {version}, of a newer midair; update midair")
+        raise UnknownFormatError(f"expected format {FORMAT}, got {version}, of a newer midair; update midair")
 
 
 def stored_dataset(group: "h5py.Group", name: str) -> "h5py.Dataset":
@@ -246,7 +246,7 @@ def fixed_text(value: str) -> Any:
     return np.array(encoded, h5py.string_dtype("utf-8", max(1, len(encoded))))
 
 
-def _present(group: "h5py.Group", kind: Kind, path: Path) -> list[Entry]:
+def _present(group: "h5py.Group", kind: Kind) -> list[Entry]:
     """Entries of a group; raises if a required one is missing, or one of an optional part whose others are there."""
     present = [entry for entry in TABLE[kind] if entry.name in (group.attrs if entry.dimensions is None else group)]
     beside = {entry.part: entry for entry in reversed(present) if entry.part}
@@ -254,14 +254,14 @@ def _present(group: "h5py.Group", kind: Kind, path: Path) -> list[Entry]:
         if entry in present:
             continue
         if entry.required:
-            raise BrokenFileError(f"{path}: expected {entry.name} in a midair {kind}, found none; the file is damaged")
+            raise BrokenFileError(f"expected {entry.name} in a midair {kind}, found none; the file is damaged")
         if entry.part in beside and not beside[entry.part].required:
             other = beside[entry.part].name
-            raise BrokenFileError(f"{path}: expected {entry.name} beside {other}, found none; the file is damaged")
+            raise BrokenFileError(f"expected {entry.name} beside {other}, found none; the file is damaged")
     return present
 
 
-def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
+def _attribute(group: "h5py.Group", entry: Entry) -> Any:
     value = group.attrs[entry.name]
     if entry.dtype == "text":
         if isinstance(value, bytes):
@@ -270,7 +270,7 @@ def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
             return value
     elif isinstance(value, np.generic) and value.dtype == entry.dtype and np.isfinite(value):
         return value.item()
-    raise BrokenFileError(f"{path}: expected {entry.name} to be finite {entry.dtype}, got {value!r}")
+    raise BrokenFileError(f"expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
 
 def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | LazyFrames":
@@ -279,32 +279,30 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
     spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"
     single = entry.single and dataset.dtype == np.dtype("f4")
     if not (single or dataset.dtype == np.dtype(entry.dtype)) or dataset.ndim != len(axes):
-        raise BrokenFileError(f"{path}: {spelled}, got {dataset!r}")
+        raise BrokenFileError(f"{spelled}, got {dataset!r}")
     have = plain_text(dataset.attrs.get("units"))
     if have != unit:
-        raise BrokenFileError(f"{path}: {spelled}, got {have!r} as unit")
+        raise BrokenFileError(f"{spelled}, got {have!r} as unit")
     if not axes:
         return dataset[()]
     kind = np.dtype("f8") if single else dataset.dtype
 
     if streamed and axes[0] == "time" and len(axes) > 1:
         return _lazy_dataset(dataset, path)
-    values = _rows(dataset, 0, len(dataset), path).astype(kind, copy=False)
+    values = _rows(dataset, 0, len(dataset)).astype(kind, copy=False)
     names = FLAGS.get(entry.name)
     if names and values.size and not 0 <= values.min() <= values.max() < len(names):
-        raise BrokenFileError(
-            f"{path}: expected {entry.name} 0 to {len(names) - 1}, got {values.min()} to {values.max()}"
-        )
+        raise BrokenFileError(f"expected {entry.name} 0 to {len(names) - 1}, got {values.min()} to {values.max()}")
     return values
 
 
-def _rows(dataset: "h5py.Dataset", first: int, last: int, path: Path) -> np.ndarray:
+def _rows(dataset: "h5py.Dataset", first: int, last: int) -> np.ndarray:
     try:
         return dataset[first:last]
     except OSError as wrong:
         if wrong.errno:
             raise
-        raise BrokenFileError(f"{path}: {dataset.name}: damaged, its checksum does not match; use a copy") from wrong
+        raise BrokenFileError(f"{dataset.name}: damaged, its checksum does not match; use a copy") from wrong
 
 
 def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
@@ -314,8 +312,8 @@ def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
     def reopened(first: int, last: int) -> np.ndarray:
         with parse_errors(path, "the original file"), open_hdf5(path) as opened:
             if path.stat().st_ino != number:
-                raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
-            return _rows(stored_dataset(opened, name), first, last, path).astype(np.float64)
+                raise BrokenFileError("expected the original file, got a new one of that name; open it again")
+            return _rows(stored_dataset(opened, name), first, last).astype(np.float64)
 
     return LazyFrames(reopened, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
 
@@ -334,13 +332,13 @@ def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
     return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
 
 
-def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:
+def _check_lengths(entries: list[Entry], values: Mapping[str, Any]) -> None:
     lengths: dict[str, int] = {}
     for entry in entries:
         for axis, length in zip(entry.dimensions or (), values[entry.name].shape, strict=True):
             if lengths.setdefault(axis, length) != length:
                 raise BrokenFileError(
-                    f"{path}: {entry.name}: expected {lengths[axis]} along {axis}, got {length}; the file is damaged"
+                    f"{entry.name}: expected {lengths[axis]} along {axis}, got {length}; the file is damaged"
                 )
 
 

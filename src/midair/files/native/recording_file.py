@@ -40,7 +40,7 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
     Errors are those of `load_solution`.
     """
     with open_file(path) as file:
-        check_kind(file, "recording", Path(path))
+        check_kind(file, "recording")
         return read_part(file, "played", PlayedTouch, Path(path))
 
 
@@ -80,7 +80,7 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
         life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
         life = with_stage(life, stamps, journal, values["rate_hz"])
         recording = built(Recording, "recording", values, provenance=life)
-        given.check(recording, path)
+        given.check(recording)
         calibration = read_part(file, "calibration", Calibration, path)
         return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
 
@@ -149,7 +149,7 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
     Errors are those of `load_solution`.
     """
     with open_file(path) as file:
-        check_kind(file, "recording", Path(path))
+        check_kind(file, "recording")
         return read_part(file, "pressure", PressureFrames, Path(path))
 
 
