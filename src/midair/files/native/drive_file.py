@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.native.hdf5 import (
-    finite,
     new_file,
     read_group,
     write_frames,
@@ -26,11 +25,9 @@ from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
 from midair.model import AmplitudeFrames, Drive, Solution, Status
 from midair.progress import report_progress
-from midair.streaming import LazyFrames, block_ranges, blocks, each_frame
+from midair.streaming import block_ranges, blocks, each_frame
 
 DRIVE_SUFFIX = ".drive.h5"
-
-Frames = NDArray[np.float64] | LazyFrames
 
 AUTD3_TRANSDUCERS = 249
 """Number of transducers of an AUTD3 unit, which plays phases in 256 steps to a turn and levels in 255 steps."""
@@ -101,8 +98,7 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
             raise BrokenFileError("expected either level or transducer_level; the file is damaged")
         if "phase" not in values:
             raise BrokenFileError("expected either phase or phase_step; the file is damaged")
-        phase = finite(values["phase"], "phase")
-        drive = built(Drive, "drive", values, phase=phase, level=_levels(level))
+        drive = built(Drive, "drive", values, phase=values["phase"], level=each_frame(level, _checked))
         drive.acoustics.medium.check_speed(str(path))
         status: tuple[Status, ...] = tuple(get_args(Status)[code] for code in values["status"])
         return Solution(drive=drive, error=values["error"], iterations=values["iterations"], status=status)
@@ -116,7 +112,6 @@ def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> Ampl
     with _opened(path, streamed=streamed) as values:
         if "target" not in values:
             return None
-        values["target"] = finite(values["target"], "target")
         return built(AmplitudeFrames, "drive", values, "target", rate=values["rate_hz"])
 
 
@@ -159,12 +154,7 @@ def _steps(x: np.ndarray, steps: float) -> NDArray[np.uint8]:
     return np.mod(np.rint(x * steps), 256).astype(np.uint8)
 
 
-def _levels(level: Frames) -> NDArray[np.float64]:
-    """Levels that are checked; lazy ones when they are read."""
-
-    def checked(block: np.ndarray) -> np.ndarray:
-        if not (block.min() >= 0 and block.max() <= 1):
-            raise BrokenFileError(f"level: expected 0 to 1 of full drive, got {block.min():g} to {block.max():g}")
-        return block
-
-    return each_frame(level, checked)
+def _checked(level: np.ndarray) -> np.ndarray:
+    if not (level.min() >= 0 and level.max() <= 1):
+        raise BrokenFileError(f"level: expected 0 to 1 of full drive, got {level.min():g} to {level.max():g}")
+    return level

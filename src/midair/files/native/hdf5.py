@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
@@ -43,8 +42,8 @@ def new_file(path: "str | os.PathLike[str]", *, room: int = 0, recording: bool =
                 with h5py.File(output, "w", libver=LAYOUT) as file:
                     yield file
             finally:
-                # Raises the original disk error instead of the one from HDF5.
-                output.check()
+                if output.refused is not None:
+                    raise output.refused  # the error of the disk, not that of HDF5
 
 
 @contextmanager
@@ -123,7 +122,7 @@ def read_part(file: "h5py.File", kind: Kind, made: type[Made], path: Path) -> Ma
     """The object in a file of its own kind or in a group of another; None if there is no such group."""
     if kind_of(file) != f"midair {kind}" and kind not in file:
         return None
-    group = file if kind_of(file) == f"midair {kind}" else stored_group(file, kind)
+    group = file if kind_of(file) == f"midair {kind}" else cast("h5py.Group", file[kind])
     return built(made, kind, read_group(group, kind, path))
 
 
@@ -165,19 +164,11 @@ def check_kind(group: "h5py.Group", kind: Kind) -> None:
 
 def stored_dataset(group: "h5py.Group", name: str) -> "h5py.Dataset":
     """The dataset `name` of a group; raises BrokenFileError if there is none."""
-    return _item(group, name, "Dataset")
-
-
-def stored_group(group: "h5py.Group", name: str) -> "h5py.Group":
-    """The group `name` in a group; raises BrokenFileError if there is none."""
-    return _item(group, name, "Group")
-
-
-def _item(group: "h5py.Group", name: str, kind: str) -> Any:
     import h5py
 
-    if not isinstance(item := group.get(name), getattr(h5py, kind)):
-        raise BrokenFileError(f"expected a {kind.lower()} {name}, got {'nothing' if item is None else item!r}")
+    item: Any = group.get(name)
+    if not isinstance(item, h5py.Dataset):
+        raise BrokenFileError(f"expected a dataset {name}, got {'nothing' if item is None else item!r}")
     return item
 
 
@@ -200,17 +191,18 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, frames: in
     axes, shape = entry.dimensions or (), data.shape
     if frames is not None and axes[:1] == ("time",):
         shape = (frames, *shape[1:])
-    chunk = _chunk(shape, kind.itemsize, frames=min(BLOCK, shape[0]) if entry.packed else 0)
+    row = int(np.prod(shape[1:], dtype=int)) * kind.itemsize
+    chunk = max(1, min(shape[0], BLOCK if entry.packed else 65536 // max(row, 1)))
     dataset = group.create_dataset(
         entry.name,
         shape=shape,
         dtype=kind,
-        chunks=chunk,
-        fletcher32=True if data.ndim else None,
+        chunks=(chunk, *shape[1:]),
+        fletcher32=True,
         shuffle=entry.packed and kind.itemsize > 1,
         compression=1 if entry.packed else None,
     )
-    dataset[: len(data) if data.ndim else ()] = data
+    dataset[: len(data)] = data
     dataset.attrs["units"] = fixed_text(unit)
     dataset.attrs["long_name"] = fixed_text(entry.what)
     if names := FLAGS.get(entry.name):  # as in the CF conventions
@@ -223,14 +215,6 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, frames: in
         dataset.attrs["coordinates"] = fixed_text("y x")
     for index, axis in enumerate(axes):
         dataset.dims[index].attach_scale(group[axis])
-
-
-def _chunk(shape: tuple[int, ...], itemsize: int, *, frames: int) -> tuple[int, ...] | None:
-    """Chunks of this number of frames; of about 64 kB along the first axis for 0."""
-    if not shape:
-        return None
-    row = int(np.prod(shape[1:], dtype=int)) * itemsize
-    return (frames or max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
 
 
 def fixed_text(value: str) -> Any:
@@ -263,12 +247,9 @@ def _present(group: "h5py.Group", kind: Kind) -> list[Entry]:
 
 def _attribute(group: "h5py.Group", entry: Entry) -> Any:
     value = group.attrs[entry.name]
-    if entry.dtype == "text":
-        if isinstance(value, bytes):
-            return value.decode()
-        if isinstance(value, str):
-            return value
-    elif isinstance(value, np.generic) and value.dtype == entry.dtype and np.isfinite(value):
+    if entry.dtype == "text" and isinstance(value, bytes | str):
+        return plain_text(value)
+    if isinstance(value, np.generic) and value.dtype == entry.dtype and np.isfinite(value):
         return value.item()
     raise BrokenFileError(f"expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
@@ -283,13 +264,9 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
     have = plain_text(dataset.attrs.get("units"))
     if have != unit:
         raise BrokenFileError(f"{spelled}, got {have!r} as unit")
-    if not axes:
-        return dataset[()]
-    kind = np.dtype("f8") if single else dataset.dtype
-
-    if streamed and axes[0] == "time" and len(axes) > 1:
+    if streamed and axes[:1] == ("time",) and len(axes) > 1:
         return _lazy_dataset(dataset, path)
-    values = _rows(dataset, 0, len(dataset)).astype(kind, copy=False)
+    values = _rows(dataset, 0, len(dataset)).astype("f8" if single else dataset.dtype, copy=False)
     names = FLAGS.get(entry.name)
     if names and values.size and not 0 <= values.min() <= values.max() < len(names):
         raise BrokenFileError(f"expected {entry.name} 0 to {len(names) - 1}, got {values.min()} to {values.max()}")
@@ -306,30 +283,18 @@ def _rows(dataset: "h5py.Dataset", first: int, last: int) -> np.ndarray:
 
 
 def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
-    """Lazy frames of a dataset, whose file is opened for each read."""
+    """Lazy frames of a dataset, whose file is opened and whose numbers are checked for each read."""
     name, number = str(dataset.name), path.stat().st_ino
 
     def reopened(first: int, last: int) -> np.ndarray:
         with parse_errors(path, "the original file"), open_hdf5(path) as opened:
             if path.stat().st_ino != number:
                 raise BrokenFileError("expected the original file, got a new one of that name; open it again")
-            return _rows(stored_dataset(opened, name), first, last).astype(np.float64)
+            rows = _rows(stored_dataset(opened, name), first, last).astype(np.float64)
+            check_finite(rows, name.removeprefix("/"), frame=first)
+            return rows
 
     return LazyFrames(reopened, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
-
-
-def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
-    """Lazy frames that raise NonFiniteError for non-finite numbers when read; an array unchanged."""
-    if not isinstance(x, LazyFrames):
-        return x
-
-    def read(first: int, last: int) -> np.ndarray:
-        block = x.read(first, last)
-        check_finite(block, name, frame=first)
-        return block
-
-    # Type checkers treat lazy frames as an array.
-    return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any]) -> None:
@@ -343,23 +308,23 @@ def _check_lengths(entries: list[Entry], values: Mapping[str, Any]) -> None:
 
 
 class _RetryingFile(FileIO):
-    """A new file that accepts all data but writes nothing after the first disk error, which `check` raises."""
+    """A new file that accepts all data but writes nothing after the first disk error, which is `refused`."""
 
     # HDF5 crashes when a write fails.
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
-        self._refused: OSError | None = None
+        self.refused: OSError | None = None
 
     def write(self, data: "Buffer", /) -> int:
         """Write all data, or store the error."""
         view = memoryview(data).cast("B")
-        left = view if self._refused is None else view[:0]
+        left = view if self.refused is None else view[:0]
         try:
             while len(left):
                 # The system may write only a part of a large block.
                 left = left[super().write(left) or 0 :]
         except OSError as wrong:
-            self._refused = wrong
+            self.refused = wrong
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
@@ -367,10 +332,5 @@ class _RetryingFile(FileIO):
         try:
             return super().truncate(size)
         except OSError as wrong:
-            self._refused = self._refused or wrong
+            self.refused = self.refused or wrong
             return size or 0
-
-    def check(self) -> None:
-        """Raise the first disk error, if any."""
-        if self._refused is not None:
-            raise self._refused

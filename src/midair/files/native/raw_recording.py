@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
-from midair.files.native.hdf5 import new_file, open_hdf5, stored_group, write_frames, write_group
+from midair.files.native.hdf5 import new_file, open_hdf5, write_frames, write_group
 from midair.files.native.journal import event_values, stage_values
 from midair.files.native.schema import PLAYED, TABLE
 from midair.model import Event, StageStamp
@@ -107,18 +107,20 @@ def convert(path: Path, handle: int) -> tuple[int, float]:
         rate, kind, each = header["recording"]["rate_hz"], frame_type(header), header["played_each"]
         values = {**header["recording"], "samples": np.empty(0, kind)["samples"]}
         values |= event_values(events) | stage_values(stamps)
+        touch = None
         with new_file(path, room=os.fstat(handle).st_size + 8 * frames, recording=True) as made:
             write_group(made, "recording", values, frames=frames)
             if header["calibration"]:
                 write_group(made.create_group("calibration"), "calibration", header["calibration"])
             if header["played"]:
                 played = {**header["played"], "rate_hz": each * rate, **_played(np.empty(0, kind))}
-                write_group(made.create_group("played"), "played", played, frames=each * frames)
+                touch = made.create_group("played")
+                write_group(touch, "played", played, frames=each * frames)
             done = 0
             for block in _blocks(file, kind):
                 write_frames(made, {"samples": block["samples"]}, done)
-                if header["played"]:
-                    write_frames(stored_group(made, "played"), _played(block), each * done)
+                if touch is not None:
+                    write_frames(touch, _played(block), each * done)
                 done += len(block)
             if sys.platform == "win32":  # which replaces no open file
                 file.close()

@@ -34,7 +34,7 @@ class Entry:
     dtype: Literal["f8", "i8", "i1", "u1", "text"] = "f8"
     """Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5 metadata covers it."""
     dimensions: tuple[str, ...] | None = None
-    """Axes of a dataset, () for a single number; None for an attribute."""
+    """Axes of a dataset; None for an attribute."""
     unit: str = ""
     """Attribute `units` of a dataset, "1" for a pure number, ``{unit}`` for the unit of the sensor's output; empty for
     attributes, whose names contain it."""

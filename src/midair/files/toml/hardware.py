@@ -8,7 +8,7 @@ file of each kind: build-a-sensor.md, data/stage.toml, play-on-your-array.md, fo
 
 import os
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy
@@ -52,12 +52,8 @@ def load_sensor(path: PathLike) -> SensorWiring:
 def save_sensor(sensor: SensorWiring, path: PathLike) -> None:
     """Write a sensor file atomically. Raises FileError if the file cannot be written."""
     grid = sensor.grid
-    keys = {
-        "name": grid.name,
-        "rows": grid.rows,
-        "columns": grid.columns,
-        "pitch_mm": float(f"{grid.pitch * 1e3:.12g}"),
-    }
+    keys: dict[str, Any] = {name: getattr(grid, name) for name in ("name", "rows", "columns")}
+    keys |= {"pitch_mm": float(f"{grid.pitch * 1e3:.12g}")}
     keys |= {name: getattr(sensor, name) for name in ("unit", "full_scale", "sensitivity")}
     head = tomli_w.dumps({name: value for name, value in keys.items() if value is not None})
     rows = "".join(f"  {', '.join(map(str, row))},\n" for row in np.reshape(sensor.order, grid.shape).tolist())
