@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4143,
     "calibration": 3177,
     "solvers": 4309,
-    "files": 4485,
+    "files": 4330,
     "devices": 7930,
     "rig": 8869,
     "patterns datasets": 1776,
