@@ -12,7 +12,6 @@ from midair.pressure_level import level_of, thinned
 from midair.settings import finest_mode
 from midair.solvers import solve
 
-ARRAY = TransducerArray.autd3()
 SMALL = TransducerArray.autd3(columns=1, rows=1)
 GRID = ControlGrid(rows=6, columns=6, pitch=11e-3)
 

@@ -78,12 +78,6 @@ def test_default_length_is_two_periods_of_the_narrowest_edge():
     assert default_taps(1000.0, (0.0, 0.0)) == 201
 
 
-@pytest.mark.parametrize("taps", [0, 1, 200])
-def test_an_even_or_tiny_length_is_refused(taps):
-    with pytest.raises(InputError, match=f"odd number of 3 or more, got {taps}; use {max(taps + 1, 3)}"):
-        inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
-
-
 def crosstalk(matrix):
     return Crosstalk(matrix=np.array(matrix, float), uncertainty=np.zeros(np.shape(matrix)))
 

@@ -195,12 +195,6 @@ def test_a_recording_with_nothing_in_the_band_is_refused(frequency):
         calibrate(of(tone(frequency, offset=1.0)))
 
 
-@pytest.mark.parametrize("offset", [0.0, 2.5])
-def test_a_constant_recording_is_refused(offset):
-    with pytest.raises(BandError, match="constant on every channel"):
-        calibrate(of(np.full((500, 4, 4), offset)))
-
-
 @pytest.mark.parametrize("start", [5, 50, 3000, 3955])
 def test_a_short_tap_anywhere_is_detected(start):
     samples, middle = np.zeros((2, 4000, 4, 4))
@@ -213,12 +207,6 @@ def test_a_short_tap_anywhere_is_detected(start):
 def test_a_weak_texture_on_a_strong_drift_is_detected():
     samples = 100 * tone(3.0) + 0.5 * tone(100.0)
     assert calibrate(of(samples)).pressure[300:700] == pytest.approx(0.5 * tone(100.0)[300:700], abs=0.15)
-
-
-@pytest.mark.parametrize(("frames", "band"), [(2, (0, 500)), (49, BAND)])
-def test_too_short_a_recording_is_refused(frames, band):
-    with pytest.raises(BandError, match="at least 3 frames and one period"):
-        calibrate(of(np.random.default_rng(0).standard_normal((frames, 4, 4))), band=band)
 
 
 @pytest.mark.parametrize("method", ["fft", "fir"])

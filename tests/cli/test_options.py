@@ -167,14 +167,6 @@ def test_reads(text, unit, value):
     assert parse_quantity(text, unit) == pytest.approx(value)
 
 
-@pytest.mark.parametrize(
-    "text", ["200", "200Pa", "", "mm", "abc", "200 furlongsx", "nan m", "inf m", "1e999m", "()", "2m+"]
-)
-def test_refuses_with_an_example(text):
-    with pytest.raises(ValueError, match="200mm"):
-        parse_quantity(text, "m")
-
-
 @given(st.floats(1e-3, 1e3))
 def test_printed_quantities_can_be_parsed(value):
     assert parse_quantity(format_quantity(value, "m"), "m") == pytest.approx(value, rel=1e-5)
@@ -189,24 +181,6 @@ def test_any_text_is_read_or_refused(text):
     except ValueError as wrong:
         refused = str(wrong)
     assert refused is None or "expected a quantity" in refused
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "says"),
-    [
-        ("22Pa", "m", "the unit measures another quantity"),
-        ("22xm", "m", "unknown unit"),
-        ("22", "K", "got '22'; add the unit"),
-        ("22mm", "C", "possible units: C, °C, K, F"),
-        ("2m", "K", "such as 2C"),
-        ("0.5", "%", "such as 50%"),
-        ("50C", "%", "such as 50%"),
-        ("1e999C", "C", "finite"),
-    ],
-)
-def test_temperatures_and_shares_are_refused_with_an_example(text, unit, says):
-    with pytest.raises(ValueError, match=says):
-        parse_quantity(text, unit)
 
 
 @pytest.mark.parametrize("unit", ["C", "K", "%"])

@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.devices.frame_bytes import amplitude_of, divider, intensity_bytes, phase_bytes
-from midair.errors import RateError
 from midair.model import Drive, TransducerArray
 from midair.physics import quantise_phase
 
@@ -50,9 +49,3 @@ def test_intensity_and_its_amplitude():
 )
 def test_rates_that_divide_40_khz(rate, expected):
     assert divider(rate) == expected
-
-
-@pytest.mark.parametrize("rate", [900.0, 999.0, 80e3, 0.1])
-def test_rates_that_do_not(rate):
-    with pytest.raises(RateError, match="40 kHz / N"):
-        divider(rate)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import ShapeError
 from midair.evaluate.perception import blocks, metric_threshold, similarities
 
 
@@ -82,8 +81,3 @@ def test_the_threshold_curve_by_hand():
     assert curve.min() == pytest.approx(-77, abs=0.01)
     assert np.argmin(curve) / 2 == pytest.approx(250, abs=1)
     assert (np.diff(curve[500:]) >= -1e-9).all()
-
-
-def test_less_than_a_block_is_refused():
-    with pytest.raises(ShapeError, match="512 samples"):
-        alike(np.ones(100), np.zeros(100))

@@ -59,12 +59,6 @@ def test_bad_input_is_refused(changes, error, says):
         made(**changes)
 
 
-@pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
-def test_a_sensitivity_must_be_one(bad):
-    with pytest.raises(InputError, match="sensitivity"):
-        Calibration.flat(SENSOR, sensitivity=bad)
-
-
 def test_an_identifier_never_changes_for_the_same_calibration():
     calibration = Calibration.flat(SensorGrid(name="skin"), sensitivity=0.02)
     assert calibration.identifier == "fdff85f2"

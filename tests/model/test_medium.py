@@ -4,36 +4,14 @@ import math
 
 import pytest
 
-from midair.errors import InputError
 from midair.model import Medium
-from midair.model.medium import attenuation, check_air, density, speed_of_sound, temperature_of
+from midair.model.medium import attenuation, density, speed_of_sound, temperature_of
 
 
 def test_the_papers_air():
     medium = Medium()
     assert (medium.density, medium.speed, medium.attenuation, medium.alpha) == (1.25, 340.0, 0.15, 2.0)
     assert medium.temperature is None
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"density": 0.0},
-        {"speed": -340.0},
-        {"speed": 340e3},
-        {"speed": "340"},
-        {"speed": float("nan")},
-        {"attenuation": -0.1},
-        {"attenuation": float("inf")},
-        {"alpha": 0.9},
-        {"alpha": 2.1},
-        {"alpha": float("nan")},
-    ],
-    ids=str,
-)
-def test_impossible_air_is_refused(wrong):
-    with pytest.raises(InputError, match=r"expected .*, got"):
-        Medium(**wrong)
 
 
 def test_the_papers_air_is_of_14_degrees():
@@ -63,22 +41,6 @@ def test_stated_constants_keep_all_but_the_speed():
 def test_air_at_any_pressure_is_what_it_says(temperature, humidity, pressure):
     made = Medium.at(temperature=temperature, humidity=humidity, pressure=pressure)
     assert Medium(speed=made.speed, temperature=temperature, humidity=humidity).degrees == temperature
-
-
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"temperature": 22.0, "humidity": 0.5}, "345.2 to 345.7 m/s at 22 degrees Celsius, got 340"),
-        ({"temperature": 22.0}, "temperature and humidity together"),
-        ({"temperature": 1e300, "humidity": 0.5}, "0 to 50 degrees"),
-        ({"temperature": float("nan"), "humidity": 0.5}, "0 to 50 degrees"),
-        ({"temperature": 22.0, "humidity": 0.5, "speed": 1e300}, "got 1e"),
-    ],
-    ids=str,
-)
-def test_a_temperature_that_does_not_go_with_the_speed_is_refused(wrong, says):
-    with pytest.raises(InputError, match=says):
-        Medium(**wrong)
 
 
 # Cramer (1993), figure 1, read off: temperature (C), humidity, speed (m/s); dry air at three pressures below.
@@ -143,20 +105,6 @@ def test_density_of_moist_air():
     # Davis (1992) gives 1.19929 kg/m3 at 20 C, 50 %, 101325 Pa with 400 ppm of carbon dioxide.
     assert density(20, 0.5) == pytest.approx(1.1993, rel=5e-4)
     assert density(20, 1.0) < density(20, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("air", "says"),
-    [
-        ((-1, 0.5, 101e3), "temperature: expected 0 to 50"),
-        ((22, 50, 101e3), "humidity: expected 0 to 1"),
-        ((22, 0.5, 101.325), "pressure: expected 60000"),
-        ((float("nan"), 0.5, 101e3), "temperature"),
-    ],
-)
-def test_refuses_air_outside_of_the_formulas(air, says):
-    with pytest.raises(InputError, match=says):
-        check_air(*air)
 
 
 def test_a_medium_at_a_temperature_has_all_of_it():

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.errors import RateError
 from midair.model import ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -113,13 +112,6 @@ def test_frames_last_whole_periods_of_the_ultrasound(subtests):
     for rate, periods in [(1000.0, 40), (2000.0, 20), (4000.0, 10), (8000.0, 5), (40e3, 1), (800.0, 50)]:
         with subtests.test(rate=rate):
             assert check_frame_rate(rate) == periods
-
-
-def test_rates_that_no_array_takes_are_refused_with_the_nearest_that_it_does():
-    with pytest.raises(RateError, match=r"got 3000 Hz; choose 2857.14 or 3076.92 Hz"):
-        check_frame_rate(3000.0)
-    with pytest.raises(RateError, match="choose 40000 Hz"):
-        check_frame_rate(44100.0)
 
 
 STILL = Transducers.alike(12, TransducerDynamics(detuning=0.0))

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from midair.errors import NegativePressureError
 from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     focus_amplitude,
@@ -274,8 +273,3 @@ def test_there_and_back(pressure, medium):
 def test_a_complex_amplitude_counts_by_its_magnitude(amplitude, medium, phase):
     turned = np.array([amplitude * np.exp(1j * phase)])
     assert radiation_pressure(turned, medium) == pytest.approx(radiation_pressure(np.array([amplitude]), medium))
-
-
-def test_negative_pressure_is_refused():
-    with pytest.raises(NegativePressureError, match="-3 Pa"):
-        sound_amplitude(np.array([1.0, -3.0]), Medium())

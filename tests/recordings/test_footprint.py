@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.errors import InputError, ShapeError
-from midair.model import Provenance, Recording, SensorGrid
+from midair.model import Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
 
 SENSOR = SensorGrid()
@@ -168,18 +167,3 @@ def test_the_field_is_marked_as_simulated():
     assert step.stage == "footprint"
     assert step.settings["field"].startswith("synthetic")
     assert (step.settings["shape"], step.settings["size_m"], step.settings["path"]) == ("square", 5e-3, "diagonal")
-
-
-def test_refuses_invalid_footprints():
-    with pytest.raises(ShapeError, match="one channel, got 16"):
-        footprint_field(Recording(samples=np.ones((5, 4, 4)), rate=10, provenance=Provenance()), Footprint())
-    for says in (
-        {"shape": "star"},
-        {"path": "z"},
-        {"turn": "left"},
-        {"size": 0.0},
-        {"speed": np.nan},
-        {"speed": -50.0},
-    ):
-        with pytest.raises(InputError, match="footprint"):
-            Footprint(**says)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, SensorGrid, TransducerArray
-from midair.physics import focus_amplitude, transfer_matrix
+from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
+from midair.physics import transfer_matrix
 from midair.solvers import one_blas_thread
 from midair.targets import interpolation_matrix
 
@@ -42,13 +42,6 @@ def channels_to_points():
 def patterns_to_points(channels_to_points):
     """Integers whose bit k is channel k -> (frame, point)."""
     return lambda patterns: channels_to_points([[(bits >> k) & 1 for k in range(16)] for bits in patterns])
-
-
-@pytest.fixture(scope="session")
-def in_pascal(array, lossless):
-    """(frame, point) of strengths -> AmplitudeFrames of the paper's grid."""
-    focus = focus_amplitude(ControlGrid(), array, acoustics=Acoustics(medium=lossless, directivity="point"))
-    return lambda strength: AmplitudeFrames(amplitude=focus * strength, rate=1000.0)
 
 
 @pytest.fixture

@@ -104,19 +104,6 @@ def test_torch_gets_its_threads_back():
     assert torch.get_num_threads() == before
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ("jax", "backend: expected one of numpy, torch"),
-        ("numpy:cuda", "expected a device with torch only"),
-        ("", "backend: expected one of numpy"),
-    ],
-)
-def test_wrong_names_are_refused_with_the_valid_ones(wrong, message):
-    with pytest.raises(InputError, match=message):
-        backend(wrong)
-
-
 def test_a_device_that_is_not_here_is_refused():
     torch = pytest.importorskip("torch")
     if torch.cuda.is_available():

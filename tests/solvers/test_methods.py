@@ -39,8 +39,3 @@ def test_iterations_and_start_reach_those_that_have_them():
 def test_wrong_settings_are_refused(call, message):
     with pytest.raises(InputError, match=message):
         solver(call.pop("method"), **call)
-
-
-def test_a_method_without_cells_suggests_fit_points():
-    with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or free or fit points"):
-        SolverSettings(method="lm", fit="cells", guard=0.02).check()

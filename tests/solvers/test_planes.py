@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError, ShapeError
+from midair.errors import ShapeError
 from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import propagate, relative_error
 from midair.solvers import multi_plane_problem, place_grid, solver
@@ -32,12 +32,6 @@ def test_a_tilted_grid_is_flat_keeps_its_distances_and_looks_along_its_normal(no
     np.testing.assert_allclose(*apart, atol=1e-15)
     along_row, along_column = points[1] - points[0], points[SMALL.columns] - points[0]
     assert np.cross(along_row, along_column) @ normal > 0
-
-
-@pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0, 0), (np.nan, 0, 1)])
-def test_a_direction_without_a_unique_rotation_is_refused(normal):
-    with pytest.raises(InputError, match="not straight down"):
-        place_grid(SMALL, centre=LEFT, normal=normal)
 
 
 def test_one_level_plane_has_the_spreading_phase():

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from midair.errors import NonFiniteError, ShapeError
+from midair.errors import ShapeError
 from midair.model import AmplitudeFrames, ControlGrid
 from midair.streaming import BYTES, LazyFrames, block_ranges, blocks, cached_blocks, concatenate_lazy, each_frame
-from midair.validation import check_finite, frozen_array
+from midair.validation import frozen_array
 
 X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
 
@@ -94,11 +94,6 @@ def test_data_classes_accept_lazy_frames_and_check_their_shape():
     assert frozen_array(lazy, "x", ("frame", 2, 3)) is lazy
     with pytest.raises(ShapeError, match="axes"):
         frozen_array(lazy, "x", ("frame", 3, 3))
-
-
-def test_a_non_finite_number_is_named_by_its_index():
-    with pytest.raises(NonFiniteError, match=r"samples.*nan at \(102, 1\)"):
-        check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
 
 
 def test_consecutive_frames_are_read_together():

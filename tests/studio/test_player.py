@@ -39,11 +39,6 @@ def test_stimulus_with_noise_needs_a_sound_output():
     assert ran == [True]
 
 
-def test_missing_sound_output_is_reported_before_the_session():
-    with pytest.raises(MidairError, match="headphones"):
-        NoiseOutput().take(MaskingNoise(level_dbfs=-60), "no such output")
-
-
 def test_a_computer_without_sound_output_is_told_what_to_choose_not_an_option_of_a_command():
     if pytest.importorskip("sounddevice", exc_type=(ImportError, OSError)).query_devices():
         pytest.skip("a sound output is here")

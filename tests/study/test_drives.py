@@ -195,17 +195,3 @@ def test_a_missing_file_is_named(source):
     (source / "into").mkdir()
     with pytest.raises(MissingFileError, match=r"b.wav: expected the sound in"):
         prepare_media(read_design(PLAN), source / "into", found_in=source)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"kind": "picture", "source": "a.txt"}, "expected a picture"),
-        ({"kind": "sound", "source": "../a.wav"}, "below the plan's folder"),
-        ({"kind": "text"}, "expected the source of the text"),
-        ({"kind": "text", "source": "a", "duration_s": 0}, "duration_s above 0 to 3600 s, got 0 s"),
-    ],
-)
-def test_invalid_media_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        Stimulus(name="a", **settings)

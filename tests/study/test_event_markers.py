@@ -12,9 +12,7 @@ import pytest
 
 from midair.errors import DeviceError, InputError
 from midair.study.design.plan import draw_plan
-from midair.study.design.question import Stimulus
 from midair.study.design.session_state import answers_table, markers_table
-from midair.study.design.study_design import MarkerOutputs
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder, read_design
 from midair.study.session.event_log import read_events
@@ -159,21 +157,6 @@ def test_an_answer_is_stored_even_if_its_marker_fails(line, tmp_path):
         markers.port.close()
         one.answer(Reply(text="yes"))
     assert folder.sessions()[0].answers["p01-t001", "felt"].answer == "yes"
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [({}, "expected lsl or serial"), ({"serial": "/dev/ttyS0", "baud": 10}, "baud from 300 to 4000000")],
-)
-def test_invalid_outputs_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        MarkerOutputs(**settings)
-
-
-@pytest.mark.parametrize("code", [0, 1, 3, 4, 256])
-def test_codes_of_other_events_are_refused(code):
-    with pytest.raises(InputError, match="expected code 2 or 5 to 255"):
-        Stimulus(name="a", kind="silence", code=code)
 
 
 def test_a_missing_port_is_an_error_that_names_it(tmp_path):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from midair.calibration import scale_of_drop, scale_of_tone
-from midair.errors import InputError
 
 RATE = 8000.0
 TIME = np.arange(4000) / RATE
@@ -19,12 +18,6 @@ def test_scale_of_a_tone_of_known_level(hertz, level, peak):
     assert f"A tone of {round(hertz / 2) * 2:g} Hz at {level:g} dB" in found.words
 
 
-@pytest.mark.parametrize("wrong", [np.random.default_rng(1).standard_normal(4000), np.zeros(4000)])
-def test_other_signals_than_a_tone_are_rejected(wrong):
-    with pytest.raises(InputError, match="expected a tone"):
-        scale_of_tone(wrong, RATE)
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_scale_of_a_falling_weight(sign):
     """A half sine of 4 ms whose integral is the momentum over the area, by hand: 2 g from 50 mm on 10 mm."""
@@ -36,12 +29,3 @@ def test_scale_of_a_falling_weight(sign):
     found = scale_of_drop(sign * pressure / 1e5 + noise, RATE, mass=2e-3, height=50e-3, diameter=10e-3)
     assert found.scale == pytest.approx(1e5, rel=0.01)
     assert "bounced" in found.words
-
-
-@pytest.mark.parametrize(
-    ("samples", "words"),
-    [(np.random.default_rng(1).standard_normal(4000), "twenty times the noise"), (np.eye(1, 4000, 77)[0], "4 frames")],
-)
-def test_a_recording_without_an_impact_is_rejected(samples, words):
-    with pytest.raises(InputError, match=words):
-        scale_of_drop(samples, RATE, mass=2e-3, height=50e-3, diameter=10e-3)

@@ -1,7 +1,6 @@
 """The command mend, and import of what is clipped or folded; the rest is in tests of what they share."""
 
 import json
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -108,11 +107,6 @@ def test_a_clipped_wav_and_a_magnitude_are_named(answer):
     np.save("b.npy", np.hypot(*RNG.normal(size=(2, 4000))))
     told = answer("import", "b.npy", "b.h5", "--scale", "1Pa", "--rate", "1kHz")
     assert "magnitude" in " ".join(told["notes"])
-
-
-COARSE = shlex.split(
-    "--mode quick --set target.grid={rows=4,columns=4,pitch=0.011} --set solver.guard=0.0 --duration 0.2s"
-)
 
 
 def test_info_reports_ridges_as_real_and_felt(answer):

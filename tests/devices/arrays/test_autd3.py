@@ -5,7 +5,7 @@ import pytest
 
 from midair.devices import autd3_array, pyautd3_array
 from midair.devices.arrays.autd3 import SERVER_PORT, SIMULATOR_PORT, autd3_place
-from midair.errors import MissingExtraError, UnknownDeviceError
+from midair.errors import MissingExtraError
 
 WITHOUT = {
     "autd3": (autd3_array, "midair.devices.arrays.autd3_udp", "autd3"),
@@ -46,23 +46,6 @@ def test_places_by_their_names():
     }
     assert pyautd3_array("audit").simulated
     assert not pyautd3_array("ethercrab:eth0").simulated
-
-
-@pytest.mark.parametrize(
-    ("where", "words"),
-    [
-        ("[::1]", "an IPv6 address with a port"),
-        ("[::1]:70000", "an IPv6 address with a port"),
-        ("[127.0.0.1]:5000", "an IPv6 address with a port"),
-        ("[fe80::1%nowhere]:5000", "one of the interfaces .*lo.*, got 'nowhere'"),
-        ("simulator:x", "a port from 1 to 65534, got 'x'"),
-        ("simulator:65535", "a port from 1 to 65534"),
-        ("server:lab:5000", r"on this computer only, got 'lab:5000'; forward its port with ssh -L"),
-    ],
-)
-def test_what_is_no_place(where, words):
-    with pytest.raises(UnknownDeviceError, match=words):
-        autd3_place(where)
 
 
 def test_an_interface_in_an_address_becomes_its_number():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.devices import StreamedSensor
-from midair.errors import DeviceError, InputError
+from midair.errors import DeviceError
 from midair.rig.names.sensor_names import source_sensor
 
 pytest.importorskip("nidaqmx")
@@ -61,8 +61,3 @@ def test_a_missing_vendor_driver_is_an_error_with_advice():
         with pytest.raises(DeviceError, match="expected the driver NI-DAQmx, it is not installed") as told:
             source_sensor("ni:Dev1/ai0:15").open()
         assert isinstance(told.value.__cause__, DaqNotFoundError)
-
-
-def test_unknown_wires_are_refused():
-    with pytest.raises(InputError, match="expected default, rse, nrse, differential, got 'star'"):
-        source_sensor("ni:Dev1/ai0:15?wires=star")

@@ -113,10 +113,3 @@ def test_frames_of_another_layout_are_not_taken():
     decoder.push(frame(0))
     assert decoder.push(frame(1, channels=4)) == []
     assert decoder.skipped == len(frame(1, channels=4))
-
-
-def test_layouts_and_numbers_of_channels_that_do_not_exist():
-    wrong = [([0], {"width": 4}), ([0], {"width": 1}), ([0], {"period_ns": 0}), ([], {}), ([0] * 256, {})]
-    for samples, settings in wrong:
-        with pytest.raises(InputError, match="1 to 255 samples of 2 or 3 bytes"):
-            encode(samples, counter=0, time_us=0, **settings)

@@ -5,7 +5,6 @@ from tests.palms import palm_path
 
 from midair.devices import DAMPED_VELOCITY, MotionModel, PosePredictor
 from midair.devices.trackers.tracker import ClockFit
-from midair.errors import DeviceStateError
 
 # A decay time of 1000 s is none; larger ones lose digits to cancellation.
 CONSTANT_VELOCITY = MotionModel(damping=1e3, memory=1e-4, agility=7.2e7)
@@ -69,11 +68,6 @@ def test_after_a_gap_it_starts_again_from_the_new_pose():
     predictor.at(np.array([0.02]))
     predictor.add(palm_path([0.5], [[0.05, 0.05, 0.25]]))
     np.testing.assert_allclose(predictor.at(np.array([0.51])).centre, [[0.05, 0.05, 0.25]])
-
-
-def test_without_a_pose_there_is_no_prediction():
-    with pytest.raises(DeviceStateError, match="expected a pose first"):
-        PosePredictor().at(np.array([0.0]))
 
 
 @pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4])

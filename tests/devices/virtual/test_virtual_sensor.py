@@ -6,8 +6,7 @@ import pytest
 from midair.calibration import calibrate
 from midair.datasets import am_stimulus
 from midair.devices import VirtualSensor, VirtualSkin
-from midair.errors import RateError, ShapeError
-from midair.model import PressureFrames, Recording, SensorGrid
+from midair.model import PressureFrames, Recording
 from midair.physics.sensing import SensorModel
 
 TIME = np.arange(8000) / 8000
@@ -66,11 +65,3 @@ def test_pressures_are_appended_in_order():
     np.testing.assert_allclose(skin.pressure(8)[:, 0, 0], [7, 7, 7, 5, 5, 0, 0, 0], rtol=1e-2)
     skin.clear()
     assert len(skin.pressure(0)) == 0
-
-
-def test_a_stroke_of_another_rate_or_sensor_is_refused():
-    skin = VirtualSkin(SensorModel())
-    with pytest.raises(RateError, match="8000 Hz"):
-        skin.touch(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0))
-    with pytest.raises(ShapeError, match="cells"):
-        skin.touch(PressureFrames(pressure=np.ones((3, 2, 2)), rate=8000.0, sensor=SensorGrid(rows=2, columns=2)))

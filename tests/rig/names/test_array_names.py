@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tests.model.test_calibration import calibration
 
-from midair.errors import InputError, UnknownDeviceError
+from midair.errors import InputError
 from midair.files import save_array_calibration
 from midair.model import (
     AmplitudeFrames,
@@ -47,12 +47,6 @@ def test_names_of_arrays(subtests):
             assert array.simulated is simulated
             assert array.gated
             assert array.array.same_as(ARRAY)
-
-
-def test_unknown_names(subtests):
-    for name in ["", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"]:
-        with subtests.test(name=name), pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
-            array_named(name)
 
 
 STORED = TransducerArray.autd3(columns=1, rows=1)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import MidairError
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, TransducerArray
 from midair.physics import SensorModel, cell_weights, propagate, radiation_pressure, sound_amplitude
 from midair.solvers import Cells, SolverSettings, Windows, solve
@@ -83,17 +82,6 @@ def test_they_go_where_the_grid_goes(means):
     here, moved = (means.target(amplitude, grid, 1.0) for grid in (GRID, ControlGrid(centre=(0.03, 0.01))))
     np.testing.assert_allclose(moved.weights, here.weights, atol=1e-12)
     np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12)
-
-
-def test_wrong_fits_are_refused():
-    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
-    with pytest.raises(MidairError, match="pressure of the cells"):
-        Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 1.0)
-    with pytest.raises(MidairError, match="fine-windows, cells"):
-        SolverSettings(fit="finer")
-    for name in ("aperture", "spread", "pitch", "inset"):
-        with pytest.raises(MidairError, match=f"{name} of the windows"):
-            Windows(**{name: 0.0})
 
 
 def test_cells_that_should_read_nothing_have_no_error():

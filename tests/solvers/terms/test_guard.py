@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.solvers import Guard
 from midair.solvers.problem import GuardField, excess, excess_rows
@@ -60,23 +59,3 @@ def test_as_residuals_it_is_the_same_cost_and_slope():
         step[n] = 1e-6
         ahead, behind = (excess_rows(guard, theta + s, 0.5, peak=1.5)[0] for s in (step, -step))
         np.testing.assert_allclose(slope[:, n], (ahead - behind) / 2e-6, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"margin": 0.0}, "margin of the guard: expected a number above 0 m"),
-        ({"pitch": -1.0}, "pitch of the guard"),
-        ({"weight": 0.0}, "weight of the guard"),
-        ({"ceiling": -0.1}, "ceiling of the guard: expected 0 or more"),
-        ({"ceiling": float("nan")}, "ceiling of the guard"),
-    ],
-)
-def test_wrong_settings_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        Guard(**settings)
-
-
-def test_a_margin_of_less_than_a_pitch_holds_no_points():
-    with pytest.raises(InputError, match=r"at least its pitch, 3.66667 mm, got 1 mm"):
-        Guard(margin=1e-3).points(ControlGrid())

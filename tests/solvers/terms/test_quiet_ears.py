@@ -64,11 +64,6 @@ def test_beside_a_guard_each_keeps_its_weight():
     np.testing.assert_allclose(both.weight * np.abs(both.G[4:]) ** 2, 8.0 * np.abs(rows) ** 2)
 
 
-def test_half_an_ear_is_refused():
-    with pytest.raises(InputError, match="expected x, y, z of each ear in m, got 4 numbers"):
-        QuietEars(positions=(0.0, 0.0, 0.3, 0.1))
-
-
 @pytest.mark.parametrize(("method", "weight", "says"), [("live", 1.0, "quiet-ears"), ("fast", -1.0, "above 0")])
 def test_impossible_settings_are_refused(method, weight, says):
     with pytest.raises(InputError, match=says):

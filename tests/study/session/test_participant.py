@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.study import d_prime_same_different, d_prime_yes_no, proportion_correct
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
@@ -85,8 +84,3 @@ def test_an_answer_is_independent_of_earlier_ones():
     backwards = [SimulatedParticipant(seed=4).answer(drawn, trial, "q")[0] for trial, _ in reversed(once)]
     assert backwards[::-1] == [answer for _, answer in once]
     assert answers(SimulatedParticipant(seed=5), drawn, question) != once
-
-
-def test_impossible_settings():
-    with pytest.raises(InputError, match="lapse"):
-        SimulatedParticipant(lapse=1.5)

@@ -214,19 +214,6 @@ def test_several_sessions_follow_each_other(tmp_path):
     assert table["session"].tolist() == [1] * 8 + [2] * 8
 
 
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"jitter_s": (2.0, 1.0)}, "jitter_s from short to long"),
-        ({"break_every": 4}, "break_every of 0 or more with a rest_s"),
-        ({"session": 0}, "session of 1 or more"),
-    ],
-)
-def test_invalid_settings_are_refused(changes, why):
-    with pytest.raises(InputError, match=why):
-        block(**changes)
-
-
 def test_options_and_questions_are_shuffled_by_the_seed_and_logged(tmp_path):
     options = ("brush", "sponge", "towel")
     asked = (

@@ -2,9 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from midair.errors import InputError, NonFiniteError, ShapeError
 from midair.study import rm_anova
-from midair.study.statistics.columns import cell_means, column, frame_of, levels, numbers
+from midair.study.statistics.columns import cell_means, frame_of, levels, numbers
 
 RATINGS = {"y": [1.0, 2, 3, 4, 6, 5], "who": list("aabbcc"), "x": list("ststst")}
 NAMES = {"value": "y", "participant": "who", "within": ["x"]}
@@ -40,32 +39,6 @@ def test_levels_are_numbered_in_the_order_of_appearance():
 def test_numbers_are_floats(values):
     found = numbers(frame_of({"n": values}), "n")
     assert (found.dtype, found.tolist()) == (np.float64, [1.0, 2.0])
-
-
-@pytest.mark.parametrize("table", [{"a": [1], "b": [1, 2]}, {"a": [[1]]}, pd.DataFrame([[1, 2]], columns=["a", "a"])])
-def test_invalid_tables_are_refused(table):
-    with pytest.raises(ShapeError, match="one axis and one length, got shapes a"):
-        frame_of(table)
-
-
-@pytest.mark.parametrize("missing", [None, np.nan, pd.NA, pd.NaT])
-def test_a_missing_value_is_named_by_row(missing):
-    frame = frame_of({"who": ["a", missing, "b"], "n": pd.Series([1, missing, 2], dtype=object)})
-    with pytest.raises(NonFiniteError, match=r"column 'who': .* got none in row 1"):
-        column(frame, "who")
-    with pytest.raises(NonFiniteError, match=r"column 'n': .* got nan in row 1"):
-        numbers(frame, "n")
-    with pytest.raises(NonFiniteError, match="column 'who'"):
-        rm_anova(RATINGS | {"who": ["a", missing, "b", "b", "c", "c"]}, **NAMES)
-
-
-def test_a_missing_column_is_an_error():
-    with pytest.raises(InputError, match="expected a column 'z', got y, who, x"):
-        column(frame_of(RATINGS), "z")
-    with pytest.raises(InputError, match="got no columns"):
-        numbers(frame_of({}), "z")
-    with pytest.raises(InputError, match="an empty table"):
-        numbers(frame_of({"z": []}), "z")
 
 
 def test_trials_are_averaged():
