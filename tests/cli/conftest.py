@@ -47,6 +47,13 @@ def with_take(module_folder, take_file, monkeypatch):
 
 
 @pytest.fixture
+def take(take_file):
+    """A virtual towel in take.h5 of the test's own folder."""
+    shutil.copy(take_file, "take.h5")
+    return "take.h5"
+
+
+@pytest.fixture
 def own_state(tmp_path, monkeypatch):
     """Logs of playing are in `state`, beside the files of the test."""
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))

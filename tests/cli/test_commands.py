@@ -17,19 +17,6 @@ from midair.model import Medium
 QUICK = ["--mode", "paper", "--set", "target.grid={rows=6,columns=6,pitch=0.011}", "--set", "solver.iterations=[2,1]"]
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recorded") / "take.h5"
-    assert run(["record", "virtual:towel", str(path), "--duration", "0.3s"]) == 0
-    return path.read_bytes()
-
-
-@pytest.fixture
-def take(recorded):
-    Path("take.h5").write_bytes(recorded)
-    return Path("take.h5")
-
-
 @pytest.mark.long
 def test_a_recording_is_solved_as_it_plays(take):
     assert run(["play", "take.h5", *QUICK, "--duration", "20ms"]) == 0
@@ -106,7 +93,7 @@ def test_info_prints_the_history_of_a_file(take, capsys):
     assert answer["simulated"] is True
     assert run(["info", "take.h5"]) == 0
     captured = capsys.readouterr()
-    assert "recording of 0.3 s of towel, 16 cells at 1000 Hz" in captured.out
+    assert "recording of 0.7 s of towel, 16 cells at 1000 Hz" in captured.out
     assert "SIMULATED" in captured.out
 
 

@@ -84,16 +84,6 @@ def test_a_drive_is_made_again_from_its_own_settings():
     assert Settings.of(one.drive.provenance) == Settings.of(two.drive.provenance)
 
 
-@pytest.mark.parametrize("command", ["solve", "loop", "budget", "demo"])
-def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    assert run([command, "--help"]) == 0
-    said = capsys.readouterr().out
-    assert "--mode" in said
-    if command == "solve":
-        assert len(said.splitlines()) <= 100
-
-
 @pytest.mark.long
 def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
     small = f"{FEW} --start-at 20ms --duration 10ms --lead 0s"

@@ -79,7 +79,7 @@ def test_live():
 
 
 @pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
-def test_a_loop(words, expected, monkeypatch):
+def test_a_loop(words, expected, take, monkeypatch):
     found = []
 
     def stop_before_solving(*, settings):
@@ -88,7 +88,6 @@ def test_a_loop(words, expected, monkeypatch):
         raise InputError("enough")
 
     monkeypatch.setattr("midair.cli.commands.loop.open_rig", stop_before_solving)
-    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
     assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
     assert found == [expected]
 

@@ -70,21 +70,6 @@ def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, caps
     assert stage["columns"] == ["time_s", "x_m", "y_m", "z_m", "feed_m_s"]
 
 
-@pytest.mark.slow
-def test_five_strokes_of_the_paper_in_one_command(machine, capsys):
-    assert run(command(machine, "--repeats", "5", "--json", stroke="120mm")) == 0
-    takes = json.loads(capsys.readouterr().out)
-    assert len(takes) == 5
-    for take in takes:
-        (stroke,) = take["strokes"]
-        assert stroke["speed_m_s"] == pytest.approx(0.05, rel=0.02)
-        # 120 mm at 50 mm/s, and a tenth of a second for speeding up and slowing down.
-        assert stroke["seconds"] == pytest.approx(2.5, rel=0.1)
-        assert stroke["first_frame"] + stroke["frames"] <= take["frames"]
-    along = [move for move in machine.moves if move.length == pytest.approx(120) and move.speed == pytest.approx(50)]
-    assert len(along) == 5
-
-
 @pytest.mark.long
 @pytest.mark.usefixtures("near")
 def test_an_alarm_in_the_middle_keeps_earlier_takes(machine, capsys):
@@ -161,9 +146,3 @@ def test_impossible_strokes_are_refused_before_anything_moves(machine, capsys, m
     assert words in capsys.readouterr().err
     assert machine.moves == []
     assert list(Path().glob("*.h5")) == []
-
-
-@pytest.mark.parametrize("more", [["--stroke", "3mm"], ["--home"], ["--stage", "grbl:x"]])
-def test_half_of_a_stage_is_refused(capsys, more):
-    assert run(["record", "virtual:towel", "out.h5", *more]) in (1, 2)
-    assert "--stage" in capsys.readouterr().err

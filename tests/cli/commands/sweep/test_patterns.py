@@ -87,12 +87,6 @@ def test_ctrl_c_is_one_line_and_results_are_kept():
 COARSE = ["--mode", "paper", "--set", "target.grid={rows=6,columns=6,pitch=0.011}", "--workers", "1"]
 
 
-@pytest.fixture
-def take():
-    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
-    return "take.h5"
-
-
 @pytest.mark.long
 def test_recordings_under_settings(take, capsys, one_line):
     ask = ["sweep", "recordings", "r.sweep", take, "--vary", "method=fast,glide", "height=150mm,200mm"]
