@@ -289,12 +289,6 @@ def test_random_stops_never_leave_it_moving(machine, count):
             assert machine.state == "Idle"
 
 
-def test_alarms_and_errors_have_explanations():
-    assert grbl.with_meaning("ALARM:1") == "ALARM:1, a limit switch was hit, the position is probably lost"
-    assert grbl.with_meaning("error:15") == "error:15, the target is beyond the machine's travel"
-    assert grbl.with_meaning("ALARM:77") == "ALARM:77"
-
-
 def test_status_reports_of_the_documentation():
     found = grbl.REPORT.fullmatch("<Hold:0|MPos:-2.500,0.000,11.000,4.0|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664>")
     assert found is not None

@@ -127,12 +127,6 @@ def test_a_late_reader_loses_only_excess_frames_and_they_are_counted():
     assert (last.first, last.overflow) == (400, True)
 
 
-def test_the_wiring_puts_channels_into_cells():
-    with StreamedSensor(Script([chunk(0, 2, 6)], channels=6), name="s", wire=wired(order=(5, 0, 3, 1))) as sensor:
-        sensor.start()
-        np.testing.assert_array_equal(sensor.read(2).samples, [[[5, 0], [3, 1]], [[15, 10], [13, 11]]])
-
-
 def test_too_few_channels_are_refused_and_the_source_let_go():
     source = Script(channels=3)
     with pytest.raises(MismatchError, match=r"expected 4 channels for 2 x 2 cells, got 3"):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from midair.devices import VirtualSensor
-from midair.errors import MismatchError
 from midair.evaluate import compare
-from midair.model import ControlGrid, PressureFrames, Recording, SensorGrid, TransducerArray
+from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead
-from midair.rig import OpenRig, Session, record
+from midair.rig import OpenRig, record
 from midair.rig import loop as run_loop
 from midair.rig.correction.correction_loop import beam_test, expected_gain, focus_on_cell
 from midair.rig.names.sensor_names import VirtualRig
@@ -123,17 +122,6 @@ def test_the_provenance_of_a_rerecording_has_its_steps():
     done = loop("am-i", COARSE, 0.12)
     stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
     assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
-
-
-@pytest.mark.long
-def test_a_real_sensor_with_a_virtual_array_is_refused():
-    from midair.devices import ReplaySensor
-
-    skin = RIG.skin()
-    drive = loop("am-iii", COARSE, 0.12).passes[0].reproduction.solution.drive
-    real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
-    with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
-        Session.on(array, sensor, None).rerecord(drive)
 
 
 BEST = Settings().but(mapping="slow-bias", rate=4000.0, interpolate="pressure", decouple=True, precompensate=True)

@@ -9,7 +9,7 @@ from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.files import save_palm_path
 from midair.model import PalmPath, SensorGrid, SensorWiring, TrackerPlacement
-from midair.rig.names.sensor_names import VirtualRig, sensor_named, source_sensor, split_name
+from midair.rig.names.sensor_names import source_sensor, split_name
 
 
 def test_names_come_apart(subtests):
@@ -70,17 +70,6 @@ def test_a_package_that_is_not_installed_names_its_extra(kind, package, monkeypa
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingExtraError, match=rf'expected the package {package}.*pip install "midair\[{kind}\]"'):
         source_sensor(f"{kind}:x")
-
-
-def test_a_sensor_file_reorders_a_virtual_sensor_too():
-    rig, order = VirtualRig(), tuple(range(15, -1, -1))
-    with (
-        sensor_named("virtual:towel", rig, duration=0.1) as plain,
-        sensor_named("virtual:towel", rig, duration=0.1, wiring=SensorWiring(order=order)) as turned,
-    ):
-        plain.start()
-        turned.start()
-        np.testing.assert_array_equal(turned.read(100).samples, plain.read(100).samples[:, ::-1, ::-1])
 
 
 @pytest.fixture

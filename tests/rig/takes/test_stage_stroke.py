@@ -91,25 +91,6 @@ def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
     assert take.frames >= 1000 * table[-1, 0]
 
 
-@pytest.mark.long
-def test_an_alarm_keeps_what_there_was(tmp_path):
-    take, steps = drawn(tmp_path / "a.h5", Ghost(fails_at=0.03))
-    assert (take.end, take.problem) == ("failure", "ghost: an alarm")
-    assert take.frames > 300
-    assert len(steps["events"]["strokes"]) == 1
-    assert np.array(steps["stage"]["stamps"])[:, 1].max() == pytest.approx(0.03, abs=0.005)
-
-
-@pytest.mark.long
-def test_a_take_that_ends_before_holds_the_stage(tmp_path):
-    stage = Ghost()
-    take, steps = drawn(tmp_path / "a.h5", stage, Watcher(kill_after=0.6))
-    assert take.end == "kill"
-    assert not stage.moving
-    assert stage.at[0] < 0.06
-    assert len(steps["stage"]["stamps"]) > 3
-
-
 def test_a_sensor_that_ends_before_the_stroke_is_a_failure(tmp_path):
     stage = Ghost()
     take, _ = drawn(tmp_path / "a.h5", stage, seconds=0.6)

@@ -77,12 +77,6 @@ def test_the_whole_source_is_in_the_file(path):
     assert load(path).provenance.notes == {"object": "towel"}
 
 
-def test_a_duration_ends_it_to_the_frame(path):
-    made = take(ReplaySensor(COUNT), path, duration=0.333)
-    assert (made.frames, made.end) == (333, "duration")
-    np.testing.assert_array_equal(load(path).samples, COUNT.samples[:333])
-
-
 def test_lost_frames_are_repeated_reported_and_stored(path):
     """Frames 100 to 102 and 500 to 539 never come: frame i of the file is still frame i of the sensor."""
     watcher = Watcher()
@@ -174,12 +168,6 @@ def test_a_loss_in_the_pre_roll_is_noted_where_it_is_in_the_file(path):
     assert load(path).provenance.steps[-1].settings["lost"] == ((1200 - 1134, 10),)
 
 
-def test_without_a_touch_nothing_is_recorded(path):
-    made = take(ReplaySensor(touched()), path, level=0.5)
-    assert (made.path, made.end) == (None, "source")
-    assert not path.exists()
-
-
 def test_clipping_dead_and_stuck_channels_are_reported_and_stored(path):
     rng = np.random.default_rng(1)
     samples = rng.normal(0, 0.1, (2000, 4, 4))
@@ -242,13 +230,6 @@ def test_a_sensor_that_gives_nothing_is_an_error(path):
     with pytest.raises(DeviceError, match="expected frames, got none"):
         take(sensor, path)
     assert not path.exists()
-
-
-def test_the_sensor_is_stopped_on_an_error_too(path):
-    with Unplugged(COUNT) as sensor:
-        record_take(sensor, RecordSettings(), Watcher(), path=path)
-        with pytest.raises(TypeError):
-            sensor.read(1)
 
 
 class Fast(ReplaySensor):
