@@ -31,11 +31,6 @@ def test_inverse_at_hand_computed_numbers():
     assert value[:, 0, 0] == pytest.approx([-0.125j, -0.25j])
 
 
-def test_a_pressure_at_the_floor_in_equal_noise_is_halved():
-    value = inverse_response(one_channel(0.02, 0.02 * 0.3), np.array([100.0]), BAND, edges=EDGES, floor=0.3)
-    assert value[0, 0, 0] * 0.02 == pytest.approx(0.5)
-
-
 def test_inverse_times_response_is_the_band_window():
     frequency = np.linspace(0, 500, 1001)
     through = inverse_response(calibration_of(MODEL), frequency, BAND, edges=EDGES) * channel_response(MODEL, frequency)

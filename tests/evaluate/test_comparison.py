@@ -18,17 +18,6 @@ def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
     )
 
 
-def test_the_same_is_the_same():
-    comparison = compare(frames(), frames())
-    assert comparison.correlation == pytest.approx(1)
-    assert comparison.gain == pytest.approx(1)
-    assert comparison.waveform_error == pytest.approx(0, abs=1e-9)
-    assert comparison.spectral_error == pytest.approx(0, abs=1e-6)
-    assert not comparison.place
-    assert comparison.distortion_ratio > 150
-    assert not comparison.simulated
-
-
 def test_a_re_recording_in_place_of_the_original_is_refused():
     again = dataclasses.replace(frames(), provenance=Provenance().then("play", {"frames": 400}))
     assert compare(again, again).gain == pytest.approx(1)

@@ -12,15 +12,6 @@ def test_times_are_exact_multiples_of_the_period():
     assert recording.unit == "V"
 
 
-def test_the_samples_are_a_copy():
-    samples = np.zeros((3, 4, 4))
-    recording = Recording(samples=samples, rate=1000.0)
-    samples[:] = 1
-    assert not recording.samples.any()
-    with pytest.raises(ValueError, match="read-only"):
-        recording.samples[0, 0, 0] = 1
-
-
 def test_cells_are_taken_from_the_channels_that_they_are_wired_to():
     wiring = SensorWiring(grid=SensorGrid(rows=2, columns=2), order=(3, 0, 5, 1))
     frame = np.array([[10.0, 11, 12, 13, 14, 15]])

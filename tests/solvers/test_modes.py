@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from midair.model import ControlGrid, TransducerArray
 from midair.physics import transfer_matrix
-from midair.solvers import modes as modes_module
 from midair.solvers.modes import modes
 
 
@@ -80,18 +79,3 @@ def test_many_points_without_few_modes_are_factored_as_exactly(points):
     kept = modes(G, tolerance=1e-3)
     assert kept.rank == min(points)
     np.testing.assert_allclose(put_together(kept), G, atol=1e-8)
-
-
-def test_a_matrix_is_factorised_once(monkeypatch):
-    """Equal numbers in another array, such as those of the next part of a recording, need no second factorisation."""
-    rng, made = np.random.default_rng(11), []
-    G = rng.normal(size=(6, 9)) + 1j * rng.normal(size=(6, 9))
-    computed = modes_module._computed
-    monkeypatch.setattr(modes_module, "_computed", lambda *given: made.append(given) or computed(*given))
-    first, again = modes(G, tolerance=1e-3), modes(G.copy(), tolerance=1e-3)
-    assert again is first
-    assert len(made) == 1
-    assert modes(2 * G, tolerance=1e-3).s[0] == pytest.approx(2 * first.s[0])
-    assert modes(G.reshape(9, 6), tolerance=1e-3).U.shape[0] == 9
-    with pytest.raises(ValueError, match="read-only"):
-        first.V[0, 0] = 0

@@ -113,12 +113,6 @@ def test_uncertainties_hold_for_95_percent(away):
         assert shares[name] > 0.93, shares
 
 
-def test_codes_that_are_too_short_are_rejected():
-    array = TransducerArray.autd3(columns=1, rows=1)
-    with pytest.raises(InputError, match=r"or more for 249 transducers, got 0\.1 s"):
-        array_codes(array, SensorModel().grid, ArrayPlan(duration=0.1), acoustics=ACOUSTICS, height=0.2)
-
-
 @pytest.mark.long
 def test_a_recording_without_the_beam_is_rejected():
     known, model = secret(8, seed=0), SensorModel()

@@ -35,17 +35,6 @@ def test_a_level_is_the_rms_of_what_changes():
     assert ReferencedTake(recording=recording(), reference=reference(), cell=1).presses().tolist() == [False, True]
 
 
-@pytest.mark.parametrize(("count", "shape"), [(17, (4, 4)), (7, (1, 6))])
-def test_a_spare_channel_is_taken_out(count, shape):
-    whole = recording(sensor=SensorGrid(rows=1, columns=count, name="box"))
-    rest, alone = split_channel(whole, 3)
-    assert rest.sensor.shape == shape
-    assert rest.sensor.name == "box"
-    flat = whole.samples.reshape(len(whole.samples), -1)
-    assert (alone.samples.ravel() == flat[:, 3]).all()
-    assert (rest.samples.reshape(len(flat), -1) == np.delete(flat, 3, axis=1)).all()
-
-
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
