@@ -3,9 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midair.dsp import welch
 from midair.errors import MismatchError, RateError
-from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, spectral_error
+from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
@@ -27,7 +26,6 @@ def test_a_re_recording_in_place_of_the_original_is_refused():
 
 def test_half_as_strong():
     comparison = compare(frames(), frames(0.5, simulated=True))
-    assert comparison.spectral_error == pytest.approx(20 * np.log10(2), rel=1e-3)
     assert comparison.channel_gain[1, 1] == pytest.approx(0.5)
     assert comparison.channel_gain[0, 0] == 0
     assert comparison.simulated
@@ -90,8 +88,5 @@ def test_the_figures_equal_their_definitions():
     assert said.distortion_ratio == pytest.approx(
         10 * np.log10(gain**2 * (x**2).sum() / ((y - gain * x) ** 2).sum()), rel=1e-12
     )
-    (f, before), (_, after) = welch(x, 1000.0), welch(y, 1000.0)
-    assert len(f) == len(before)
-    assert said.spectral_error == pytest.approx(spectral_error(before, after), rel=1e-12)
     assert said.frequency == (dominant_frequency(x, 1000.0), dominant_frequency(y, 1000.0))
     assert said.rms == pytest.approx([np.sqrt((each**2).mean(axis=0).max()) for each in (x, y)], rel=1e-12)

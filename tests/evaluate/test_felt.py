@@ -24,7 +24,7 @@ def sine(frequency, frames=400):
 def threshold(frequency, area):
     """Peak displacement in um of a contact that is just felt, by the more sensitive channel."""
     moved = 1e-6 * sine(frequency) * np.sqrt(disc(area))
-    levels = {name: _level(moved, channel, PITCH) for name, channel in TOUCH_CHANNELS.items()}
+    levels = {name: _level(moved, channel, PITCH)[0] for name, channel in TOUCH_CHANNELS.items()}
     # NP I feels the displacement of a place, which does not depend on the corrected area.
     levels["NP I"] -= 10 * np.log10(disc(area).max())
     return 10 ** (-max(levels.values()) / 20)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from midair.errors import MismatchError, RateError, ShapeError
-from midair.evaluate import advance, perceptual_metrics
+from midair.evaluate import advance, in_band, perceptual_metrics
+from midair.evaluate.verdict import OTHER
 from midair.model import PressureFrames, SensorGrid
 
 
@@ -42,6 +43,25 @@ def test_half_as_strong_is_6_db_weaker_and_alike():
 def test_a_delay_is_not_felt():
     late = dataclasses.replace(frames(), pressure=advance(frames().pressure, -0.012, 1000.0))
     assert perceptual_metrics(frames(), late).figure("ST-SIM").overall == pytest.approx(1, abs=1e-3)
+
+
+def elsewhere(before, after):
+    """Share in % of what is felt at other frequencies, for waves on 4 x 4 cells."""
+    pair = (PressureFrames(pressure=np.tile(each[:, None, None], (1, 4, 4)), rate=1000.0) for each in (before, after))
+    return perceptual_metrics(*pair).figure("other frequencies").overall
+
+
+def test_noise_that_is_not_felt_is_no_other_spectrum():
+    """Noise 24 dB below a tone, correlation .998; SPQI, which counts it, is .01 at 40 Hz."""
+    rng, time = np.random.default_rng(0), np.arange(800) / 1000
+    for frequency in (40, 60, 100, 250):
+        tone = 10 * np.sin(2 * np.pi * frequency * time)
+        noise = in_band(rng.normal(size=(800, 1, 1)), 1000.0, (20.0, 470.0))[:, 0, 0]
+        noisy = tone + noise / noise.std() * tone.std() * 10 ** (-24 / 20)
+        assert elsewhere(tone, noisy) < OTHER / 2
+        assert elsewhere(tone, 0.5 * tone) < 1
+        assert elsewhere(tone, 10 * np.sin(2 * np.pi * 1.4 * frequency * time)) > 2 * OTHER
+        assert elsewhere(tone, tone + 10 * np.sin(2 * np.pi * 180 * time)) > OTHER
 
 
 def test_silence_gives_no_nan_overall():

@@ -46,9 +46,9 @@ from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
 from .spectra import dominant_frequency as dominant_frequency
-from .spectra import spectral_error as spectral_error
 from .verdict import SAME as SAME
 from .verdict import SIMILAR as SIMILAR
 from .verdict import Verdict as Verdict
 from .verdict import Way as Way
+from .verdict import too_loud as too_loud
 from .verdict import ways_to_play as ways_to_play

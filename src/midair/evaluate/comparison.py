@@ -1,4 +1,4 @@
-"""Compare an original pressure with its reproduction: waveform, spectrum, level and place."""
+"""Compare an original pressure with its reproduction: waveform, level and place."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.array_types import Array
-from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.place import Place, fit_place
-from midair.evaluate.spectra import dominant_frequency, spectral_error
+from midair.evaluate.spectra import dominant_frequency
 from midair.model import PressureFrames, Shown
 from midair.validation import check_type
 
@@ -33,8 +32,6 @@ class Comparison(Shown):
     """Signal-to-distortion ratio over all cells with one gain, in dB."""
     ratios: Mapping[str, Limits]
     """Each signal-to-distortion ratio by its name, see `RATIOS`; without noise only where that is known."""
-    spectral_error: float
-    """Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`)."""
     frequency: tuple[float, float]
     """Dominant frequency, original and reproduced, in Hz."""
     rms: tuple[float, float]
@@ -53,7 +50,6 @@ class Comparison(Shown):
             "gain": (self.gain, ""),
             "waveform error": (100 * self.waveform_error, "%"),
             **{name: (ratio[0], "dB") for name, ratio in self.ratios.items()},
-            "spectral error": (self.spectral_error, "dB"),
             "shift of the pattern": (1e3 * self.place.distance, "mm"),
             "turn of the pattern": (float(np.degrees(self.place.turn)), "deg"),
             "dominant frequency, original": (self.frequency[0], "Hz"),
@@ -111,15 +107,12 @@ def compare(
     plain, a, b = (each.reshape(frames, -1) for each in (x, moved, y))
     xx, yy, xy = _products(a, a), _products(b, b), _products(a, b)
     gain, own = _over(xy.sum(), xx.sum()), _over(xy, xx)
-    (frequency, before), (_, after) = welch(plain, original.rate), welch(b, original.rate)
     before_place = _products(plain, plain)
     low, high = original.band or (0.0, original.rate / 2)
     values = 2 * (high - low) * frames / original.rate
     # As a difference of sums the residual would be lost to rounding for a good reproduction.
     apart = _products(b - own * a, b - own * a)
     found = distortion_ratios(xx, own, float(gain), apart, noise=noise, frames=frames, values=values)
-    least, most = original.band or (0.0, float("inf"))
-    inside = (frequency >= least) & (frequency <= most)
     return Comparison(
         delay=delay,
         correlation=float(_over(xy.sum(), np.sqrt(xx.sum() * yy.sum()))),
@@ -128,7 +121,6 @@ def compare(
         waveform_error=_ratio(np.sqrt(_products(b - plain, b - plain).sum()), np.sqrt(before_place.sum())),
         distortion_ratio=found[OVERALL][0],
         ratios=found,
-        spectral_error=spectral_error(before[inside], after[inside]),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
         rms=(float(np.sqrt(before_place.max() / frames)), float(np.sqrt(yy.max() / frames))),
         channel_correlation=_over(xy, np.sqrt(xx * yy)).reshape(shape),

@@ -169,7 +169,7 @@ ADVICE: Mapping[str, str] = {
     "frequency": "measure the frequency of the ultrasound",
     "echo": "tilt the palm by 15 degrees about the array's long side, or lay a cloth around the transducers",
 }
-"""What to do about each uncertainty."""
+"""Remedy of each uncertainty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,7 +205,7 @@ class LaboratoryLoss:
 
     @property
     def remedy(self) -> str:
-        """What to do about the largest uncertainty; to follow a palm only where that gains 1 dB and more."""
+        """Return the remedy of the largest uncertainty; to follow a palm only where that gains 1 dB and more."""
         known = self.ratios.get(ALL_MEASURED, self.ratios[ALL])
         followed = self.ratios.get(ALL_FOLLOWED, known)
         # The same palms: there are fewer draws with a tracker.
@@ -223,28 +223,22 @@ class LaboratoryLoss:
     def rows(self) -> list[tuple[str, str, float, float, float]]:
         """Name, size, median, 5th and 95th percentile of each uncertainty in dB, the largest loss first."""
         order = sorted(self.ratios, key=lambda name: (name not in ADVICE, float(np.median(self.ratios[name]))))
-        rows = list[tuple[str, str, float, float, float]]()
-        for name in order:
-            middle, low, high = (float(each) for each in np.percentile(self.ratios[name], [50, 5, 95]))
-            rows.append((name, self.stated.get(name, ""), middle, low, high))
-        return rows
+        found = ((name, np.percentile(self.ratios[name], [50, 5, 95])) for name in order)
+        return [
+            (name, self.stated.get(name, ""), float(mid), float(low), float(high)) for name, (mid, low, high) in found
+        ]
 
     def plain(self) -> dict[str, object]:
         """Values for JSON."""
+        names = ("stated", "median_db", "low_db", "high_db")
         return {
             "nominal_db": self.nominal,
             "seed": self.seed,
             "measured_array": self.measured,
             "place": self.place or None,
             "uncertainties": {
-                name: {
-                    "stated": said,
-                    "median_db": mid,
-                    "low_db": low,
-                    "high_db": high,
-                    "draws": len(self.ratios[name]),
-                }
-                for name, said, mid, low, high in self.rows()
+                name: dict(zip(names, figures, strict=True)) | {"draws": len(self.ratios[name])}
+                for name, *figures in self.rows()
             },
             "largest": self.largest,
             "advice": self.remedy,
@@ -325,7 +319,7 @@ class Budget:
         return next(each for each in self.stages if each.name == name)
 
     def losses(self) -> list[tuple[StageLoss, float]]:
-        """What stages cost of 60 dB, the largest first; together they leave what the last stage leaves.
+        """Return what stages cost of 60 dB, the largest first; together they leave what the last stage leaves.
 
         Later stages may cancel distortion: of stages up to the best ratio that follows, the one with the most
         distortion has the loss, except what is done beforehand.

@@ -7,7 +7,7 @@ People differ by `PEOPLE`. None of this was tried on people with this array.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 
@@ -40,6 +40,9 @@ HARDLY_FELT = 1.3 * 10 ** (-1.645 * PEOPLE / 20)
 """Peak amplitude in Pa below which fewer than one of 20 people feel any vibration: half of them feel 1.3 Pa of 200 Hz
 on 2.9 cm2 of soft skin on bone, the least of the frequencies, areas and skins of `docs/felt_tables.py`."""
 
+_THIRDS = 10 ** (np.arange(12.5, 28) / 10)
+"""Edges of the third octaves around 20 to 500 Hz, in Hz."""
+
 _FINEST, _RATE, _SETTLE = 4e-3, 1000.0, 0.1
 """Largest distance in m of the points on the skin, their sample rate in Hz, and length of the skin's response in s."""
 _RADIUS = float(np.sqrt(max(each.summed for each in TOUCH_CHANNELS.values()) / np.pi))
@@ -51,6 +54,8 @@ class Felt:
 
     levels: Mapping[str, float]
     """Level in dB over the threshold of half of all people, by skin; minus infinity for silence."""
+    shares: tuple[float, ...] = ()
+    """Share of each third octave in the power over the threshold, mean of the skins; empty if it is unknown."""
 
     @property
     def level(self) -> float:
@@ -65,7 +70,17 @@ class Felt:
 
     def at(self, change: float) -> "Felt":
         """The same vibration with another level, `change` in dB of pressure."""
-        return Felt(levels=MappingProxyType({name: level + change for name, level in self.levels.items()}))
+        return replace(self, levels=MappingProxyType({name: level + change for name, level in self.levels.items()}))
+
+    def elsewhere(self, original: "Felt") -> float:
+        """Share of the felt power that lies in other third octaves than that of `original`, from 0 to 1.
+
+        Third octaves that fewer than one of 20 people feel in both vibrations are ignored, such as quiet noise.
+        """
+        a, b = (np.array(each.shares) for each in (self, original))
+        kept = [10 ** (each.level / 10) * x >= 10 ** (-0.1645 * PEOPLE) for each, x in ((self, a), (original, b))]
+        a, b = (np.where(kept[0] | kept[1], x, 0.0) for x in (a, b))
+        return float(abs(a / (a.sum() or 1) - b / (b.sum() or 1)).sum() / 2)
 
     def __str__(self) -> str:
         about, fewest, most = self.people
@@ -91,18 +106,14 @@ def felt(pressure: Array, rate: float, pitch: float, *, skins: Mapping[str, Tiss
     beyond = int(np.ceil(_RADIUS * times / pitch))
     # The skin also moves beside the pressure.
     load = np.pad(values.repeat(times, axis=1).repeat(times, axis=2), ((0, 0), (beyond,) * 2, (beyond,) * 2))
-    moved = {
-        name: skin_motion(tissue, load.shape[1:], pitch / times, _RATE, BAND, _SETTLE).displacement(load)
-        for name, tissue in skins.items()
-    }
-    return Felt(
-        levels=MappingProxyType(
-            {
-                name: max(_level(each, channel, pitch / times) for channel in TOUCH_CHANNELS.values())
-                for name, each in moved.items()
-            }
-        )
-    )
+    found = list[list[tuple[float, Array]]]()
+    for tissue in skins.values():
+        moved = skin_motion(tissue, load.shape[1:], pitch / times, _RATE, BAND, _SETTLE).displacement(load)
+        found.append([_level(moved, channel, pitch / times) for channel in TOUCH_CHANNELS.values()])
+    powers = np.array([[thirds for _, thirds in each] for each in found]).sum(axis=1)
+    shares = (powers / np.maximum(powers.sum(axis=1, keepdims=True), np.finfo(float).tiny)).mean(axis=0)
+    levels = (max(level for level, _ in each) for each in found)
+    return Felt(levels=MappingProxyType(dict(zip(skins, levels, strict=True))), shares=tuple(shares.tolist()))
 
 
 @cache
@@ -124,10 +135,16 @@ def _loudest(pressure: Array, rate: float) -> Array:
     return pressure[first : first + frames]
 
 
-def _level(moved: Array, channel: TouchChannel, pitch: float) -> float:
-    """Highest level in dB over the threshold of a channel, for displacement in m, shape (frame, row, column)."""
-    weight = channel.weight(scipy.fft.rfftfreq(len(moved), 1 / _RATE)) / channel.just_felt
-    power = scipy.fft.irfft(scipy.fft.rfft(moved, axis=0) * weight[:, None, None], len(moved), axis=0) ** 2
+def _level(moved: Array, channel: TouchChannel, pitch: float) -> tuple[float, Array]:
+    """Highest level in dB over the threshold of a channel, and the third octaves' parts of the power of this level.
+
+    `moved` is a displacement in m, shape (frame, row, column).
+    """
+    frequency = scipy.fft.rfftfreq(len(moved), 1 / _RATE)
+    weight = channel.weight(frequency) / channel.just_felt
+    spectrum = scipy.fft.rfft(moved, axis=0) * weight[:, None, None]
+    thirds, _ = np.histogram(frequency, _THIRDS, weights=(np.abs(spectrum) ** 2).sum(axis=(1, 2)))
+    power = scipy.fft.irfft(spectrum, len(moved), axis=0) ** 2
     window = min(round(channel.averaged * _RATE), len(power))
     total = np.concatenate([np.zeros_like(power[:1]), np.cumsum(power, axis=0)])
     # Four windows in the time of one.
@@ -142,4 +159,4 @@ def _level(moved: Array, channel: TouchChannel, pitch: float) -> float:
         wider = np.pad(mean, ((0, 0), (reach, reach), (reach, reach)))
         mean = np.einsum("tyxab,ab->tyx", sliding_window_view(wider, disc.shape, axis=(1, 2)), disc)
     top = float(mean.max())
-    return float(10 * np.log10(2 * top)) if top > 0 else float("-inf")
+    return float(10 * np.log10(2 * top)) if top > 0 else float("-inf"), thirds * (2 * top / (thirds.sum() or 1.0))

@@ -21,6 +21,8 @@ RATE = 8000.0
 BLOCK = 512
 """Samples of a block of the published metrics."""
 
+SILENT = 1e-3
+"""A block of this part of the strongest one's amplitude is silent: a filter leaves that of a signal which has ended."""
 
 FLOOR = 77.0
 """Minimum of the published metrics' threshold curve below 0 dB, in dB."""
@@ -67,7 +69,7 @@ def similarities(reference: Array, distorted: Array, *, compared: NDArray[np.boo
     """ST-SIM and SPQI of the channels in the mask `compared`, shape (2, channel); NaN for the others.
 
     The signals (sample, ...) at 8 kHz are on one scale; the longer one is cut. Both metrics are 1 for equal signals.
-    Blocks with a silent reference are ignored; vibromaf counts them as 0 in ST-SIM.
+    Blocks with a silent reference (`SILENT`) are ignored; vibromaf counts them as 0 in ST-SIM.
 
     ST-SIM is tau^(2/3) s^(1/3). tau compares the normalised blocks (zero mean, unit variance), s the supports
     Phi(S / 12) of their perceptual spectra; both are means over the blocks of sum(r d) / sum(r^2). A negative tau, for
@@ -90,12 +92,12 @@ def _similarity(reference: Array, distorted: Array) -> tuple[float, float]:
     if np.array_equal(reference, distorted):
         return 1.0, 1.0
     spectra = [perceptual_spectrum(x) for x in (reference, distorted)]
-    varies = r.std(axis=1) > 0
+    varies = r.std(axis=1) > SILENT * r.std(axis=1).max()
     temporal = _alike(_standard(r[varies]), _standard(d[varies]))
     spectral = _alike(*(scipy.special.ndtr(each[varies] / 12) for each in spectra))
     before, after = (10 ** (each / 10) for each in spectra)
     power = before.sum(axis=1)
-    heard = power > 0
+    heard = power > SILENT**2 * power.max()
     apart = level(np.abs(before - after)[heard].sum(axis=1), power[heard] + np.finfo(float).eps)
     count, total = int(varies.sum()), float(np.sum((1 - np.tanh(0.3 * apart + 2.0)) / 2))
     alike = max(temporal / count, 0.0) ** (2 / 3) * (spectral / count) ** (1 / 3) if count else 0.0

@@ -113,6 +113,8 @@ def perceptual_metrics(original: PressureFrames, reproduced: PressureFrames) -> 
          "1 same waveform and felt spectrum at equal levels, 0 no similarity"),
         ("SPQI", "", np.nansum(spqi * weight), spqi,
          "1 same felt spectrum at equal levels, 0.5 similar, 0.02 different"),
+        ("other frequencies", "%", 100 * felt_levels[1].elsewhere(felt_levels[0]), unknown,
+         "of what is felt, in other third octaves than the original's"),
         *(("level over the threshold" + end, "dB", each.level, unknown,
            f"strongest place and moment; mean of {len(each.levels)} models of skin")
           for end, each in zip((_BEFORE, _AFTER), felt_levels, strict=True)),

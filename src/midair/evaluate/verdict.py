@@ -18,17 +18,27 @@ SAME, SIMILAR = 14.0, 6.0
 """Signal to distortion in dB from which a reproduction is called the same (the difference is a fifth of the signal, the
 just noticeable difference of its amplitude) and similar (a half); assumed, not tried on people."""
 
+OTHER = 25.0
+"""Share in % of the felt power at other frequencies from which it is another spectrum: half of the amplitude."""
+
+
+def too_loud(excess: float) -> str:
+    """The level at the ears above its limit in dB, in words."""
+    return (
+        f"{max(excess, 0.1):.{int(excess < 0.5)}f} dB too loud without protection" if excess > 0 else "within the limit"
+    )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """How a reproduction is felt, how alike and how strong it is, and what a real laboratory and ears get."""
 
     felt: Felt
-    """Of the reproduction."""
+    """Level of the reproduction over the detection threshold."""
     fidelity: float
     """Signal to distortion on the touched cells in dB, without known noise of the sensor."""
     spectrum: float | None
-    """Similarity of the felt spectra at equal levels (SPQI); None for less than 64 ms."""
+    """Share in % of what is felt that lies at other frequencies than in the original; None for less than 64 ms."""
     place: Place
     """Where the pattern lies on the palm."""
     gain: float
@@ -55,7 +65,7 @@ class Verdict:
         return cls(
             felt=felt(reproduced.pressure, reproduced.rate, reproduced.sensor.pitch) if card is None else card.felt,
             fidelity=ratios.get(f"{TOUCHED}, without noise", ratios[TOUCHED])[0],
-            spectrum=None if card is None else card.figure("SPQI").overall,
+            spectrum=None if card is None else card.figure("other frequencies").overall,
             place=comparison.place,
             gain=comparison.gain,
             **dict(zip(("excess", "left_out"), noted, strict=True)) | known,
@@ -67,15 +77,14 @@ class Verdict:
         if self.place:
             lines.append(("place", str(self.place)))
         if self.excess is not None:
-            loud = self.excess > 0
-            lines.append(("ears", f"{self.excess:.0f} dB too loud without protection" if loud else "within the limit"))
+            lines.append(("ears", too_loud(self.excess)))
         if self.laboratory is not None:
             lines.append(("laboratory", self.laboratory.text()))
         return [*lines, ("left out", self.left_out)] if self.left_out else lines
 
     def _alike(self) -> str:
         word = "the same" if self.fidelity >= SAME else "similar" if self.fidelity >= SIMILAR else "different"
-        other = ", another spectrum" if self.spectrum is not None and self.spectrum < 0.5 else ""
+        other = ", another spectrum" if self.spectrum is not None and self.spectrum > OTHER else ""
         return f"{word}{other}: {self.fidelity:.1f} dB on the touched cells"
 
     def _level(self) -> str:
@@ -107,11 +116,11 @@ PROTECTION = 31.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """What a person may do about a drive that is too loud for the ears."""
+    """One thing that a person may do about a drive that is too loud for the ears."""
 
     name: str
     felt: Felt | None
-    """By how many people it is then felt; None if that needs another solve."""
+    """The people who then feel it; None if that needs another solve."""
     option: str
     """Command, or option of `midair play`."""
 
