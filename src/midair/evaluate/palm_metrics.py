@@ -168,8 +168,7 @@ def palm_frames(
     # Scale the target to the level of the delivered pressure.
     x = x * (float((x * y).sum()) / max(float((x**2).sum()), np.finfo(float).tiny))
     begin, duration = judged or (0.0, len(x) / rate)
-    every = max(1, round(rate / max(1000.0, 2.2 * band[1])))
-    part = slice(round(begin * rate), round((begin + duration) * rate), every)
+    part = slice(round(begin * rate), round((begin + duration) * rate))
     moved = (_displacement(SKINS[skin], each, palm, rate, band) for each in (x, y))
     x, y, wanted_motion, motion = (_on_grid(each[part], palm) for each in (x, y, *moved))
     return PalmFrames(
@@ -177,7 +176,7 @@ def palm_frames(
         delivered=y,
         wanted_motion=wanted_motion,
         motion=motion,
-        rate=rate / every,
+        rate=rate,
         pitch=palm.pitch,
         square=square,
         skin=skin,
@@ -187,15 +186,15 @@ def palm_frames(
 def _aligned_in_band(
     wanted: Array, delivered: Array, rates: tuple[float, float], band: Band
 ) -> tuple[Array, Array, float]:
-    """Both pressures in the band at one rate and aligned, and that rate."""
+    """Both pressures in the band at one rate of about 1 kHz and aligned, and that rate."""
     # For an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's.
     slow = float(1000 * np.ceil(8 * band[1] / 1000))
-    x, y = (
-        in_band(resample(each, rate, slow), slow, band) for each, rate in zip((wanted, delivered), rates, strict=True)
-    )
+    pairs = zip((wanted, delivered), rates, strict=True)
+    x, y = (in_band(resample(each, rate, slow), slow, band) for each, rate in pairs)
     frames = min(len(x), len(y))
     x, y = x[:frames], y[:frames]
-    return x, advance(y, find_delay(x, y, slow), slow), slow
+    every = max(1, round(slow / max(1000.0, 2.2 * band[1])))
+    return x[::every], advance(y, find_delay(x, y, slow), slow)[::every], slow / every
 
 
 def _on_grid(values: Array, palm: Palm) -> Array:
