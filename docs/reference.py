@@ -13,6 +13,7 @@ import typing
 from pathlib import Path
 
 import midair
+from midair.evaluate import too_loud
 from midair.settings import CHOICES, MODES, Settings, flat_names, format_setting, format_value
 from midair.solvers import SolverSettings
 
@@ -220,7 +221,7 @@ def touches_table(touches):
         film, picture = (
             f"![{what} of {name}](touches/{name}.{kind})" for what, kind in (("film", "gif"), ("picture", "png"))
         )
-        said = f"Felt by {one.felt} of 10; {one.ears} dB too loud for ears without protection."
+        said = f"Felt by {one.felt} of 10; ears: {too_loud(one.ears)}."
         rows.append(f"| {film} | **{name}** {one.says} {said} Licence: {one.licence}. | {picture} | {sound} |")
     return "\n".join(rows)
 

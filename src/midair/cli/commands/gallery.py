@@ -6,6 +6,7 @@ from midair.cli.console import print_json, print_rows
 from midair.cli.options import Force, Json
 from midair.cli.output import may_write, print_table
 from midair.datasets import TOUCHES
+from midair.evaluate import too_loud
 from midair.table import Row
 from midair.validation import one_of
 
@@ -53,11 +54,10 @@ def gallery_command(
     target = output or Path(name + touch.ending)
     may_write(target, force, touch.ending)
     touch.write(target)
-    verb = "solve" if touch.pattern is None else "draw"
     rows = [
         touch.facts,
-        ("felt", f"by about {touch.felt} of 10 people; {touch.ears} dB too loud for ears without protection"),
+        ("felt", f"by about {touch.felt} of 10 people; ears: {too_loud(touch.ears)}"),
         Row("written", str(target), text=f"{target}, licence {touch.licence}"),
-        Row("next", f"midair {verb} {target}"),
+        Row("next", f"midair {'solve' if touch.pattern is None else 'draw'} {target}"),
     ]
     return print_table(rows, answer=touch.says, json=json)

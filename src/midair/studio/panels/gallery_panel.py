@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from midair.datasets import TOUCHES
+from midair.evaluate import too_loud
 from midair.studio.jobs import NEVER, Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -28,7 +29,7 @@ class GalleryPanel(Panel):
         super().__init__(context)
         self._offer(view=TouchNamed, watchers=True)
         self._offer(take=TouchNamed)
-        self._show(touches=[{"name": name, **one.facts} for name, one in TOUCHES.items()])
+        self._show(touches=[{"name": name, **one.facts, "loud": too_loud(one.ears)} for name, one in TOUCHES.items()])
 
     async def view(self, _: Page, order: TouchNamed) -> dict[str, Any]:
         """Return pictures as bytes in base64, their highest pressure, and a WAV file."""

@@ -46,6 +46,8 @@ export default class Gallery {
     this.studio = studio;
     this.link = studio.link;
     this.cards = make("div.cards");
+    this.ended = new AbortController();
+    this.scheme = matchMedia("(prefers-color-scheme: dark)"); // its colours are in the canvases
     this.studio.main.append(
       make(
         "div.gallery",
@@ -64,6 +66,7 @@ export default class Gallery {
   }
   leave() {
     this.left = true;
+    this.ended.abort();
     for (const off of this._offs) off();
     this._still();
     this.sounds?.close();
@@ -85,7 +88,7 @@ export default class Gallery {
     }
     this.ready = true;
   }
-  _card({ name, says, felt, ears, licence }) {
+  _card({ name, says, felt, ears, loud, licence }) {
     const canvas = make("canvas", { width: 140 * SCALE, height: 186 * SCALE, role: "img" }),
       facts = make("small.quiet", {}, "…"),
       course = make("div.course");
@@ -134,11 +137,7 @@ export default class Gallery {
           { title: "by a model of skin, not tried on people" },
           `felt by ${felt} of 10`,
         ),
-        make(
-          `small.pill${ears > 0 ? ".bad" : ".on"}`,
-          { title: "at an ear, without protection" },
-          ears > 0 ? `ears: ${ears} dB too loud` : "ears: within the limit",
-        ),
+        make(`small.pill${ears > 0 ? ".bad" : ".on"}`, {}, `ears: ${loud}`),
       ),
       course,
       make("div.buttons", {}, film, sound, use),
@@ -168,6 +167,7 @@ export default class Gallery {
         top = Math.max(...rms, 1e-9);
       const picture = () => draw(rms.map(value => Math.round((255 * value) / top)));
       picture();
+      this.scheme.addEventListener("change", picture, { signal: this.ended.signal });
       const greatest = Array.from({ length: count }, (_, i) =>
         Math.max(...steps.subarray(i * size, (i + 1) * size)),
       );
