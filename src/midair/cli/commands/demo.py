@@ -93,8 +93,8 @@ def demo_command(
         )
     piece = _StrokePart(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
-    check_not_recording(output / "stroke.h5")
-    (output / "stroke.h5").unlink(missing_ok=True)
+    check_not_recording(stroke := output / "stroke.h5")
+    stroke.unlink(missing_ok=True)
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
     ways = {options.mode_name: settings}
     if options.mode != "paper":
@@ -103,8 +103,7 @@ def demo_command(
         ways["the paper's mode"] = paper_mode().but(method="glide", jobs=settings.solver.jobs, **like)
     with progress_bars() as stage:
         with touched_by as touched:
-            notes = {"object": object_name}
-            take = record(touched, _STROKE, path=output / "stroke.h5", notes=notes, progress=stage("record"))
+            take = record(touched, _STROKE, path=stroke, notes={"object": object_name}, progress=stage("record"))
         outcomes = [_outcome(take, name, each, piece, stage) for name, each in ways.items()]
         laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
         outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
@@ -116,8 +115,9 @@ def _outcome(
     take: OpenedTake, name: str, settings: Settings, piece: _StrokePart, stage: Callable[[str], Progress]
 ) -> Outcome:
     original = pressure_of(take, settings, piece.start_at, piece.duration)
-    with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
-        loop = go_round(original, settings, opened, stage=stage)
+    with open_rig("virtual", height=piece.rig.height, seed=piece.rig.seed) as opened:
+        # The model predicts the level of the first pass, except behind a rectifier.
+        loop = go_round(original, settings, opened, corrections=settings.target.mapping == "half-wave", stage=stage)
     return Outcome.of(loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=name)
 
 
