@@ -300,7 +300,7 @@ class ArrayCalibration:
     reflection: complex = 0.0
     """Reflection factor of the array's face for what a palm sends back; 0 if not measured."""
     reflection_uncertainty: float = 0.0
-    """Of either part of the factor, with its phase at the height of the sensor that was found."""
+    """Uncertainty of its real and imaginary part, with the phase at the height that was found for the sensor."""
     level_uncertainty: float = 0.0
     """Relative uncertainty that all magnitudes share: half that of the sensor's level, since radiation pressure is
     proportional to the square of the sound pressure."""

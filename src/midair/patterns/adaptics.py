@@ -89,7 +89,7 @@ class AdapticsPattern:
     name: str
     keys: tuple[_Key, ...]
     spans: tuple[tuple[_Key, _Key], ...]
-    """What holds before and after each time between two key frames."""
+    """Values before and after each time between two key frames."""
     transform: tuple[float, ...]
     """Scales along x, y, z; rotation in deg; translation along x, y, z; intensity factor; playback speed."""
     pressure: float = 50.0

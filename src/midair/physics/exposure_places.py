@@ -50,13 +50,13 @@ class ExposureProfile:
 
     name: str
     title: str
-    """For whom the limits are."""
+    """The people whom the limits protect."""
     source: str
     """Source of the limits."""
     evidence: str
     """Quality of the evidence."""
     places: tuple[Place, ...]
-    """At least one."""
+    """The places at which levels are limited; at least one."""
     duty: float = 0.5
     """Highest mean level of a unit over a minute, 0 to 1; midair's own value, since the makers state none."""
     warming: float = 6.0

@@ -160,7 +160,7 @@ class PlayLease:
 
 
 class SilencedArray(Protocol):
-    """What a lease needs of an array, see `ArrayDevice`."""
+    """Part of an array that a lease calls, see `ArrayDevice`."""
 
     name: str
 

@@ -36,7 +36,7 @@ class _Object:
     count: int = 0
     place: tuple[int, int] = (0, 0)
     widths: tuple[int, ...] = ()
-    """Of DAQmx raw data: buffer and byte of the channel in a row, and the widths of the rows of all buffers."""
+    """Buffer and byte of the channel in a row of DAQmx raw data, and the widths of the rows of all buffers."""
     pieces: list[NDArray[Any]] = field(default_factory=list[NDArray[Any]])
 
 

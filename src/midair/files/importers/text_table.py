@@ -1,8 +1,8 @@
 """Tables of numbers in text: one reader for CSV, TSV, LabVIEW's .lvm, and lines of a serial monitor or plotter.
 
-What a file does not state is found in its lines: encoding, separator, sign of decimals, lines before the numbers,
-names, a row of units, times of day, counters, notes beside the numbers, and marks of an overflow. Where two readings
-fit, the file is refused, and the error names the option that decides.
+The reader finds in the lines what a file does not state: encoding, separator, sign of decimals, lines before the
+numbers, names, a row of units, times of day, counters, notes beside the numbers, and marks of an overflow. Where two
+readings fit, the file is refused, and the error names the option that decides.
 """
 
 import codecs

@@ -117,7 +117,7 @@ class LevelTrade:
     palm: float
     """Highest radiation pressure on the palm, in Pa."""
     felt: Felt
-    """By how many people it is felt."""
+    """The people who feel it."""
     distortion_ratio: float
     """Signal to distortion on the touched cells, without the sensor, in dB."""
     ears: float

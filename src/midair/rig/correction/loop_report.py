@@ -158,7 +158,7 @@ def _laboratory(found: LaboratoryLoss) -> dict[str, Any]:
 
 
 def _todo(verdict: Verdict, laboratory: LaboratoryLoss | None, source: str) -> list[tuple[str, str]]:
-    """What to do next, each with a command."""
+    """Return the next steps, each with its command."""
     rows = [("Make it as strong as the original.", f"midair solve {source} {verdict.option}")] if verdict.option else []
     if laboratory is not None:
         rows.append((f"{laboratory.advice[0].upper()}{laboratory.advice[1:]}.", ""))

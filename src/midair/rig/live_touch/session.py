@@ -88,7 +88,7 @@ class LiveStatistics:
         )
 
     def plain(self) -> dict[str, Any]:
-        """As plain values, with times in ms."""
+        """Return plain values, with times in ms."""
         names = ("half", "99%", "99.9%", "all")
         return {
             **{name: getattr(self, name) for name in COUNTS},

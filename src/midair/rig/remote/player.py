@@ -70,7 +70,7 @@ class Loaded:
     """A file that may play, and its order in the log."""
 
     about: dict[str, Any]
-    """What clients get to read about it: the name of its file, values of its parameters and more."""
+    """Description for clients: the name of its file, values of its parameters and more."""
     again: Callable[[dict[str, float]], dict[str, Any]] | None = None
     """Loads it again with values of its parameters."""
     rate: float
@@ -90,7 +90,7 @@ class Loaded:
 
 
 Trigger = tuple[Loaded, int, LeaseToken, bool]
-"""What plays, its passes, the permission, and whether its level rises from 0."""
+"""The drive that plays, its passes, the permission, and whether its level rises from 0."""
 
 
 class FramePlayer:
@@ -178,7 +178,7 @@ class FramePlayer:
         return loaded
 
     def state(self) -> dict[str, Any]:
-        """What plays now, its level, and the levels at the places of the exposure profile in dB."""
+        """Return what plays now, its level, and the levels at the places of the exposure profile in dB."""
         state = {"level": self.level, "late": self._late, "failsafe": self._failsafe}
         if (now := self._now) is None:
             return state | {"playing": None, "seconds": 0.0, "drive": 0.0, "places_db": {}}
