@@ -9,6 +9,7 @@ from midair.cli import run
 from midair.cli.console import PlainConsole
 from midair.cli.import_options import FileOptions, import_recording
 from midair.errors import InputError
+from midair.evaluate import felt
 from midair.files import load, load_calibration, load_pressure, save
 from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered
@@ -55,6 +56,18 @@ def test_every_word_of_the_footprint_counts(wave, answer):
     ratio = recording.samples[full] / share[full]
     time = np.broadcast_to(recording.time[:, None, None], share.shape)[full]
     np.testing.assert_allclose(ratio, 0.5 * np.sin(2 * np.pi * (50 + 40 * time) * time), atol=0.01)
+
+
+def test_a_felt_level_follows_from_the_model_of_skin_and_a_fast_sound_is_resampled(answer):
+    soundfile.write("fast.wav", 0.4 * np.sin(2 * np.pi * 150 * np.arange(24000) / 48000), 48000)
+    still = ["--footprint", "circle:20mm", "--speed", "0mm/s"]
+    for word, people in (("soft", 5), ("medium", 8), ("strong", 9)):
+        told = answer("import", "fast.wav", f"{word}.h5", "--felt", word, *still)
+        made = load(f"{word}.h5")
+        assert (made.rate, felt(made.samples, made.rate, made.sensor.pitch).people[0]) == (4000, people)
+    assert "keep it: --resample 48000Hz" in " ".join(told["notes"])
+    answer("import", "fast.wav", "whole.h5", "--unit", "V", "--resample", "48kHz", *still)
+    assert load("whole.h5").rate == 48000
 
 
 def test_a_stated_peak_of_the_field_is_a_nominal_calibration(capsys):

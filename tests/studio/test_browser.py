@@ -458,13 +458,13 @@ def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
     page.until("studio.room?.add && !studio.room.add.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
     page.until("document.querySelector('#import-said polygon')", timeout=60)
-    scale = page.page.get_by_role("textbox", name="Scale")
-    scale.fill("30")
-    scale.press("Tab")
+    size = page.page.get_by_role("textbox", name="How large?")
+    size.fill("30")
+    size.press("Tab")
     assert "expected a quantity such as" in page.until("document.querySelector('#import-wrong').textContent")
     assert page.page.get_by_role("button", name="Import").is_disabled()
-    scale.fill("60Pa")
-    scale.press("Tab")
+    size.fill("15mm")
+    size.press("Tab")
     page.until("!document.querySelector('#import .main').disabled")
     command = page.page.locator("#import pre").inner_text()
     if kept := os.environ.get("MIDAIR_PICTURES"):
@@ -493,7 +493,7 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
         shown
         + ".map((one) => `${one.querySelector('label').textContent} ${one.lastElementChild.previousSibling.value}`)"
     )
-    assert page.page.evaluate(names) == ["Rate 1000Hz", "Unit V", "Scale ", "Channels 0", "Layout "]
+    assert page.page.evaluate(names) == ["Rate 1000Hz", "Unit V", "How strong? ", "Scale ", "Channels 0", "Layout "]
     page.page.get_by_role("textbox", name="Rate").fill("")
     page.page.get_by_role("textbox", name="Rate").press("Tab")
     assert "frame rate" in page.until("document.querySelector('#import-wrong').textContent")
@@ -594,9 +594,9 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.until("studio.room?.add && !studio.room.add.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
     page.until("document.querySelector('#import-said polygon')", timeout=60)
-    page.page.get_by_role("textbox", name="Scale").fill("60Pa")
-    page.page.get_by_role("textbox", name="Speed").fill("150mm/s")
-    page.page.get_by_role("textbox", name="Speed").press("Tab")
+    page.page.get_by_label("How strong?").select_option("strong")
+    page.page.get_by_role("textbox", name="How fast").fill("150mm/s")
+    page.page.get_by_role("textbox", name="How fast").press("Tab")
     page.until("document.querySelector('#import pre')?.textContent.includes('150mm')")
     page.until("!document.querySelector('#import .main').disabled")
     picture("import")

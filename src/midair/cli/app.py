@@ -193,7 +193,7 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
     if isinstance(wrong, UnknownCommandError) and wrong.unused_tokens and wrong.app is app:
         # The message of cyclopts imports every command.
         word = wrong.unused_tokens[0]
-        return f'unknown command "{word}"{did_you_mean(word, [*COMMANDS, *FOLDERS])}'
+        return f'unknown command "{word}"{did_you_mean(word, [*COMMANDS, *FOLDERS, "--version", "--help"])}'
     return str(wrong).strip()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path as File
 from types import MappingProxyType
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from cyclopts import Parameter, Token
@@ -16,6 +16,7 @@ from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
 from midair.cli.console import err
 from midair.cli.options import format_quantity, options_from, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
+from midair.evaluate import PEOPLE, felt
 from midair.model import Calibration, Provenance, Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample
 
@@ -82,6 +83,13 @@ def channel_numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, 
     return tuple(int(name) for name in names)
 
 
+SOUND_RATE = 4000.0
+"""Highest rate in Hz of a channel that becomes a field, unless another one is stated; skin feels up to 1 kHz."""
+
+FELT: Mapping[str, float] = MappingProxyType({"soft": 0.0, "medium": PEOPLE, "strong": 2 * PEOPLE})
+"""Level of each strength over the detection threshold of half of all people, in dB."""
+
+
 @options_from(files.ImportOptions)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
@@ -91,8 +99,10 @@ class FileOptions:
     """Channels to read, by name or by number from 0, separated by commas: accel_x, or 3,2,1,0."""
     layout: Annotated[SensorGrid | None, parsed(parse_layout, "LAYOUT")] = None
     """Rows, columns and pitch of the cells, such as 4x4:11mm."""
+    felt: Literal["soft", "medium", "strong"] | None = None
+    """Choose --scale so that about 5, 8 or 9 of 10 people feel it, by the model of skin."""
     resample: Annotated[float | None, quantity("Hz")] = None
-    """Resample to this rate, such as 1kHz."""
+    """Resample to this rate, such as 1kHz. [default: 4kHz for a faster file with a footprint]"""
     footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None
     """Make a field from one channel: a shape of this size moves over the sensor: circle:20mm, square:, line:."""
     speed: Annotated[float, quantity("m/s"), Parameter(allow_leading_hyphen=True)] = 50e-3
@@ -107,7 +117,7 @@ TYPED: Mapping[str, str] = MappingProxyType(
     {
         "rate": "--rate 1000Hz",
         "unit": "--unit V, count or Pa",
-        "scale": "--scale 1Pa, the pressure of the value 1",
+        "scale": "--felt medium, or --scale 1Pa, the pressure of the value 1",
         "sensor": "--layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
         "channels": "--channels 0 to choose one",
         "transpose": "--transpose if its last axis is time",
@@ -119,18 +129,30 @@ TYPED: Mapping[str, str] = MappingProxyType(
 
 def import_recording(file: File, options: FileOptions, *, mending: Mending | None = None) -> files.OpenedTake:
     """The recording in a file and the assumptions made."""
+    if options.felt is not None:
+        plain = replace(options, felt=None, scale=1.0)
+        found = import_recording(file, plain, mending=mending).recording
+        level = felt(found.samples, found.rate, found.sensor.pitch).level
+        if not np.isfinite(level):
+            raise InputError(f"--felt: expected a recording that vibrates, got {file} without vibration")
+        scale = float(f"{10 ** ((FELT[options.felt] - level) / 20):.3g}")
+        return import_recording(file, replace(plain, scale=scale), mending=mending)
     try:
         shared = [field.name for field in fields(files.ImportOptions) if hasattr(options, field.name)]
         facts = {name: getattr(options, name) for name in shared}
         layout = None if options.footprint else options.layout
         taken = files.open_take(file, **facts, sensor=layout, mending=mending)
         recording, report = taken.recording, taken.report
-        if options.resample is not None:
-            recording = resampled(recording, options.resample)
+        rate, own = options.resample, recording.rate
+        if rate is None and options.footprint is not None and own > SOUND_RATE:
+            rate = SOUND_RATE
+            report = (*report, f"Resampled to 4 kHz, which skin feels no difference of; keep it: --resample {own:g}Hz.")
+        if rate is not None:
+            recording = resampled(recording, rate)
         if options.footprint is not None:
             recording, more = _field(recording, options, options.footprint)
             report = (*report, *more)
-        if options.footprint is not None or options.resample is not None:
+        if options.footprint is not None or rate is not None:
             return files.OpenedTake(recording=recording, report=report)
         return replace(taken, recording=recording, report=report)
     except InputError as wrong:

@@ -25,6 +25,7 @@ class ImportForm(Arguments):
     """Options of `midair import`, each as it is typed there; an empty one is not given."""
 
     file: str = Field(max_length=300)
+    felt: Literal["", "soft", "medium", "strong"] = ""
     unit: Literal["", "V", "count", "Pa"] = ""
     scale: Text = ""
     sensitivity: Text = ""

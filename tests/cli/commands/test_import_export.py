@@ -68,9 +68,9 @@ def test_a_stated_peak_needs_no_unit(answer):
 
 
 def test_a_very_short_file_is_imported_with_a_note(answer):
-    soundfile.write("a.wav", RNG.normal(size=10) / 9, 16000)
+    soundfile.write("a.wav", RNG.normal(size=10) / 9, 4000)
     told = answer("import", "a.wav", "a.h5", "--scale", "30Pa", "--footprint", "circle:20mm")
-    assert "It lasts 0.625 ms: too short to be felt; is the file complete?" in told["notes"]
+    assert "It lasts 2.5 ms: too short to be felt; is the file complete?" in told["notes"]
 
 
 def test_mend_refuses_a_long_gap_and_leaves_nothing(capsys):

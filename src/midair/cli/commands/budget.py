@@ -65,7 +65,7 @@ def budget_command(
         options = replace(options, mode="quiet")
     settings = options.settings()
     if figure is not None:
-        may_write(figure, force)
+        may_write(figure, force, ".png")
     original = rig.pressure_of(source, settings, options.start_at, options.duration)
     height = settings.target.grid.height
     usual = rig.VirtualRig(cells=original.sensor, seed=seed, height=height, spread=spread, reflection=reflection)

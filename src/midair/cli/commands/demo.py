@@ -82,6 +82,8 @@ def demo_command(
     """
     options = options or SolveOptions()
     settings = options.settings()
+    if output.is_file():
+        raise InputError(f"{output}: expected a folder, got a file; give another name")
     replaces = (output / "report.html").exists() and not force
     if replaces and not confirmed(f"{output} contains an earlier demo. Overwrite it?"):
         raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")

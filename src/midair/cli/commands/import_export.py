@@ -45,7 +45,7 @@ def import_command(
 
     Reads CSV and other text (.tsv, .txt, .lvm), NPZ, NPY, MAT, XDF, TDMS, XML of HaTT, and HDF5 files of midair.
     Reads WAV (also RF64), FLAC, AIFF, Ogg and MP3, and renders effects from .ahap and .haptic.
-    To get pressure without a calibration, give --scale, --sensitivity or --peak.
+    To get pressure without a calibration, give --felt, --scale, --sensitivity or --peak.
     A single channel becomes a field with --footprint circle:20mm --speed 50mm/s.
     The command prints all assumptions that it made. On a terminal it asks for the facts that the file does not state.
 
@@ -75,16 +75,17 @@ def import_command(
     --------
     $ midair import sample:towel
     $ midair import sample:denim --peak 30Pa
-    $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
+    $ midair import towel.wav --felt medium --footprint circle:20mm --speed 50mm/s
     $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
     $ midair import gaps.csv --unit V --mend 20ms
     """
     options, notes = options or FileOptions(), ()
+    ways: dict[str, object] = {"--reference": reference, "--felt": options.felt, "--sensitivity": sensitivity}
+    ways |= {"--peak": peak, **{f"--{name}": getattr(options, name) for name in ("scale", "unit")}}
+    given = [name for name, value in ways.items() if value is not None]
+    if len(given) > 1 and given[0] in ("--reference", "--felt"):
+        raise InputError(f"{given[0]}: expected it without {' and '.join(given[1:])}; give only one")
     if reference is not None:
-        if getattr(options, "scale", None) is not None or sensitivity is not None or peak is not None:
-            raise InputError(
-                "--reference: expected it without --scale, --sensitivity or --peak, got one; give only one"
-            )
         found = scale_by(reference, options, tone, drop)
         options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
     mending = None if mend is None else Mending(longest=mend, fill=fill)

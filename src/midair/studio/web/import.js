@@ -4,14 +4,13 @@
 import { choice, field, make, openModal, rows, toast } from "/web/dom.js";
 
 const pick = (none, ...words) => choice([["", none], ...words.map(word => [word, word])], "");
+const FELT = pick("as stated", "soft", "medium", "strong"),
+  UNITS = pick("not given", "V", "count", "Pa"),
+  SHAPES = pick("none", "circle", "square", "line");
 const FIELDS = [
-  [
-    "unit",
-    "Unit",
-    "of the samples, where the file does not state it",
-    pick("not given", "V", "count", "Pa"),
-  ],
-  ["scale", "Scale", "pressure of the value 1 (full scale), such as 30Pa", "30Pa"],
+  ["felt", "How strong?", "felt by about 5, 8 or 9 of 10 people, by a model of skin", FELT],
+  ["unit", "Unit", "of the samples, where the file does not state it", UNITS],
+  ["scale", "Scale", "pressure of the value 1 (full scale), such as 30Pa", ""],
   ["peak", "Peak", "pressure of the largest change of any channel, such as 30Pa", ""],
   ["sensitivity", "Sensitivity", "of every channel, such as 20mV/Pa", ""],
   ["rate", "Rate", "frames per second, where the file does not state it, such as 1kHz", ""],
@@ -21,14 +20,9 @@ const FIELDS = [
   ["mend", "Mend", "fills gaps up to this length, such as 20ms", ""],
   ["channels", "Channels", "to read, by name or number from 0, such as 0 or 3,2,1,0", ""],
   ["layout", "Layout", "rows, columns and pitch of the cells, such as 4x4:11mm", ""],
-  [
-    "footprint",
-    "Footprint",
-    "makes a field from one channel: a shape that moves over the sensor",
-    pick("none", "circle", "square", "line"),
-  ],
-  ["size", "Size", "of the footprint", "20mm"],
-  ["speed", "Speed", "of the footprint; negative reverses it, 0mm/s keeps it in place", "50mm/s"],
+  ["footprint", "Footprint", "shape on the palm, which makes a field from one channel", SHAPES],
+  ["size", "How large?", "of the spot on the palm", "20mm"],
+  ["speed", "How fast does it move?", "negative: to the other side; 0mm/s: it stays", "50mm/s"],
   ["path", "Path", "direction of the footprint", pick("x", "y", "diagonal")],
   ["turn", "Turn", "when the footprint has left the sensor", pick("stop", "back", "again")],
   ["resample", "Resample", "to this rate, such as 1kHz", ""],
@@ -58,7 +52,8 @@ export function pictureOf(course, label) {
   return svg;
 }
 
-const SOUND = ["scale", "footprint", "size", "speed"];
+/** Questions on a sound, with proposed answers. */
+const SOUND = { felt: "medium", size: "20mm", speed: "50mm/s" };
 
 /** Take a file of this computer into the folder, ask what it does not state, with proposed answers
     and what comes of them, and open the take. */
@@ -116,19 +111,17 @@ function ask(link, dialog, file) {
       control instanceof Node
         ? control.cloneNode(true)
         : make("input", { type: "text", autocomplete: "off", spellcheck: false });
-    input.value =
-      control instanceof Node
-        ? name === "footprint" && wave
-          ? "circle"
-          : ""
-        : name === "scale" && !wave
-          ? ""
-          : control;
-    input.addEventListener("change", () => show());
+    input.value = control instanceof Node ? "" : control;
+    if (wave) input.value = { footprint: "circle", ...SOUND }[name] ?? input.value;
+    input.addEventListener("change", () => {
+      // A stated level replaces a felt one.
+      if (["scale", "unit", "peak", "sensitivity"].includes(name)) inputs.felt.value = "";
+      show();
+    });
     inputs[name] = input;
     parts[name] = field(label, input, about);
     parts[name].append(make("small.quiet", { "aria-hidden": true }, about));
-    (wave && SOUND.includes(name) ? questions : more).append(parts[name]);
+    (wave && name in SOUND ? questions : more).append(parts[name]);
   }
   const take = make(
     "button.main",
@@ -189,6 +182,7 @@ function ask(link, dialog, file) {
       : "The file states all that is needed.";
     said.replaceChildren(
       svg,
+      make("small.axis.quiet", {}, make("span", {}, "0 s"), make("span", {}, `${seconds} s`)),
       rows([
         ["frames", `${frames} at ${rate} Hz, ${seconds} s`],
         [
