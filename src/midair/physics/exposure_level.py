@@ -137,7 +137,7 @@ class Exposure:
         slow, fast = self.airs[0].medium, self.airs[-1].medium
         if len(self.airs) == 1:
             return str(slow)
-        return f"{slow.degrees:.0f} to {fast.degrees:.0f} °C in {len(self.airs)} airs; loudest in {self.loudest_air}"
+        return f"{slow.degrees:.0f} to {fast.degrees:.0f} °C; loudest in {self.loudest_air}"
 
     @property
     def resolution(self) -> str:

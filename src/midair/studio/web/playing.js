@@ -145,7 +145,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       return;
     }
     clearance = found.number;
-    measured.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
+    measured.textContent = `Heat: ${found.heat}. Computed for ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent =
       found.outcome === "exceeded"
         ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.`

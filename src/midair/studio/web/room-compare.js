@@ -445,7 +445,8 @@ export default class Compare {
     };
     this._watch = new ResizeObserver(draw);
     this._watch.observe(box);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw, { once: true });
+    this._scheme = matchMedia("(prefers-color-scheme: dark)");
+    this._scheme.onchange = draw;
   }
   /** The settings of the drive in view, as a request needs them; null if the take cannot be
       opened. */
@@ -462,6 +463,7 @@ export default class Compare {
   }
   _close() {
     this._watch?.disconnect();
+    if (this._scheme) this._scheme.onchange = null;
     this._transport?.stop();
     this._transport = null;
     for (const picture of this.pictures ?? []) picture.remove();

@@ -152,7 +152,9 @@ export default class Gallery {
           image = new ImageData(wide, high),
           pen = hand(canvas),
           side = (view.width_mm * (wide + 2)) / wide;
-        new Uint32Array(image.data.buffer).set(Array.from(values, step => table.pixels[step]));
+        // The strongest is far from the ground: bright on dark, dark on light.
+        const shade = step => table.pixels[this.scheme.matches ? step : 255 - step];
+        new Uint32Array(image.data.buffer).set(Array.from(values, shade));
         values.forEach((step, at) => (image.data[4 * at + 3] = Math.min(5 * step, 255)));
         small.getContext("2d").putImageData(image, 1, 1);
         pen.scale(1, -1);

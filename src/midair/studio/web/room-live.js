@@ -565,7 +565,7 @@ export default class Live {
       found.refused || spoken(found.verdict),
       found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good",
     );
-    this.heat.textContent = `Heat: ${found.heat}. Measured in ${found.measured_in}.`;
+    this.heat.textContent = `Heat: ${found.heat}. Computed for ${found.measured_in}.`;
     this.refused.replaceChildren();
     if (found.refused) {
       const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
