@@ -48,9 +48,11 @@ def main():
             seen = {"viewport": {"width": 1440, "height": 900}, "color_scheme": "dark", "reduced_motion": "reduce"}
             page = browser.new_context(**seen).new_page()
             page.goto(studio.stdout.readline().strip())
+            until(page, "studio.name === 'start'")
+            page.evaluate("location.hash = '#reproduce'")
             until(page, "!!studio.room?.played && studio.room.take.played.last === studio.room.take.facts.frames")
-            page.evaluate("studio.room.transport.set({speed: 0.1, channel: 6}); studio.room.transport.seek(742)")
-            page.evaluate("studio.room.transport.setLoop({from: 600, to: 1000, on: true})")
+            page.evaluate("studio.room.transport.set({speed: 0.1, channel: 6}); studio.room.transport.seek(300)")
+            page.evaluate("studio.room.transport.setLoop({from: 200, to: 400, on: true})")
             until(page, "document.querySelectorAll('.job').length === 0")
             page.wait_for_timeout(1500)
             page.screenshot(path=IMAGES / "studio-reproduce.png")
