@@ -32,7 +32,7 @@ LINES = {
     "rig": 8869,
     "patterns datasets": 1776,
     "view figures": 2045,
-    "cli": 6626,
+    "cli": 6651,
     "study": 6254,
     "studio": 6055,
     "sweep": 502,
@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_683
+SCRIPTS = 9_681
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 
