@@ -127,10 +127,10 @@ def save(
     write = writer_of(path)
     if write is HDF5.write:
         return write_recording(what, Path(path), calibration, pressure, journal=journal)
-    text = f"{format_of(path).name} holds no provenance and no distance of the cells; HDF5 of midair holds both."
+    text = f"{format_of(path).name} holds no provenance and no distance of cells; .h5 holds both."
     lost = [FormatLoss(what="provenance", text=text), *write(what, Path(path))]
     if calibration is not None:
-        text = f"{format_of(path).name} holds no calibration: it was left out; save_calibration() writes its own file."
+        text = f"{format_of(path).name} holds no calibration; .h5 does."
         lost.append(FormatLoss(what="calibration", text=text))
     if pressure is not None:
         text = "The calibrated pressure was left out; --pressure exports it instead."
