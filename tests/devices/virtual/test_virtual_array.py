@@ -8,7 +8,20 @@ from tests.simulators.exposure_override import clear_any_exposure
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import InputError, RateError
 from midair.evaluate import error_at_temperature
-from midair.model import HEIGHT, Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Palm, TransducerArray
+from midair.model import (
+    HEIGHT,
+    Acoustics,
+    AmplitudeFrames,
+    ArrayCalibration,
+    ControlGrid,
+    Drive,
+    Medium,
+    Palm,
+    PressureFrames,
+    Provenance,
+    SensorGrid,
+    TransducerArray,
+)
 from midair.physics import (
     PlaybackChain,
     SensorModel,
@@ -24,6 +37,8 @@ from midair.physics import (
     sound_amplitude,
     transfer_matrix,
 )
+from midair.rig.names.array_names import KeptCalibration
+from midair.settings import Settings
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -115,10 +130,10 @@ class Points(VirtualSkin):
         self.felt.append(pressure)
 
 
-def error_at_play(solution, target, room):
+def error_at_play(solution, target, room, **options):
     """E of each frame from the pressure of an ideal array in the room's air, at the frame's first moment."""
     points, chain = Points(target.grid), PlaybackChain(phase_bits=None, hold="ideal", precision="double")
-    with VirtualArray(ARRAY, points, acoustics=room, chain=chain) as array:
+    with VirtualArray(ARRAY, points, acoustics=room, chain=chain, **options) as array:
         array.play(clear_any_exposure(solution.drive, array))
     medium = (room or solution.drive.acoustics).medium
     wanted = radiation_pressure(target.amplitude, solution.drive.acoustics.medium)
@@ -139,6 +154,30 @@ def test_the_error_at_play_in_the_air_of_the_drive_is_the_solver_s(warm):
     solution, target = warm
     np.testing.assert_allclose(error_at_play(solution, target, None), solution.error, rtol=1e-4)
     np.testing.assert_allclose(error_at_play(solution, target, solution.drive.acoustics), solution.error, rtol=1e-4)
+
+
+def test_a_known_reflection_is_solved_for_as_far_as_the_height_is_known(warm):
+    plain, target = warm
+    parts = dict.fromkeys(["strength", "phase", "resonance", "quality"], np.zeros(249))
+    known = ArrayCalibration(
+        array=ARRAY,
+        response=np.ones(249),
+        pole=EXACT["chain"].transducers.pole,
+        dead=np.zeros(249, bool),
+        reflection=0.5,
+        **{f"{name}_uncertainty": value for name, value in parts.items()},
+    )
+    asked = PressureFrames(pressure=np.ones((5, 4, 4)), rate=1000.0, sensor=SensorGrid(), provenance=Provenance())
+    errors = [error_at_play(plain, target, None, reflection=0.5)]
+    for uncertainty in (3e-3, 0.5e-3, 0.0):
+        settings = Settings().but(height_uncertainty=uncertainty)
+        array, _, _ = KeptCalibration(known=known).applied(ARRAY, settings, asked)
+        assert array.reflection == pytest.approx({3e-3: 0.0, 0.5e-3: 0.385, 0.0: 0.5}[uncertainty], abs=5e-3)
+        solved = solve(target, array, method="fast", acoustics=plain.drive.acoustics)
+        errors.append(error_at_play(solved, target, None, reflection=0.5))
+    np.testing.assert_allclose(errors[1], errors[0], rtol=1e-6)
+    assert (errors[2] < 0.8 * errors[0]).all()
+    assert (errors[3] < 0.7 * errors[0]).all()
 
 
 def test_the_error_at_play_in_another_air_is_what_error_in_air_says(warm):
