@@ -141,6 +141,12 @@ def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(arra
     np.testing.assert_array_equal(together, alone)
 
 
+def test_single_precision_keeps_the_phases(array):
+    exact, single = (transfer_matrix(ControlGrid(), array, precision=kind) for kind in ("double", "single"))
+    assert single.dtype == np.complex64
+    assert np.abs(single / exact - 1).max() < 1e-4
+
+
 @pytest.mark.long
 def test_temporary_memory_of_a_matrix_is_constant(array):
     sizes = []

@@ -18,7 +18,7 @@ from midair.array_types import Array, Complex
 from midair.dsp import resample
 from midair.errors import InputError, RateError, ShapeError
 from midair.model import Acoustics, ArrayCalibration, Drive, Medium
-from midair.physics.propagation import quantise_phase, radiation_pressure
+from midair.physics.propagation import Precision, quantise_phase, radiation_pressure
 from midair.streaming import read_frames
 from midair.validation import frozen_array, one_of, positive, within
 
@@ -136,7 +136,6 @@ class Transducers:
 
 Waves = NDArray[np.complexfloating[Any, Any]]
 Hold = Literal["step", "ideal"]
-Precision = Literal["single", "double"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,7 +1,7 @@
 """The sound field of the array, p = G q (paper, 2.2), its radiation pressure (2.1, 4.1), and its error E (5.1)."""
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -17,9 +17,9 @@ def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: floa
     the measured table of AUTD3's transducer. k is `wavenumber` in rad/m, and a the `radius` of the piston in m. Raises
     InputError if `kind` is unknown.
     """
-    angle = np.asarray(angle, float)
+    angle = np.asarray(angle)
     if kind == "point":
-        return np.ones_like(angle)
+        return np.ones_like(angle, np.float64)
     if kind == "piston":
         from scipy.special import j1
 
@@ -52,7 +52,7 @@ def _t4010a1(degrees: Array) -> Array:
     # A multiple of 10 degrees belongs to the piece below it, as in the SDK.
     piece = np.clip(np.ceil(front / 10).astype(int) - 1, 0, 8)
     x = front - 10 * piece
-    a, b, c, d = table[piece].transpose(-1, *range(piece.ndim))
+    a, b, c, d = (each.take(piece) for each in table.T.astype(front.dtype))
     return a + x * (b + x * (c + x * d))
 
 
@@ -64,39 +64,44 @@ def wavenumber(array: TransducerArray, medium: Medium) -> float:
     return 2 * np.pi * array.frequency / medium.speed
 
 
-def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> Complex:
+Precision = Literal["single", "double"]
+
+
+def transfer_matrix(
+    points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None, precision: Precision = "double"
+) -> Complex:
     """Sound pressure (peak, Pa) at each point for each transducer at full drive and phase 0, paper eq. (3).
 
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
     shape (point, transducer). Raises InputError if a point lies on a transducer.
 
     Positions, shape (point, 3), are in m. `acoustics` gives speed and attenuation of the air, and D; the paper's if
-    None.
+    None. In "single" precision, a fifth of the time, phases are exact to 1e-4 rad.
     """
     acoustics = acoustics or Acoustics()
-    places = _places(points)
-    matrix = np.empty((len(places), array.count), np.complex128)
+    real, kind = (np.float32, np.complex64) if precision == "single" else (np.float64, np.complex128)
+    places, position, normal = (each.astype(real) for each in (_places(points), array.position, array.normal.T))
+    matrix: Any = np.empty((len(places), array.count), kind)
     # Slices that fit into the cache, since intermediate arrays are ten times as large; the result does not change.
     step = max(_AT_ONCE // array.count, 1)
+    k = wavenumber(array, acoustics.medium)
     for first in range(0, len(places), step):
-        matrix[first : first + step] = _rows(places[first : first + step], array, acoustics)
-    return matrix if array.alike else matrix * array.response
+        # Component by component, which takes half the time of an axis of three.
+        x, y, z = (places[first : first + step, axis, None] - position[:, axis] for axis in range(3))
+        distance = np.sqrt(x * x + y * y + z * z)
+        if distance.min() <= 0:
+            raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
+        # On the axis, rounding can give a cosine above 1.
+        angle = np.arccos(np.clip((x * normal[0] + y * normal[1] + z * normal[2]) / distance, -1, 1))
+        radiated = array.pressure * off_axis(angle, acoustics.directivity, wavenumber=k)
+        radiated *= np.exp(-acoustics.medium.attenuation * distance) / distance
+        turn, field = k * distance, matrix[first : first + step]
+        field.real, field.imag = radiated * np.cos(turn), radiated * np.sin(turn)
+    return matrix if array.alike else matrix * array.response.astype(kind)
 
 
 _AT_ONCE = 2**16
 """Elements of a transfer matrix that are computed at once."""
-
-
-def _rows(places: Array, array: TransducerArray, acoustics: Acoustics) -> Complex:
-    away = places[:, None, :] - array.position[None, :, :]
-    distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
-    if distance.min() <= 0:
-        raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
-    k = wavenumber(array, acoustics.medium)
-    # On the axis, rounding can give a cosine above 1.
-    cosine = np.clip(np.einsum("mnx,nx->mn", away, array.normal) / distance, -1, 1)
-    radiated = array.pressure * off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=k)
-    return radiated * np.exp((1j * k - acoustics.medium.attenuation) * distance) / distance
 
 
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
