@@ -1,17 +1,28 @@
 """What the uncertainties of a laboratory leave of a drive."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from midair.cli.app import run
 from midair.errors import BrokenFileError
-from midair.evaluate import ALL, ALL_FOLLOWED, ALL_MEASURED, LaboratoryLoss
+from midair.evaluate import ALL, ALL_FOLLOWED, ALL_MEASURED, LaboratoryLoss, fidelity
 from midair.files import Laboratory, load_laboratory, save_laboratory
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
-from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
-from midair.rig.correction.laboratory import PARTS, laboratory_loss
+from midair.physics import (
+    SensorModel,
+    TransducerDynamics,
+    cell_weights,
+    envelope,
+    focus_phase,
+    off_axis,
+    radiation_pressure,
+    transfer_matrix,
+)
+from midair.rig.correction.laboratory import PARTS, _pose, _Stage, laboratory_loss
 
 SENSOR = SensorModel.usual(SensorGrid(rows=2, columns=2))
 GRID = ControlGrid(rows=6, columns=6, pitch=11e-3 / 3)
@@ -22,14 +33,15 @@ NOTHING = Laboratory(**dict.fromkeys((name for names in PARTS.values() for name 
 @pytest.fixture(scope="module")
 def focus() -> tuple[Drive, PressureFrames]:
     """A blurred focus that moves at 100 Hz, and the pressure on the cells by an own computation."""
-    swing = np.sin(2 * np.pi * 100 * np.arange(120) / 1000)
+    swing = np.sin(2 * np.pi * 100 * np.arange(480) / 4000)
     blur = np.random.default_rng(0).standard_normal(ARRAY.count)
     phase = np.stack([focus_phase(ARRAY, np.array([8e-3 * each, 2e-3, 0.2])) + blur for each in swing])
-    drive = Drive(phase=phase, level=np.full(120, 0.5), rate=1000.0, array=ARRAY)
+    drive = Drive(phase=phase, level=np.full(480, 0.5), rate=4000.0, array=ARRAY)
     points = ControlGrid(rows=16, columns=16, pitch=11e-3 / 4)
-    field = drive.q @ transfer_matrix(points, ARRAY).T
+    held = envelope(drive.q, 4000.0, 4, TransducerDynamics(), start=drive.q[0])
+    field = held @ transfer_matrix(points, ARRAY).T
     cells = radiation_pressure(np.abs(field), Acoustics().medium) @ cell_weights(SENSOR, points, between="waves").T
-    return drive, PressureFrames(pressure=cells.reshape(-1, 2, 2), rate=1000.0, sensor=SENSOR.grid, band=(20.0, 400.0))
+    return drive, PressureFrames(pressure=cells.reshape(-1, 2, 2), rate=16e3, sensor=SENSOR.grid, band=(20.0, 400.0))
 
 
 def loss(focus, laboratory, **options) -> LaboratoryLoss:
@@ -55,6 +67,63 @@ def test_a_palm_that_lies_aside_and_turned_is_told_and_no_distortion(focus) -> N
         "",
         {"palm sideways", "palm rotation", ALL_FOLLOWED},
     )
+
+
+def simulated(drive: Drive, lab: Laboratory, rng: np.random.Generator, *, supposed: bool) -> np.ndarray:
+    """Pressure on the cells in the laboratory of these random numbers, 4 moments a frame, (moment, 2, 2).
+
+    An own sum in double precision over other points: the palm is moved, not the array; cells are integrals of 1.5 mm.
+    """
+    stage = replace(_Stage.of(drive, SENSOR, GRID, None), supposed=supposed)
+    air, pole = drive.acoustics.medium.warmer(rng.normal(0, lab.temperature_k)), TransducerDynamics().pole
+    pose = _pose(lab, np.array([0, 0, 0.2]), rng)
+    array = stage._array(lab, rng)
+    k, factor = 2 * np.pi * array.frequency / air.speed, lab.reflection * np.exp(2j * np.pi * rng.random())
+
+    def square(half: np.ndarray, step: float) -> np.ndarray:
+        x, y = np.meshgrid(*(np.arange(-each + step / 2, each, step) for each in half))
+        return np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+
+    def direct(points: np.ndarray) -> np.ndarray:
+        away = points[:, None] - array.position
+        far = np.linalg.norm(away, axis=2)
+        angle = np.arccos((away * array.normal).sum(axis=2) / far)
+        beam = off_axis(angle, "t4010a1", wavenumber=k) * array.pressure * array.response
+        return beam * np.exp((1j * k - air.attenuation) * far) / far
+
+    def radiated(to: np.ndarray, source: np.ndarray, normal: np.ndarray, step: float) -> np.ndarray:
+        away = to[:, None] - source
+        far = np.linalg.norm(away, axis=2)
+        return step**2 * np.abs(away @ normal) * (1 / far - 1j * k) * np.exp(1j * k * far) / (2 * np.pi * far**2)
+
+    flat, skin = square(np.full(2, 16.5e-3), 1.5e-3), square(np.full(2, 42e-3), 3e-3)
+    skin = skin[np.hypot(*skin.T[:2]) < 42.5e-3]
+    here, palm = (each @ pose.rotation[0].T + pose.centre[0] for each in (flat, skin))
+    face = square(np.abs(drive.array.position[:, :2]).max(axis=0) + np.pi / k, 4e-3)
+    back = radiated(face, palm, pose.normal[0], 3e-3) @ direct(palm)
+    G = direct(here) + factor * radiated(here, face, np.array([0, 0, 1.0]), 4e-3) @ back
+    command, now, field = drive.q @ G.T, drive.q[0] @ G.T, []
+    for wanted in command:
+        field += [wanted + (now - wanted) * np.exp(pole * part / 16e3) for part in (1, 2, 3, 4)]
+        now = field[-1]
+    # A box of 8 mm in a gel of 1 mm, on two axes.
+    sides = [(flat[:, axis] - middle[:, None]) / 1e-3 for axis, middle in ((1, SENSOR.grid.y), (0, SENSOR.grid.x))]
+    y, x = (scipy.stats.norm.cdf(each + 4) - scipy.stats.norm.cdf(each - 4) for each in sides)
+    weights = np.einsum("rp,cp->rcp", y, x) * (1.5e-3 / 8e-3) ** 2
+    return np.einsum("rcp,tp->trc", weights, radiation_pressure(np.array(field), air))
+
+
+@pytest.mark.long
+def test_each_laboratory_is_as_an_independent_simulation_has_it(focus) -> None:
+    drive, asked = focus
+    lab = Laboratory(palm_aside_mm=0.0, palm_turn_deg=0.0)
+    found = loss(focus, lab).ratios
+    for name in (ALL, ALL_MEASURED):
+        for number, ratio in enumerate(found[name]):
+            rng = np.random.default_rng([0, len(PARTS), number])
+            own = replace(asked, pressure=simulated(drive, lab, rng, supposed=name != ALL), rate=16e3)
+            judged = fidelity(asked, own, band=(20.0, 400.0), judged=(0.02, 0.08))
+            assert ratio == pytest.approx(judged.overall_ratio, abs=1), (name, number)
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """A drive in the laboratory: palm, air, units, transducers and echo differ from what it was solved for."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -19,13 +20,17 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import (
+    PlaybackChain,
     SensorModel,
     Spread,
     Transducers,
+    TransducerState,
+    Waves,
     array_from_palm,
     cell_weights,
     middle_of,
     palm_matrix,
+    radiate,
     wavenumber,
 )
 from midair.rig.correction.correction_loop import Loop
@@ -33,6 +38,9 @@ from midair.rig.names.sensor_names import VirtualRig
 
 LONGEST = 0.1
 """Duration of the compared part in s, from the middle of a longer one."""
+
+STEPS = 2
+"""Moments per frame at which the pressure is computed."""
 
 AS_MEASURED = (0.0133, 0.0151)
 """Relative strength and phase in rad that `midair calibrate array` leaves unknown (`benchmarks.unknown_arrays`)."""
@@ -72,15 +80,15 @@ def laboratory_loss(
 ) -> LaboratoryLoss:
     """Play a drive in random laboratories, and compare with the pressure that was asked for.
 
-    Fields are steady in each frame, with ideal hold and sensor, so that only the laboratory changes the result. `asked`
-    is the target pressure on the cells, from the drive's first frame, `grid` the control points of the solve. `judged`
-    is (start, duration) of the compared part in s; at most `LONGEST` of it is compared. Of `measured` transducers, for
+    Frames are held and transducers follow them, as a solve compensates; phases and sensor are ideal. `asked` is the
+    target pressure on the cells, from the drive's first frame, `grid` the control points of the solve. `judged` is
+    (start, duration) of the compared part in s; at most `LONGEST` of it is compared. Of `measured` transducers, for
     which the drive was solved, only the uncertainty remains; if they are not measured, all together is also computed as
     if they were. `draws` counts the laboratories for each uncertainty alone and for all together. A shift and a turn of
     the palm in its plane are no distortion, unless `fixed_place`.
     """
     asked, drive, judged = _part(asked, drive, judged)
-    stage = _Stage(drive=drive, sensor=sensor, grid=grid, measured=measured)
+    stage = _Stage.of(drive, sensor, grid, measured)
     aside, turn = 1e-3 * laboratory.palm_aside_mm, float(np.radians(laboratory.palm_turn_deg))
     if not fixed_place:
         laboratory = laboratory.but(palm_aside_mm=0.0, palm_turn_deg=0.0)
@@ -88,7 +96,8 @@ def laboratory_loss(
     def ratio(stage: _Stage, own: Laboratory, *draw: int) -> float:
         # A stream for each draw: other uncertainties, or a measured array, do not change the palm's.
         rng = np.random.default_rng([seed, *draw])
-        came = replace(asked, pressure=stage.pressure(own, rng).reshape(-1, *asked.sensor.shape), rate=drive.rate)
+        cells = stage.pressure(own, rng).reshape(-1, *asked.sensor.shape)
+        came = replace(asked, pressure=cells, rate=STEPS * drive.rate)
         return fidelity(asked, came, band=band, judged=judged).overall_ratio
 
     nothing = Laboratory(**dict.fromkeys((name for names in PARTS.values() for name in names), 0.0))
@@ -150,13 +159,13 @@ def _stated(name: str, value: float) -> str:
 def _part(
     asked: PressureFrames, drive: Drive, judged: tuple[float, float]
 ) -> tuple[PressureFrames, Drive, tuple[float, float]]:
-    """The middle of a longer part, with half as much before and after it for the filters."""
+    """The middle of a longer part, with as much before and after it for the filters."""
     start, duration = judged
     if duration <= LONGEST:
         return asked, drive, judged
     middle, end = start + (duration - LONGEST) / 2, asked.frames / asked.rate
-    begin = max(0.0, middle - LONGEST / 2)
-    piece = asked.cut(begin, min(end, middle + 1.5 * LONGEST) - begin)
+    begin = max(0.0, middle - LONGEST)
+    piece = asked.cut(begin, min(end, middle + 2 * LONGEST) - begin)
     first = round(begin * drive.rate)
     frames = slice(first, first + round(piece.frames / piece.rate * drive.rate))
     return piece, replace(drive, phase=drive.phase[frames], level=drive.level[frames]), (middle - begin, LONGEST)
@@ -167,34 +176,52 @@ class _Stage:
     """A drive above which a palm is laid."""
 
     drive: Drive
-    sensor: SensorModel
-    grid: ControlGrid
+    q: Waves  # What nominal transducers emit, shape (frame * STEPS, transducer)
+    solved: Array  # Middle of the palm of the solve, shape (3,), in m
+    there: Array  # Points around the cells, shape (point, 3), in m
+    weights: Array  # Those of the cells, shape (cell, point)
     measured: ArrayCalibration | None
     supposed: bool = False
     """Whether an array that was not measured counts as measured."""
 
-    def pressure(self, lab: Laboratory, rng: np.random.Generator) -> Array:
-        """Pressure on the cells in one random laboratory, shape (frame, cell), in Pa."""
-        cells = self.sensor.grid
-        solved = middle_of(self.grid)
+    @classmethod
+    def of(cls, drive: Drive, sensor: SensorModel, grid: ControlGrid, measured: ArrayCalibration | None) -> "_Stage":
+        """Compute what is the same in all laboratories."""
+        cells, solved, count = sensor.grid, middle_of(grid), drive.array.count
+        # A point beyond the cells on each side: a second one would change the pressure by a thousandth.
         points = ControlGrid(
-            rows=3 * (cells.rows + 2), columns=3 * (cells.columns + 2), pitch=cells.pitch / 3, height=float(solved[2])
+            rows=3 * cells.rows + 2, columns=3 * cells.columns + 2, pitch=cells.pitch / 3, height=float(solved[2])
         )
-        weights = cell_weights(self.sensor, points, between="waves")
-        there = points.position + np.array([solved[0], solved[1], 0.0])
-        air = self.drive.acoustics
+        alike = Transducers.alike(count)
+        follow = alike if measured is None else replace(alike, pole=measured.pole)
+        # A part does not begin in silence: the ringing would reach the compared part.
+        start = replace(TransducerState.silent(count), q=drive.q_of(slice(1))[0])
+        emitted = radiate(drive, PlaybackChain(phase_bits=None, transducers=follow), STEPS, start=start)
+        return cls(
+            drive=drive,
+            q=np.concatenate([q for q, _ in emitted]),
+            solved=solved,
+            there=points.position + np.array([solved[0], solved[1], 0.0]),
+            weights=cell_weights(sensor, points, between="waves"),
+            measured=measured,
+        )
+
+    def pressure(self, lab: Laboratory, rng: np.random.Generator) -> Array:
+        """Pressure on the cells in one random laboratory, shape (frame * STEPS, cell), in Pa."""
+        solved, air = self.solved, self.drive.acoustics
         warmer = air.medium.warmer(float(np.clip(rng.normal(0, lab.temperature_k), -10, 10)))
         acoustics = Acoustics(medium=warmer if lab.temperature_k else air.medium, directivity=air.directivity)
         pose = _pose(lab, solved, rng)
-        array = array_from_palm(self._array(lab, solved, rng), solved, pose)
+        array = array_from_palm(self._array(lab, rng), solved, pose)
         reflection = lab.reflection and lab.reflection * np.exp(2j * np.pi * rng.random())
         if lab.reflection and self.measured is not None and self.measured.reflection_uncertainty:
             reflection = self.measured.reflection
-        matrix = palm_matrix(there, array, reflection=reflection, middle=solved, acoustics=acoustics)
-        return Spread.of(matrix, acoustics.medium, weights, "single").pressure(self.drive.q)
+        palm: Any = {"reflection": reflection, "middle": solved, "precision": "single"}
+        matrix = palm_matrix(self.there, array, acoustics=acoustics, **palm)
+        return Spread.of(matrix, acoustics.medium, self.weights, "single").pressure(self.q)
 
-    def _array(self, lab: Laboratory, solved: Array, rng: np.random.Generator) -> TransducerArray:
-        array, known = self.drive.array, self.measured
+    def _array(self, lab: Laboratory, rng: np.random.Generator) -> TransducerArray:
+        array, known, solved = self.drive.array, self.measured, self.solved
         response = array.response * self._response(lab, rng)
         place = array.position.copy(), array.normal.copy()
         if lab.unit_position_mm or lab.unit_angle_deg:
