@@ -23,13 +23,13 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1911,
     "settings streaming .": 2760,
-    "physics": 3353,
+    "physics": 3375,
     "recordings targets correct evaluate": 4143,
     "calibration": 3177,
     "solvers": 4309,
     "files": 4330,
     "devices": 7930,
-    "rig": 8869,
+    "rig": 8896,
     "patterns datasets": 1776,
     "view figures": 2045,
     "cli": 6651,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 50_389, "benchmarks": 4_500}
+BESIDE = {"tests": 50_498, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
