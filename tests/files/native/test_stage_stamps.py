@@ -4,7 +4,7 @@ import pytest
 
 from midair.errors import BrokenFileError
 from midair.files import RecordingWriter, load, repair, save
-from midair.files.native.journal import stage_values, stamps_from, with_stage
+from midair.files.native.journal import with_stage
 from midair.model import Event, Provenance, SensorGrid, StageStamp
 
 STAMPS = [StageStamp(time=0.1 * i, position=(0.005 * i, -0.06, -0.02), feed=0.05) for i in range(25)]
@@ -63,11 +63,11 @@ def test_a_recording_without_a_stage_has_nothing_of_it(tmp_path):
     assert load(tmp_path / "a.h5").provenance.steps == ()
 
 
-def test_a_place_that_is_no_number_is_a_broken_file():
-    values = stage_values(STAMPS)
-    values["stage_y"][3] = np.nan
-    with pytest.raises(BrokenFileError, match="stage"):
-        stamps_from(values)
+def test_a_place_that_is_no_number_is_a_broken_file(tmp_path):
+    with h5py.File(written(tmp_path / "a.h5"), "r+") as file:
+        file["stage_y"][3] = np.nan
+    with pytest.raises(BrokenFileError, match="stage: expected finite"):
+        load(tmp_path / "a.h5")
 
 
 def test_a_stroke_too_short_to_tell_has_no_speed():

@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from midair.files.native.hdf5 import (
 )
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
-from midair.model import AmplitudeFrames, Drive, Solution, Status
+from midair.model import AmplitudeFrames, Drive, Solution
 from midair.progress import report_progress
 from midair.streaming import block_ranges, blocks, each_frame
 
@@ -100,8 +100,7 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
             raise BrokenFileError("expected either phase or phase_step; the file is damaged")
         drive = built(Drive, "drive", values, phase=values["phase"], level=each_frame(level, _checked))
         drive.acoustics.medium.check_speed(str(path))
-        status: tuple[Status, ...] = tuple(get_args(Status)[code] for code in values["status"])
-        return Solution(drive=drive, error=values["error"], iterations=values["iterations"], status=status)
+        return built(Solution, "drive", values, drive=drive)
 
 
 def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
@@ -134,14 +133,10 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
 
 def _frame_values(part: Solution) -> dict[str, np.ndarray]:
     """Stored values of the frames of a part."""
-    drive, names = part.drive, get_args(Status)
+    drive, stored = part.drive, stored_values("drive", part)
     phase, level = np.asarray(drive.phase), np.asarray(drive.level)
-    values: dict[str, np.ndarray] = {
-        "error": part.error,
-        "iterations": part.iterations,
-        "status": np.array([names.index(status) for status in part.status], "i1"),
-        "level" if level.ndim == 1 else "transducer_level": level,
-    }
+    values: dict[str, np.ndarray] = {name: np.asarray(stored[name]) for name in ("error", "iterations", "status")}
+    values["level" if level.ndim == 1 else "transducer_level"] = level
     if not (np.bincount(drive.array.unit) == AUTD3_TRANSDUCERS).all():
         return {**values, "phase": phase}
     if level.ndim == 2:

@@ -11,6 +11,7 @@ from typing import Any, get_args
 import numpy as np
 
 from midair.errors import BrokenFileError
+from midair.files.native.schema import built_rows
 from midair.model import Event, EventKind, Provenance, Setting, StageStamp, speed_of
 
 LISTED = 1000
@@ -18,34 +19,24 @@ LISTED = 1000
 
 
 KINDS: tuple[EventKind, ...] = get_args(EventKind)
-"""The number in the file is the index in this tuple."""
 
 
-def event_values(events: Iterable[Event]) -> dict[str, Any]:
-    """Stored values of events, {} for none."""
-    rows = tuple(events)
-    if not rows:
-        return {}
-    whole = {f"event_{name}": [getattr(row, name) for row in rows] for name in ("frame", "frames", "channel")}
-    return {
-        "event_kind": np.array([KINDS.index(row.kind) for row in rows], np.int8),
-        **{name: np.array(values, np.int64) for name, values in whole.items()},
-        "event_ppm": np.array([row.ppm for row in rows], np.float64),
-    }
-
-
-def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
-    """Events from their stored values, () for a file without a journal; raises BrokenFileError for invalid numbers."""
-    if any(f"event_{name}" not in values for name in ("kind", "frame", "frames", "channel", "ppm")):
-        return ()
-    kind, first, frames = values["event_kind"], values["event_frame"], values["event_frames"]
-    if len(kind) and (first.min() < 0 or frames.min() < 0):
+def journal_from(values: Mapping[str, Any]) -> tuple[tuple[Event, ...], tuple[StageStamp, ...]]:
+    """Events and stage positions from the stored values of a recording; raises BrokenFileError for invalid numbers."""
+    events = built_rows(Event, "recording", values, "events")
+    stamps = built_rows(StageStamp, "recording", values, "stamps")
+    if any(event.frame < 0 or event.frames < 0 for event in events):
         raise BrokenFileError("events: expected frames from 0 on, got others")
-    columns = zip(kind, first, frames, values["event_channel"], values["event_ppm"], strict=True)
-    return tuple(
-        Event(kind=KINDS[int(k)], frame=int(f), frames=int(n), channel=int(c), ppm=float(p))
-        for k, f, n, c, p in columns
-    )
+    if not np.isfinite([(one.time, *one.position, one.feed) for one in stamps]).all():
+        raise BrokenFileError("stage: expected finite times, places and speeds, got others")
+    return events, stamps
+
+
+def with_journal(
+    provenance: Provenance, events: Sequence[Event], stamps: Sequence[StageStamp], frames: int, rate: float
+) -> Provenance:
+    """Add the events and stage positions of a recording of `frames` frames at `rate` (Hz) to its provenance."""
+    return with_stage(with_events(provenance, events, frames), stamps, events, rate)
 
 
 def with_events(provenance: Provenance, events: Iterable[Event], frames: int) -> Provenance:
@@ -80,24 +71,6 @@ def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
 
 LISTED_STAMPS = 2000
 """Maximum number of positions in the provenance: 200 s of strokes at ten per second."""
-
-COLUMNS = ("stage_time", "stage_x", "stage_y", "stage_z", "stage_feed")
-
-
-def stage_values(stamps: Iterable[StageStamp]) -> dict[str, Any]:
-    """Stored values of stage positions, {} for none."""
-    table = np.array([(stamp.time, *stamp.position, stamp.feed) for stamp in stamps], np.float64).reshape(-1, 5)
-    return dict(zip(COLUMNS, table.T, strict=True)) if len(table) else {}
-
-
-def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:
-    """Stage positions from their stored values, () for a file without a stage; raises BrokenFileError if not finite."""
-    if any(name not in values for name in COLUMNS):
-        return ()
-    table = np.column_stack([values[name] for name in COLUMNS])
-    if not np.isfinite(table).all():
-        raise BrokenFileError("stage: expected finite times, places and speeds, got others")
-    return tuple(StageStamp(time=t, position=(x, y, z), feed=feed) for t, x, y, z, feed in table.tolist())
 
 
 def with_stage(

@@ -18,20 +18,7 @@ def to_json(provenance: Provenance) -> str:
     Tuples become lists, which are not used otherwise; infinity and NaN, which JSON lacks, become {"float": "inf"}.
     Raises InputError if a setting has a type that is not in `Setting`.
     """
-    return json.dumps(to_plain(provenance), allow_nan=False)
-
-
-def from_json(text: str) -> Provenance:
-    """The provenance written by `to_json`; raises BrokenFileError for other text."""
-    try:
-        return from_plain(json_of(text))
-    except ValueError as wrong:
-        raise BrokenFileError("expected a provenance in JSON, got other text") from wrong
-
-
-def to_plain(provenance: Provenance) -> dict[str, Any]:
-    """Provenance as nested dicts and lists for JSON."""
-    return {
+    plain = {
         "source": provenance.source,
         "simulated": provenance.simulated,
         "notes": dict(provenance.notes),
@@ -40,11 +27,13 @@ def to_plain(provenance: Provenance) -> dict[str, Any]:
             for step in provenance.steps
         ],
     }
+    return json.dumps(plain, allow_nan=False)
 
 
-def from_plain(plain: Any) -> Provenance:
-    """Provenance from the output of `to_plain`; raises BrokenFileError if a part is missing or has the wrong type."""
+def from_json(text: str) -> Provenance:
+    """The provenance written by `to_json`; raises BrokenFileError for other text."""
     try:
+        plain = json_of(text)
         source, simulated, notes, listed = (plain[name] for name in ("source", "simulated", "notes", "steps"))
         decoded = [{name: _decode(each) for name, each in one["settings"].items()} for one in listed]
         steps = tuple(Step(stage=one["stage"], settings=own) for one, own in zip(listed, decoded, strict=True))
@@ -52,7 +41,7 @@ def from_plain(plain: Any) -> Provenance:
     except KeyError as missing:
         raise BrokenFileError(f"provenance: expected {missing.args[0]}, got none") from missing
     except (TypeError, AttributeError, ValueError) as wrong:
-        raise BrokenFileError(f"expected a provenance of midair, got {reason(wrong)}") from wrong
+        raise BrokenFileError(f"expected a provenance in JSON, got {reason(wrong)}") from wrong
     if texts != {str} or (type(simulated), type(notes), type(listed)) != (bool, dict, list):
         raise BrokenFileError("expected a provenance of midair, got parts of other types")
     return Provenance(source=source, simulated=simulated, notes=notes, steps=steps)

@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -23,8 +24,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError
 from midair.files.atomic import existing_file, lock_recording, parse_errors
 from midair.files.native.hdf5 import new_file, open_hdf5, write_frames, write_group
-from midair.files.native.journal import event_values, stage_values
-from midair.files.native.schema import PLAYED, TABLE
+from midair.files.native.schema import PLAYED, TABLE, stored_values
 from midair.model import Event, StageStamp
 from midair.streaming import BYTES
 
@@ -105,8 +105,8 @@ def convert(path: Path, handle: int) -> tuple[int, float]:
     with os.fdopen(handle, "rb+") as file:
         header, frames, events, stamps = _read(file, path)
         rate, kind, each = header["recording"]["rate_hz"], frame_type(header), header["played_each"]
-        values = {**header["recording"], "samples": np.empty(0, kind)["samples"]}
-        values |= event_values(events) | stage_values(stamps)
+        values = stored_values("recording", SimpleNamespace(events=events, stamps=stamps))
+        values |= {**header["recording"], "samples": np.empty(0, kind)["samples"]}
         touch = None
         with new_file(path, room=os.fstat(handle).st_size + 8 * frames, recording=True) as made:
             write_group(made, "recording", values, frames=frames)

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,7 @@ from numpy.typing import ArrayLike
 
 from midair.errors import MismatchError
 from midair.files.native.hdf5 import check_kind, new_file, read_group, read_part, write_group
-from midair.files.native.journal import (
-    event_values,
-    events_from,
-    stamps_from,
-    with_events,
-    with_stage,
-)
+from midair.files.native.journal import journal_from, with_journal
 from midair.files.native.provenance_json import from_json
 from midair.files.native.raw_recording import complete, open_file
 from midair.files.native.schema import Kind, built, single, stored_values
@@ -61,7 +56,8 @@ def write_recording(
             f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
             "save the pressure of this recording"
         )
-    values = {**stored_values("recording", recording), "samples": single(recording.samples), **event_values(journal)}
+    values = stored_values("recording", SimpleNamespace(events=journal)) | stored_values("recording", recording)
+    values["samples"] = single(recording.samples)
     parts: dict[Kind, Any] = {"calibration": calibration, "pressure": pressure}
     with new_file(path, room=2 * recording.samples.nbytes) as file:
         write_group(file, "recording", values)
@@ -76,9 +72,9 @@ def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
     report = complete(path)
     with open_file(path) as file:
         values = read_group(file, "recording", path)
-        journal, stamps = events_from(values), stamps_from(values)
-        life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
-        life = with_stage(life, stamps, journal, values["rate_hz"])
+        journal, stamps = journal_from(values)
+        life = from_json(values["provenance"])
+        life = with_journal(life, journal, stamps, len(values["time"]), values["rate_hz"])
         recording = built(Recording, "recording", values, provenance=life)
         given.check(recording)
         calibration = read_part(file, "calibration", Calibration, path)
@@ -132,13 +128,13 @@ class RecordingBuffer:
     def take(self) -> OpenedTake:
         """The recording so far, as it would be read from a file."""
         journal = tuple(self._events)
-        life = with_events(self.provenance, journal, self.frames)
+        life = with_journal(self.provenance, journal, self._stamps, self.frames, self.rate)
         recording = Recording(
             samples=np.concatenate(self._blocks),
             rate=self.rate,
             sensor=self.sensor,
             unit=self.unit,
-            provenance=with_stage(life, self._stamps, journal, self.rate),
+            provenance=life,
         )
         return OpenedTake(recording=recording, calibration=self.calibration, journal=journal)
 

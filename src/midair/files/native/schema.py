@@ -1,9 +1,10 @@
 """Schema of midair's files: what is stored of each object, its dimensions, type and unit, for writers and readers."""
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_type_hints
 
@@ -89,7 +90,10 @@ PLAYED = ("phase_steps", "intensity", "instant", "state")
 
 
 def stored_values(kind: Kind, what: object) -> dict[str, Any]:
-    """Stored values of an object, without those that are None, and the signature that every file and group has."""
+    """Stored values of an object, without those that are None, and the signature that every file and group has.
+
+    Of a list of objects, such as events, the attributes of all are stored.
+    """
     values: dict[str, Any] = {
         "kind": f"midair {kind}",
         "format": FORMAT,
@@ -97,18 +101,43 @@ def stored_values(kind: Kind, what: object) -> dict[str, Any]:
         "created_by": f"midair {__version__}",
     }
     for entry in TABLE[kind]:
-        value: Any = what if entry.of else None
-        for name in entry.of.split("."):
-            value = value[int(name)] if value is not None and name.isdecimal() else getattr(value, name, None)
+        value: Any = _attribute(what, entry.of.split(".")) if entry.of else None
         if isinstance(value, Provenance):
             value = to_json(value)
+        if value is not None and entry.name in FLAGS:
+            value = [FLAGS[entry.name].index(each) for each in value]
         if value is not None:
             values[entry.name] = np.arange(value) if entry.counts else value
     return values
 
 
+def _attribute(value: Any, names: Sequence[str]) -> Any:
+    for at, name in enumerate(names):
+        if isinstance(value, list | tuple) and not name.isdecimal():
+            return [_attribute(each, names[at:]) for each in value] or None
+        value = value[int(name)] if value is not None and name.isdecimal() else getattr(value, name, None)
+    return value
+
+
 def built(made: type[Made], kind: Kind, values: Mapping[str, Any], part: str = "", **more: Any) -> Made:
     """Build an object, or the `part` of one, from its stored values; `more` are fields that are not stored as such."""
+    return _built(made, {**_parts(kind, values, part), **more})
+
+
+def built_rows(made: type[Made], kind: Kind, values: Mapping[str, Any], part: str) -> tuple[Made, ...]:
+    """Build the objects whose attributes are stored as rows."""
+
+    def row(columns: Any, i: int) -> Any:
+        if isinstance(columns, dict):
+            return {key: row(each, i) for key, each in columns.items()}
+        return columns[i].item() if isinstance(columns, np.ndarray) else columns[i]
+
+    columns = _parts(kind, values, part)
+    return tuple(_built(made, row(columns, i)) for i in range(len(columns.get(next(iter(_hints(made))), ()))))
+
+
+def _parts(kind: Kind, values: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """Stored values by attribute, at every depth."""
     found: dict[str, Any] = {}
     for entry in TABLE[kind]:
         if entry.name in values and entry.of.startswith(part):
@@ -116,13 +145,23 @@ def built(made: type[Made], kind: Kind, values: Mapping[str, Any], part: str = "
             place = found
             for folder in folders:
                 place = place.setdefault(folder, {})
-            place[last] = len(values[entry.name]) if entry.counts else values[entry.name]
-    return _built(made, {**found, **more})
+            value = values[entry.name]
+            if names := FLAGS.get(entry.name):
+                value = tuple(names[i] for i in value)
+            place[last] = len(value) if entry.counts else value
+    return found
 
 
 def _built(made: type[Made], found: Mapping[str, Any]) -> Made:
-    hints, names = get_type_hints(made), [one.name for one in fields(made) if one.init]  # pyright: ignore[reportArgumentType]
-    return made(**{name: _value(hints[name], value) for name, value in found.items() if name in names})
+    hints = _hints(made)
+    return made(**{name: _value(hints[name], value) for name, value in found.items() if name in hints})
+
+
+@cache
+def _hints(made: type[Any]) -> dict[str, Any]:
+    """Types of the fields of a dataclass."""
+    hints = get_type_hints(made)
+    return {one.name: hints[one.name] for one in fields(made) if one.init}
 
 
 def _value(hint: Any, value: Any) -> Any:
