@@ -68,8 +68,8 @@ def frame_type(header: Mapping[str, Any]) -> np.dtype[Any]:
     return np.dtype(fields)
 
 
-def _read(file: BinaryIO, path: Path) -> tuple[Mapping[str, Any], int, list[Event], list[StageStamp]]:
-    """Header, number of frames, events and stage positions of a raw file; its frames stay on the disk."""
+def _read(file: BinaryIO, path: Path) -> tuple[Mapping[str, Any], int, SimpleNamespace]:
+    """Header, number of frames, `events` and `stamps` of a raw file; its frames stay on the disk."""
     texts: list[Mapping[str, Any]] = []
     size = 0
     for kind, content in records(file):
@@ -81,8 +81,8 @@ def _read(file: BinaryIO, path: Path) -> tuple[Mapping[str, Any], int, list[Even
     if not frames:
         raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
     events = [Event(**row) for text in texts[1:] for row in text.get("events", ())]
-    rows = [row for text in texts[1:] for row in text.get("stamps", ())]
-    return texts[0], frames, events, [StageStamp(time=t, position=(x, y, z), feed=feed) for t, x, y, z, feed in rows]
+    stamps = [StageStamp(**row) for text in texts[1:] for row in text.get("stamps", ())]
+    return texts[0], frames, SimpleNamespace(events=events, stamps=stamps)
 
 
 def _blocks(file: BinaryIO, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
@@ -97,18 +97,18 @@ def _blocks(file: BinaryIO, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
         yield np.frombuffer(bytes(held), kind)
 
 
-def convert(path: Path, handle: int) -> tuple[int, float]:
-    """Replace a raw file by HDF5 atomically; returns its frames and their rate in Hz.
+def convert(path: Path, file: BinaryIO) -> tuple[int, float]:
+    """Replace a raw file, which is closed, by HDF5 atomically; returns its frames and their rate in Hz.
 
-    `handle` is that of the raw file, which is closed. Raises FileError if HDF5 cannot be written; the raw file stays.
+    Raises FileError if HDF5 cannot be written; the raw file stays.
     """
-    with os.fdopen(handle, "rb+") as file:
-        header, frames, events, stamps = _read(file, path)
+    with file:
+        header, frames, rows = _read(file, path)
         rate, kind, each = header["recording"]["rate_hz"], frame_type(header), header["played_each"]
-        values = stored_values("recording", SimpleNamespace(events=events, stamps=stamps))
+        values = stored_values("recording", rows)
         values |= {**header["recording"], "samples": np.empty(0, kind)["samples"]}
         touch = None
-        with new_file(path, room=os.fstat(handle).st_size + 8 * frames, recording=True) as made:
+        with new_file(path, room=path.stat().st_size + 8 * frames, recording=True) as made:
             write_group(made, "recording", values, frames=frames)
             if header["calibration"]:
                 write_group(made.create_group("calibration"), "calibration", header["calibration"])
@@ -141,16 +141,11 @@ def complete(path: Path) -> tuple[str, ...]:
     with parse_errors(file, "a recording of midair"):
         if not _is_raw(file):
             return ()
-        handle = os.open(file, os.O_RDWR | getattr(os, "O_BINARY", 0))
-        try:
-            lock_recording(handle, file)
+        with file.open("rb+") as raw:
+            lock_recording(raw.fileno(), file)
             if not _is_raw(file):  # another program has converted it meanwhile
                 return ()
-            handle, mine = -1, handle
-            frames, rate = convert(file, mine)
-        finally:
-            if handle >= 0:
-                os.close(handle)
+            frames, rate = convert(file, raw)
     return (f"The recording was interrupted: {frames} frames, {frames / rate:g} s, are kept.",)
 
 

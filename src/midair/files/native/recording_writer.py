@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from io import BufferedRandom, FileIO
 from types import SimpleNamespace
 from typing import Any, Self
 
@@ -74,7 +75,7 @@ class RecordingWriter:
             "played_each": played_each,
         }
         self._type = frame_type(self._header)
-        self._handle: int | None = None
+        self._file: FileIO | None = None
         self._size, self._synced = 0, 0.0
         self._failed = False
         # Raises an error for a wrong unit or sensor before the file is created.
@@ -83,13 +84,13 @@ class RecordingWriter:
     def __enter__(self) -> Self:
         self._check_room((2 * self._type.itemsize + 8) * self.expected)
         try:
-            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+            self._file = FileIO(self.path, "x+")
         except FileExistsError as wrong:
             raise FileError(f"{self.path}: the file exists already; record under another name") from wrong
         except OSError as wrong:
             raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
         try:
-            lock_recording(self._handle, self.path)
+            lock_recording(self._file.fileno(), self.path)
             header = json.dumps(self._header, default=lambda array: array.tolist())
             self._write(MAGIC + record(TEXT, header.encode()))
         except BaseException:
@@ -133,22 +134,22 @@ class RecordingWriter:
 
     def stamp(self, stamps: Iterable[StageStamp]) -> None:
         """Store stage positions with times from frame 0 on."""
-        self._add("stamps", [(stamp.time, *stamp.position, stamp.feed) for stamp in stamps])
+        self._add("stamps", [asdict(stamp) for stamp in stamps])
 
     def close(self) -> None:
         """Convert the recording to HDF5; further calls do nothing.
 
         A file without frames is removed. If the disk fails, FileError states how many frames are safe.
         """
-        if self._handle is None:
+        if self._file is None:
             return
-        handle, self._handle = self._handle, None
+        file, self._file = self._file, None
         if not self.frames:
-            os.close(handle)
+            file.close()
             self.path.unlink(missing_ok=True)
             return
         try:
-            convert(self.path, handle)
+            convert(self.path, BufferedRandom(file))
         except (OSError, FileError) as wrong:
             # Otherwise an error with the number of safe frames has been raised already.
             if not self._failed:
@@ -165,11 +166,11 @@ class RecordingWriter:
             far = f"the {self.frames} frames so far are safe, free some space and continue under another name"
             near = "free some space, record for a shorter time, or use another disk"
             sizes = f"needs {needed / 1e9:,.1f} GB on the disk, {free / 1e9:,.1f} are free"
-            raise FileError(f"{self.path}: {sizes}; {near if self._handle is None else far}")
+            raise FileError(f"{self.path}: {sizes}; {near if self._file is None else far}")
 
     def _write(self, data: bytes) -> None:
         """Append records, and flush them to the disk after each `interval`."""
-        if self._handle is None:
+        if self._file is None:
             raise FileError(f"{self.path}: the recording is not open; use it in a with block")
         if self._failed:
             raise FileError(
@@ -177,12 +178,12 @@ class RecordingWriter:
             )
         try:
             # Overwrite the part of a record that an interrupt left.
-            os.lseek(self._handle, self._size, os.SEEK_SET)
+            self._file.seek(self._size)
             rest = memoryview(data)
             while rest:
-                rest = rest[os.write(self._handle, rest) :]
+                rest = rest[os.write(self._file.fileno(), rest) :]
             if time.monotonic() - self._synced >= self.interval:
-                os.fsync(self._handle)
+                os.fsync(self._file.fileno())
                 self._synced = time.monotonic()
         except OSError as wrong:
             self._failed = True
