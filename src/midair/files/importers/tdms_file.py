@@ -10,6 +10,7 @@ raw numbers. Not supported: digital lines, and scales of thermocouples, RTDs, st
 import math
 import struct
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,9 @@ from midair.files.opened_take import Format, ImportedData, ImportOptions, Opened
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
 _TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), 1)) | {0x19: "f4", 0x1A: "f8"}
-_STRING, _BOOLEAN, _TIME = 0x20, 0x21, 0x44
+_STRING = 0x20
+_VALUES = _TYPES | {0x21: "?", 0x44: "V16"}
+"""Types of properties: numbers, truth values and times."""
 _UNFINISHED = 0xFFFFFFFFFFFFFFFF
 _DAQMX, _DAQMX_TYPES = 0x1269, ("u1", "i1", "u2", "i2", "u4", "i4")
 _UNSCALED = 0xFFFFFFFF
@@ -42,7 +45,7 @@ class _Object:
 
 def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
     """Read the channels of the only group that has any, or of the group `field`."""
-    objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
+    objects, cut = _objects(_Cursor(path.read_bytes()), path.stat().st_size)
     group, channels = _group(objects, given)
     columns = [_scaled(name, channel) for name, channel in channels.items()]
     if len({len(column) for column in columns}) != 1:
@@ -119,66 +122,53 @@ def _parts(path: str) -> list[str]:
     return [part.replace("''", "'") for part in path[2:-1].split("'/'")] if len(path) > 2 else []
 
 
-@dataclass(slots=True, kw_only=True)
-class _Cursor:
-    """Read position in the bytes of a file."""
+class _Cursor(BytesIO):
+    """The bytes of a file, and the byte order of the segment that is read."""
 
-    data: bytes
-    path: Path
-    place: int = 0
-    order: str = "<"
+    order = "<"
 
-    def take(self, count: int) -> bytes:
-        if count < 0 or self.place + count > len(self.data):
-            raise BrokenFileError(f"expected {count} bytes at {self.place}, got the end; the file is truncated")
-        self.place += count
-        return self.data[self.place - count : self.place]
-
-    def number(self, code: str) -> Any:
-        return struct.unpack(self.order + code, self.take(struct.calcsize(code)))[0]
+    def values(self, layout: str) -> tuple[Any, ...]:
+        return struct.unpack(self.order + layout, self.read(struct.calcsize("<" + layout)))
 
     def text(self) -> str:
-        return self.take(self.number("I")).decode("utf-8")
+        return self.read(*self.values("I")).decode()
 
 
-def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
-    """All objects by path, and whether the last segment is truncated."""
+def _objects(cursor: _Cursor, size: int) -> tuple[dict[str, _Object], bool]:
+    """All objects by path in a file of so many bytes, and whether the last segment is truncated."""
     objects: dict[str, _Object] = {}
     active: list[str] = []
-    cut = False
-    while cursor.place + 28 <= len(cursor.data):
-        start = cursor.place
+    start, cut = 0, False
+    while start + 28 <= size:
         cursor.order = "<"
-        if cursor.take(4) != b"TDSm":
-            raise BrokenFileError(f"expected a TDMS segment at byte {start}, got other bytes")
         # The flags, which give the byte order of the rest, are always little-endian.
-        flags = cursor.number("I")
+        mark, flags = cursor.values("4sI")
+        if mark != b"TDSm":
+            raise BrokenFileError(f"expected a TDMS segment at byte {start}, got other bytes")
         cursor.order = ">" if flags & _BIG else "<"
-        cursor.number("I")
-        length, raw = cursor.number("Q"), cursor.number("Q")
-        cut = length == _UNFINISHED or start + 28 + length > len(cursor.data)
-        end = len(cursor.data) if cut else start + 28 + length
+        _, length, raw = cursor.values("IQQ")
+        cut = length == _UNFINISHED or start + 28 + length > size
+        end = size if cut else start + 28 + length
         if flags & _META:
             active = _metadata(cursor, objects, [] if flags & _NEW else active)
         if flags & _RAW and raw != _UNFINISHED:
-            cursor.place = start + 28 + raw
+            cursor.seek(start + 28 + raw)
             _raw(cursor, objects, active, end, interleaved=bool(flags & _INTERLEAVED))
-        cursor.place = end
+        start = cursor.seek(end)
     return objects, cut
 
 
 def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -> list[str]:
     active = list(active)
-    for _ in range(cursor.number("I")):
+    for _ in range(*cursor.values("I")):
         name = cursor.text()
         item = objects.setdefault(name, _Object())
-        index = cursor.number("I")
+        (index,) = cursor.values("I")
         if index not in (0, 0xFFFFFFFF):
-            code, dimension, count = cursor.number("I"), cursor.number("I"), cursor.number("Q")
-            if index == _DAQMX and cursor.number("I") == 1:
-                code, *place, _, _ = (cursor.number("I") for _ in range(5))
-                item.place = place[0], place[1]
-                item.widths = tuple(cursor.number("I") for _ in range(cursor.number("I")))
+            code, dimension, count = cursor.values("IIQ")
+            if index == _DAQMX and cursor.values("I") == (1,):
+                code, buffer, byte, _, _, widths = cursor.values("6I")
+                item.place, item.widths = (buffer, byte), cursor.values(f"{widths}I")
                 kind = _DAQMX_TYPES[code] if code < len(_DAQMX_TYPES) else ""
             else:
                 # The index of plain numbers is 20 bytes long.
@@ -190,22 +180,19 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
             active = [other for other in active if other != name]
         elif name not in active:
             active.append(name)
-        for _ in range(cursor.number("I")):
+        for _ in range(*cursor.values("I")):
             key = cursor.text()
-            item.properties[key] = _value(cursor, cursor.number("I"))
+            item.properties[key] = _value(cursor, *cursor.values("I"))
     return active
 
 
 def _value(cursor: _Cursor, code: int) -> Any:
     if code == _STRING:
         return cursor.text()
-    if code == _BOOLEAN:
-        return bool(cursor.number("B"))
-    if code == _TIME:
-        return cursor.take(16)
-    if code not in _TYPES:
+    if code not in _VALUES:
         raise UnknownFormatError(f"a property of type {code} is not known")
-    return np.frombuffer(cursor.take(np.dtype(_TYPES[code]).itemsize), cursor.order + _TYPES[code])[0].item()
+    kind = np.dtype(cursor.order + _VALUES[code])
+    return np.frombuffer(cursor.read(kind.itemsize), kind)[0].item()
 
 
 def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: int, *, interleaved: bool) -> None:
@@ -216,19 +203,20 @@ def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: i
     held = [objects[name] for name in active if objects[name].count]
     if not held:
         return
-    sizes, stored = [item.dtype.itemsize for item in held], {item.widths for item in held}
-    widths, places = tuple(sizes), [(i, 0) for i in range(len(held))]
-    if interleaved:
-        widths, places = (sum(sizes),), [(0, sum(sizes[:i])) for i in range(len(held))]
+    sizes, stored = tuple(item.dtype.itemsize for item in held), {item.widths for item in held}
     if any(stored):
         widths, places = held[0].widths, [item.place for item in held]
+    elif interleaved:
+        widths, places = (sum(sizes),), [(0, sum(sizes[:i])) for i in range(len(held))]
+    else:
+        widths, places = sizes, [(i, 0) for i in range(len(held))]
     shared = interleaved or any(stored)
     counts = [held[0].count] * len(widths) if shared else [item.count for item in held]
     if shared and (len(stored) > 1 or len({item.count for item in held}) > 1):
         raise BrokenFileError("expected channels of one length in shared rows, got several")
     chunk = [count * width for count, width in zip(counts, widths, strict=True)]
-    whole = max(0, end - cursor.place) // sum(chunk) if sum(chunk) else 0
-    table = np.frombuffer(cursor.take(whole * sum(chunk)), np.uint8).reshape(whole, sum(chunk))
+    whole = max(0, end - cursor.tell()) // sum(chunk) if sum(chunk) else 0
+    table = np.frombuffer(cursor.read(whole * sum(chunk)), np.uint8).reshape(whole, sum(chunk))
     buffers = np.split(table, np.cumsum(chunk)[:-1], axis=1)
     for item, (buffer, first) in zip(held, places, strict=True):
         rows = buffers[buffer].reshape(-1, widths[buffer])[:, first : first + item.dtype.itemsize]
