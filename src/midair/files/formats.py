@@ -17,7 +17,7 @@ from midair.files.native.hdf5 import check_kind, kind_of, plain_text, stored_dat
 from midair.files.native.raw_recording import open_file
 from midair.files.native.recording_file import HDF5, write_recording
 from midair.files.native.schema import Kind
-from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake, Writer
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake, Writer
 from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Drive, Event, PressureFrames, Recording, Solution, Status
 from midair.recordings import suspicious
@@ -81,6 +81,8 @@ def open_take(path: Place, **given: Any) -> OpenedTake:
     # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
     with parse_errors(file, f"a {form.name} file"), np.errstate(all="ignore"):
         imported = form.read(file, options)
+        if isinstance(imported, ImportedData):
+            imported = imported.resolve(options, file)
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 

@@ -331,8 +331,8 @@ class Format:
     """A file format of recordings, registered under the endings of its names."""
 
     name: str
-    read: Callable[[Path, ImportOptions], OpenedTake]
-    """Read a file with what the user states about it."""
+    read: Callable[[Path, ImportOptions], OpenedTake | ImportedData]
+    """Read a file with what the user states about it; `open_take` resolves what a file of another program lacks."""
     write: "Writer | None" = None
     """Write a recording; returns what the format cannot store. None if it is only read."""
     memory: float = 0

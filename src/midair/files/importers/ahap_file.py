@@ -19,7 +19,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError
-from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions
 from midair.files.size_limits import check_memory_for
 
 SHARPNESS = (80.0, 230.0)
@@ -38,7 +38,7 @@ LONGEST = 600.0
 _CONTROLS = {"HapticIntensityControl": 1.0, "HapticSharpnessControl": 0.0}
 
 
-def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
+def read_ahap(path: Path, given: ImportOptions) -> ImportedData:
     """Render an AHAP file of up to `LONGEST` to a recording of one channel, 1 being full intensity.
 
     Format: also the class references of CHHapticEvent and CHHapticEventParameter (Apple, Core Haptics). The events
@@ -70,10 +70,8 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
         report.append(f"Events overlap: together they reach {peak:.3g} of full intensity, which a phone would limit.")
     if len(haptic) < len(events):
         report.append(f"{len(events) - len(haptic)} events of sound were left out.")
-    found = ImportedData(
-        samples=wave[:, None], form="AHAP", rate=rate, settings={"events": len(haptic)}, report=tuple(report)
-    )
-    return found.resolve(given, path)
+    settings = {"events": len(haptic)}
+    return ImportedData(samples=wave[:, None], form="AHAP", rate=rate, settings=settings, report=tuple(report))
 
 
 def frame_times(path: Path, end: float, rate: float) -> Array:
@@ -138,7 +136,7 @@ def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Ar
     return values
 
 
-def read_haptic(path: Path, given: ImportOptions) -> OpenedTake:
+def read_haptic(path: Path, given: ImportOptions) -> ImportedData:
     """Render a clip to a recording of one channel, 1 being full amplitude; an emphasis is added as a decaying click."""
     content = json.loads(path.read_text(encoding="utf-8-sig"))
     try:
@@ -159,14 +157,13 @@ def read_haptic(path: Path, given: ImportOptions) -> OpenedTake:
     report = (
         f"Rendered at {rate:g} Hz; frequency 0 to 1 was taken as {low:g} to {high:g} Hz, which depends on the device.",
     )
-    found = ImportedData(
+    return ImportedData(
         samples=np.clip(wave, -1, 1)[:, None],
         form=".haptic",
         rate=rate,
         settings={"points": len(at), "emphasis": len(clicks)},
         report=report,
     )
-    return found.resolve(given, path)
 
 
 def _envelope(points: list[dict[str, Any]], name: str) -> tuple[Array, Array]:

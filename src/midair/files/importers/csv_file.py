@@ -16,7 +16,7 @@ from midair.array_types import Array
 from midair.errors import BrokenFileError, InputError
 from midair.files.atomic import atomic_file, parse_errors, write_file
 from midair.files.importers.text_table import decoded, read_table
-from midair.files.opened_take import Format, FormatLoss, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions
 from midair.files.text_files import read_text
 from midair.model import PalmPath, Recording, SensorGrid
 from midair.streaming import blocks
@@ -41,7 +41,7 @@ def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     return ()
 
 
-def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
+def read_csv(path: Path, given: ImportOptions) -> ImportedData:
     """Read a table of FabricSlide, or of any program that writes one channel per column."""
     text, encoding = decoded(path.read_bytes())
     table = read_table(text, given, encoding=encoding)
@@ -57,8 +57,8 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
             notes={**_notes(path), **layout},
             settings={"left_out": FABRICSLIDE[1:3]},
             report=("Columns proximity1 and proximity2 were left out: not taxels.", *layout.values()),
-        ).resolve(given, path)
-    return table.resolve(given, path)
+        )
+    return table
 
 
 CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)

@@ -12,10 +12,10 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import BrokenFileError
-from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions
 
 
-def read_hatt(path: Path, given: ImportOptions) -> OpenedTake:
+def read_hatt(path: Path, _: ImportOptions) -> ImportedData:
     """Read the acceleration; the median of force and speed become notes."""
     content = path.read_bytes()
     if b"<!" in content.replace(b"<!--", b""):
@@ -34,7 +34,7 @@ def read_hatt(path: Path, given: ImportOptions) -> OpenedTake:
         rate=float(_numbers(named["samplerate"])[0]),
         names=tuple(axes),
         notes={f"median {name}": f"{np.median(each):.4g}" for name, each in medians.items() if len(each)},
-    ).resolve(given, path)
+    )
 
 
 def _numbers(element: ElementTree.Element) -> Array:

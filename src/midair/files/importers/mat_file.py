@@ -14,16 +14,16 @@ import scipy
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, FileError, MismatchError, ShapeError
-from midair.files.atomic import atomic_file, check_disk_space, reason
+from midair.files.atomic import atomic_file, reason
 from midair.files.importers.text_table import WORDS
 from midair.files.native.hdf5 import open_hdf5
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions
 from midair.files.size_limits import check_expansion
 from midair.model import Recording, SensorGrid
 from midair.recordings import is_clock
 
 
-def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
+def from_arrays(arrays: Mapping[str, Any], form: str, given: ImportOptions) -> ImportedData:
     """The recording in the only one of named arrays that can hold frames, or in the array `field`."""
     flat = dict(_flattened(arrays))
     name = _chosen(flat, given)
@@ -54,7 +54,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
         settings={"array": name},
         simulated=bool(near.get("simulated", np.zeros(1)).any()),
         report=report,
-    ).resolve(given, path)
+    )
 
 
 def _flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -114,11 +114,11 @@ def _time_first(
     return moved, (f"Array {name} {shape} was turned: its last axis is time, {len(moved)} frames.",)
 
 
-def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
+def read_npy(path: Path, given: ImportOptions) -> ImportedData:
     """Read an array of frames, which has no other information; objects are not loaded, because they could run code."""
     # Mapped, because NumPy would allocate what a damaged header announces.
     array = np.load(path, mmap_mode="r", allow_pickle=False)
-    return from_arrays({path.stem: array}, "NPY", path, given)
+    return from_arrays({path.stem: array}, "NPY", given)
 
 
 NPY = Format(name="NPY", read=read_npy, memory=2)
@@ -131,14 +131,12 @@ def _content(recording: Recording) -> dict[str, Any]:
 
 def write_npz(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     """Write the samples, shape (frame, row, column), their rate in Hz and unit, and whether they are simulated."""
-    with atomic_file(path) as partial:
-        check_disk_space(partial.parent, recording.samples.nbytes, path)
-        with partial.open("wb") as file:
-            np.savez(file, **_content(recording))
+    with atomic_file(path) as partial, partial.open("wb") as file:
+        np.savez(file, **_content(recording))
     return ()
 
 
-def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
+def read_npz(path: Path, given: ImportOptions) -> ImportedData:
     """Read an archive of arrays; objects could run code and are not loaded."""
     arrays: dict[str, Any] = {}
     with zipfile.ZipFile(path) as packed:
@@ -147,7 +145,7 @@ def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         for name in archive.files:
             arrays[name] = archive[name]
-    return from_arrays(arrays, "NPZ", path, given)
+    return from_arrays(arrays, "NPZ", given)
 
 
 NPZ = Format(name="NPZ", read=read_npz, write=write_npz, memory=3)
@@ -162,12 +160,12 @@ def write_mat(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     return ()
 
 
-def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
+def read_mat(path: Path, given: ImportOptions) -> ImportedData:
     """Read a MATLAB file."""
     with path.open("rb") as file:
         start = file.read(128)
     if start.startswith(b"MATLAB 7.3"):
-        return from_arrays(_version_73(path), "MAT v7.3", path, given)
+        return from_arrays(_version_73(path), "MAT v7.3", given)
     # A file of version 4 has a 0 in its first four bytes; SciPy crashes on some other files.
     if start[124:128] not in (b"\x00\x01IM", b"\x01\x00MI") and 0 not in start[:4]:
         raise BrokenFileError(f"expected a MATLAB file, got one that begins with {start[:12]!r}")
@@ -175,7 +173,7 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
         arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False, simplify_cells=True)
     except scipy.io.matlab.MatReadError as wrong:
         raise BrokenFileError(f"expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
-    return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", path, given)
+    return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", given)
 
 
 def _version_73(path: Path) -> dict[str, Any]:

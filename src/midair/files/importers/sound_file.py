@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
-from midair.files.atomic import atomic_file, check_disk_space
-from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions, OpenedTake
+from midair.files.atomic import atomic_file
+from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions
 from midair.model import Recording, Unit
 from midair.streaming import blocks
 
@@ -55,21 +55,20 @@ def _write(recording: Recording, path: Path, form: str) -> tuple[FormatLoss, ...
     rate, most = max(1, round(recording.rate)), 2**23 - 1
     exponent = int(np.frexp(np.abs(recording.samples).max())[1])
     subtype = "DOUBLE" if form == "WAV" else "PCM_24"
-    with atomic_file(path) as partial:
-        check_disk_space(partial.parent, recording.samples.nbytes, path)
-        with soundfile.SoundFile(partial, "w", rate, recording.sensor.count, subtype=subtype, format=form) as file:
-            if recording.provenance.simulated:
-                file.comment = "SIMULATED"
-            for block in blocks(recording.samples):
-                part = np.ldexp(block, -exponent).reshape(len(block), -1)
-                if form == "FLAC":
-                    # The upper 24 of 32 bits, since libsndfile would multiply numbers by 2^23 - 1.
-                    part = np.clip(np.rint(part * 2**23), -most, most).astype(np.int32) << 8
-                file.write(part)
+    form_of: Any = {"samplerate": rate, "channels": recording.sensor.count, "subtype": subtype, "format": form}
+    with atomic_file(path) as partial, soundfile.SoundFile(partial, "w", **form_of) as file:
+        if recording.provenance.simulated:
+            file.comment = "SIMULATED"
+        for block in blocks(recording.samples):
+            part = np.ldexp(block, -exponent).reshape(len(block), -1)
+            if form == "FLAC":
+                # The upper 24 of 32 bits, since libsndfile would multiply numbers by 2^23 - 1.
+                part = np.clip(np.rint(part * 2**23), -most, most).astype(np.int32) << 8
+            file.write(part)
     return tuple(_losses(form, recording, rate, exponent))
 
 
-def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
+def read_wav(path: Path, given: ImportOptions) -> ImportedData:
     """Read a WAV or RF64 file: PCM of 8 to 32 bits, float32, float64 or µ-law.
 
     A program that writes to a pipe, or is cut off, cannot state the length of the samples: if it is 0, or 2^31 - 2^10
@@ -98,12 +97,12 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     return _read(path, given, BytesIO(data))
 
 
-def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
+def read_sound(path: Path, given: ImportOptions) -> ImportedData:
     """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file."""
     return _read(path, given)
 
 
-def _read(path: Path, given: ImportOptions, wav: BytesIO | None = None, *notes: str) -> OpenedTake:
+def _read(path: Path, given: ImportOptions, wav: BytesIO | None = None, *notes: str) -> ImportedData:
     """Recording in a sound file, or in the content of a WAV.
 
     Full scale is 1 of the given unit; with unit "count", PCM samples are integers. A stated rate that rounds to the
@@ -135,7 +134,7 @@ def _read(path: Path, given: ImportOptions, wav: BytesIO | None = None, *notes: 
         settings={"subtype": subtype, "scale": scale},
         simulated=simulated,
         report=(*report, *notes),
-    ).resolve(given, path)
+    )
 
 
 def _counts(subtype: str) -> tuple[float, str]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6
 _TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), 1)) | {0x19: "f4", 0x1A: "f8"}
@@ -43,7 +43,7 @@ class _Object:
     pieces: list[NDArray[Any]] = field(default_factory=list[NDArray[Any]])
 
 
-def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
+def read_tdms(path: Path, given: ImportOptions) -> ImportedData:
     """Read the channels of the only group that has any, or of the group `field`."""
     objects, cut = _objects(_Cursor(path.read_bytes()), path.stat().st_size)
     group, channels = _group(objects, given)
@@ -60,7 +60,7 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
         notes={"group": group},
         settings={"group": group},
         report=("The file was not closed: complete records were read.",) if cut else (),
-    ).resolve(given, path)
+    )
 
 
 def _scaled(name: str, channel: _Object) -> NDArray[np.float64]:

@@ -194,13 +194,8 @@ def _rows(lines: Sequence[tuple[int, str]], separator: str) -> list[_Row]:
     if separator == " ":
         return [_Row(number, line.split()) for number, line in lines]
     texts = report_progress([line for _, line in lines], len(lines))
-    reader, rows = csv.reader(texts, delimiter=separator, skipinitialspace=True), list[_Row]()
-    try:
-        for fields in reader:
-            rows.append(_Row(lines[reader.line_num - 1][0], [field.strip() for field in fields]))
-    except csv.Error as wrong:
-        at = lines[reader.line_num - 1][0]
-        raise BrokenFileError(f"expected separated values, got line {at}: {wrong}") from wrong
+    reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
+    rows = [_Row(lines[reader.line_num - 1][0], [field.strip() for field in fields]) for fields in reader]
     return [row for row in rows if any(row.fields)]
 
 

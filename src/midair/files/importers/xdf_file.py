@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
-from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions
 
 
-def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
+def read_xdf(path: Path, given: ImportOptions) -> ImportedData:
     """Read the only numeric stream of an XDF, or the one named `field`."""
     try:
         from pyxdf import load_xdf
@@ -48,7 +48,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
         settings={"stream": _first(info, "name"), "nominal_hz": _first(info, "nominal_srate")},
         report=tuple(dict.fromkeys(f"pyxdf: {one.getMessage().splitlines()[0][:160]}" for one in messages)),
-    ).resolve(given, path)
+    )
 
 
 def _channels(info: Mapping[str, Any]) -> list[tuple[str, str]]:
