@@ -102,12 +102,10 @@ def _add(wave: Array, time: Array, event: Mapping[str, Any], intensity: Array, s
     else:
         held = float(event["EventDuration"])
         attack, decay, release = (known.get(name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
-        if attack > 0:
-            shape *= np.clip(since / attack, 0, 1)
-        if decay > 0 and known.get("Sustained", 1.0) < 0.5:
-            shape *= np.clip(1 - (since - attack) / decay, 0, 1)
-        if release > 0:
-            shape *= np.clip(1 - (since - held) / release, 0, 1)
+        decay *= known.get("Sustained", 1.0) < 0.5
+        for length, ramp in ((attack, since), (decay, attack + decay - since), (release, held + release - since)):
+            if length > 0:
+                shape *= np.clip(ramp / length, 0, 1)
     low, high = SHARPNESS
     sharp = np.clip(known.get("HapticSharpness", 0.5) + sharpness[part], 0, 1)
     turns = np.cumsum(low + (high - low) * sharp) * (time[1] - time[0] if len(time) > 1 else 1.0)

@@ -19,7 +19,6 @@ from midair.files.importers.text_table import decoded, read_table
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions
 from midair.files.text_files import read_text
 from midair.model import PalmPath, Recording, SensorGrid
-from midair.streaming import blocks
 
 
 def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
@@ -28,16 +27,11 @@ def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     cells = [
         f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
     ]
-    with atomic_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        file.write("# SIMULATED\n" if recording.provenance.simulated else "")
-        file.write(",".join(["time [s]", *cells]) + "\n")
-        # repr gives the shortest text that is read back as the same number.
-        first = 0
-        for block in blocks(recording.samples, 4096):
-            time = np.arange(first, first + len(block)) / recording.rate
-            table = np.column_stack([time, block.reshape(len(block), -1)])
-            file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
-            first += len(block)
+    head = ("# SIMULATED\n" if recording.provenance.simulated else "") + ",".join(["time [s]", *cells])
+    table = np.column_stack([recording.time, recording.samples.reshape(recording.frames, -1)])
+    with atomic_file(path) as partial:
+        # %s is the shortest text that is read back as the same number.
+        np.savetxt(partial, table, "%s", ",", header=head, comments="")
     return ()
 
 
