@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4143,
     "calibration": 3177,
     "solvers": 4309,
-    "files": 4297,
+    "files": 4289,
     "devices": 7930,
     "rig": 8896,
     "patterns datasets": 1776,
