@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from midair.calibration import calibrate
 from midair.datasets import sample
 from midair.dsp import band_edges, band_window, filter_response
-from midair.errors import BandError, InputError, MismatchError
+from midair.errors import BandError
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
 from midair.recordings import dead_channels
@@ -163,30 +163,11 @@ def test_a_dead_channel_stays_silent_and_is_named():
     assert np.abs(frames.pressure[:, 1, 3]).max() < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("calibration", "says"),
-    [
-        (Calibration.flat(SensorGrid(name="other")), "'sensor', 4 x 4, got one of 'other'"),
-        (Calibration.flat(SensorGrid(rows=3)), "4 x 4, got one of 'sensor', 3 x 4"),
-        (Calibration.flat(SensorGrid(), unit="count"), "sensor output in V, got count"),
-    ],
-)
-def test_the_calibration_of_another_sensor_is_refused(calibration, says):
-    with pytest.raises(MismatchError, match=says):
-        calibrate(of(noise(0), unit="V"), calibration)
-
-
 def test_a_band_beyond_the_calibration_is_refused():
     short = calibration_of(MODEL, highest=300.0)
     with pytest.raises(BandError, match="calibration's 0 to 300 Hz, got 20 to 470 Hz"):
         calibrate(of(noise(0), unit="V"), short)
     assert calibrate(of(noise(0), unit="V"), short, band=(20, 290)).band == (20, 290)
-
-
-@pytest.mark.parametrize("frequency", [2.0, 5.0, 10.0])
-def test_a_recording_with_nothing_in_the_band_is_refused(frequency):
-    with pytest.raises(BandError, match="signal power between 20 and 470 Hz, got a share of"):
-        calibrate(of(tone(frequency, offset=1.0)))
 
 
 @pytest.mark.parametrize("start", [5, 50, 3000, 3955])
@@ -208,14 +189,3 @@ def test_a_recording_shorter_than_the_filter_is_handled(method):
     frames = calibrate(of(tone(100.0, frames=60)), method=method)
     assert frames.frames == 60
     assert frames.pressure[20:40] == pytest.approx(tone(100.0, frames=60)[20:40], abs=0.3)
-
-
-def test_other_settings_are_checked():
-    with pytest.raises(InputError, match=r"fft, fir, got 'iir'"):
-        calibrate(of(noise(0)), method="iir")
-    with pytest.raises(InputError, match="taps"):
-        calibrate(of(noise(0)), method="fir", taps=200)
-    with pytest.raises(InputError, match="floor"):
-        calibrate(of(noise(0)), floor=-1.0)
-    with pytest.raises(BandError, match="edges"):
-        calibrate(of(noise(0)), edges=(50.0, 10.0))

@@ -3,10 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.errors import MismatchError
 from midair.evaluate import TOUCHED, advance, compare, fidelity, in_band, ratio_text
 from midair.evaluate.distortion import decibels, distortion_ratios, image_level, map_correlation
-from midair.model import PressureFrames, SensorGrid
+from midair.model import PressureFrames
 
 RATE = 4000.0
 TIME = np.arange(4000) / RATE
@@ -112,14 +111,6 @@ def test_silence_gives_numbers():
         assert not np.isnan([found.distortion_ratio, found.overall_ratio, found.gain, found.spatial_correlation]).any()
     assert decibels(0, 0) == -np.inf
     assert decibels(1, 0) == np.inf
-
-
-def test_other_cells_are_refused():
-    with pytest.raises(MismatchError, match="cells"):
-        fidelity(
-            frames({5: sine(100)}),
-            PressureFrames(pressure=np.ones((4000, 2, 2)), rate=RATE, sensor=SensorGrid(rows=2, columns=2)),
-        )
 
 
 def test_maps():

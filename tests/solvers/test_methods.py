@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.solvers import METHODS, Fast, SolverSettings, solver
 
 
@@ -24,18 +23,3 @@ def test_iterations_and_start_reach_those_that_have_them():
     assert (solver("lm", iterations=(7, 3), start="zero").iterations, solver("lm", start="zero").start) == (7, "zero")
     assert solver("lm", iterations=4).warm_iterations == 4
     assert solver("fast", iterations=4, start="previous").iterations == 4
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        ({"method": "ml"}, "method: expected one of lm, fast"),
-        ({"method": "lm", "iterations": (3, 0)}, "iterations: expected 1 or more"),
-        ({"method": "lm", "iterations": "20"}, "iterations: expected 1 or more, got '20'"),
-        ({"method": "fast", "iterations": (3, 2)}, "since fast solves all frames alike"),
-        ({"method": "lm", "start": "one"}, "start: expected previous or zero"),
-    ],
-)
-def test_wrong_settings_are_refused(call, message):
-    with pytest.raises(InputError, match=message):
-        solver(call.pop("method"), **call)

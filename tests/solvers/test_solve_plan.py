@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import Glide, automatic_level, solve
@@ -19,36 +18,6 @@ def target(amplitude):
 
 def wave(frames=4, points=16, pascal=3000.0):
     return pascal * np.random.default_rng(0).uniform(size=(frames, points))
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"method": "magic"}, "method: expected one of lm"),
-        ({"start": "random"}, "start: expected previous or zero"),
-        ({"level": 0.0}, "level: expected above 0"),
-        ({"level": 1.5}, "level: expected above 0"),
-        ({"bits": 0}, "bits: expected 1 to 16"),
-        ({"iterations": 0}, "iterations: expected 1 or more"),
-        ({"level": "loud"}, "level: expected a number, got 'loud'"),
-        ({"amplitudes": "free"}, "amplitudes: expected one of equal, bounded, got 'free'"),
-        ({"fit": "palm"}, "fit: expected one of points, windows, fine-windows, cells"),
-        ({"smooth": -1.0}, "smooth: expected 0 or more"),
-        ({"smooth": float("nan")}, "smooth: expected 0 or more"),
-        ({"smooth": 0.1}, "method lm: expected supported terms .*, got smooth; choose fast"),
-        ({"method": "free", "amplitudes": "bounded"}, "method free: .*, got amplitudes"),
-        ({"backend": "torch"}, "backend: expected method fast or glide, got lm"),
-    ],
-)
-def test_wrong_settings_are_refused(options, message):
-    with pytest.raises(InputError, match=message):
-        solve(target(wave(1)), UNIT, **options)
-
-
-@pytest.mark.parametrize("robust", [-1.0, 11.0, float("nan")])
-def test_a_range_that_is_none_is_refused(robust):
-    with pytest.raises(InputError, match="robust: expected 0 to 10 K"):
-        solve(target(wave()), UNIT, robust=robust)
 
 
 def test_methods_get_the_positions_of_the_transducers(monkeypatch):

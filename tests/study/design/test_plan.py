@@ -84,24 +84,6 @@ def test_codes_are_unique_and_do_not_reveal_the_condition(plan):
     assert not any(word in code for code in codes for word in words)
 
 
-@pytest.mark.parametrize("change", [{"participants": 100_000}, {"repetitions": 100_000_000}])
-def test_plans_that_would_fill_the_memory_are_refused(change, plan):
-    design = plan.design
-    if "repetitions" in change:
-        design = replace(design, blocks=(replace(design.blocks[0], **change), *design.blocks[1:]))
-    else:
-        design = replace(design, **change)
-    with pytest.raises(InputError, match=r"at most 100000 trials, got .* participants with .* trials each"):
-        draw_plan(design)
-
-
-def test_unknown_participant(plan):
-    with pytest.raises(InputError, match="expected 1 to 10, got 11"):
-        plan.of(11)
-    with pytest.raises(InputError, match="code"):
-        plan.trial("p99-t001")
-
-
 def opened(plan, participant=1):
     return {
         "event": "open",

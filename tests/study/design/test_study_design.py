@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.errors import InputError, MismatchError
+from midair.errors import InputError
 from midair.study.design.question import Question, Stimulus, right_answer
-from midair.study.design.study_design import Analysis, Block, Design
+from midair.study.design.study_design import Block, Design
 
 CHOICE = Question(name="which", kind="choice", text="Which?", options=("brush", "towel"), truth="object")
 BRUSH = Stimulus(name="s1", kind="object", source="brush", levels={"object": "brush"})
@@ -42,24 +42,3 @@ def test_right_answers():
     assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s1")), {}) == "same"
     assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s2")), {}) == "different"
     assert right_answer(Question(name="r", kind="rating", text="?"), BRUSH, {}) == ""
-
-
-def test_inconsistent_designs_are_refused():
-    with pytest.raises(InputError, match="letters and digits"):
-        design(name="my study")
-    with pytest.raises(InputError, match="different names"):
-        design(stimuli=(BRUSH, BRUSH))
-    with pytest.raises(MismatchError, match="got 's3'"):
-        design(blocks=(Block(name="b", stimuli=("s3",), questions=("which",)),))
-    with pytest.raises(MismatchError, match="got 'how'"):
-        design(blocks=(Block(name="b", stimuli=("s1",), questions=("how",)),))
-    with pytest.raises(MismatchError, match="got 'surface'"):
-        design(analysis=Analysis(choice="which", condition="surface"))
-    with pytest.raises(MismatchError, match="got 'z'"):
-        design(counterbalanced=("z",))
-    with pytest.raises(MismatchError, match="other than columns of the answers table"):
-        design(stimuli=(BRUSH, Stimulus(name="s2", kind="silence", levels={"trial": "x"})))
-    with pytest.raises(InputError, match="two members"):
-        Stimulus(name="p", kind="pair", members=("a",))
-    with pytest.raises(InputError, match="the source"):
-        Stimulus(name="p", kind="object")
