@@ -39,17 +39,16 @@ from midair.model.provenance import clipped, clipped_list, counted, frames_and_d
 
 def test_a_step_is_added_and_the_past_kept():
     before = Provenance(source="virtual:towel", notes={"object": "towel"})
-    after = before.then("calibrate", {"band_hz": (20.0, 470.0)}).then("prepare", {"mapping": "half-wave"})
-    assert [step.stage for step in after.steps] == ["calibrate", "prepare"]
+    after = before.then("calibrate", {"band_hz": (20.0, 470.0)}).then("cut", {}).then("cut", {"start_s": 2.0})
+    assert [step.stage for step in after.steps] == ["calibrate", "cut", "cut"]
     assert after.steps[0].settings["band_hz"] == (20.0, 470.0)
     assert (after.source, after.notes) == (before.source, before.notes)
     assert before.steps == ()
-
-
-def test_what_was_simulated_once_stays_so():
+    assert after.last("cut")["start_s"] == 2.0
+    assert dict(after.last("play")) == {}
+    assert not after.simulated
     assert Provenance(simulated=True).then("solve", {}).simulated
-    assert Provenance().then("play", {}, simulated=True).then("compare", {}).simulated
-    assert not Provenance().then("solve", {}).simulated
+    assert before.then("play", {}, simulated=True).then("compare", {}).simulated, "what was simulated once stays so"
 
 
 def test_nothing_of_it_can_be_changed():
@@ -63,12 +62,6 @@ def test_nothing_of_it_can_be_changed():
         Provenance(notes={"a": "b"}).notes["a"] = "c"
     with pytest.raises(dataclasses.FrozenInstanceError):
         Provenance().source = "elsewhere"
-
-
-def test_the_last_step_of_a_name_tells():
-    life = Provenance().then("cut", {"start_s": 1.0}).then("lead", {}).then("cut", {"start_s": 2.0})
-    assert life.last("cut")["start_s"] == 2.0
-    assert dict(life.last("play")) == {}
 
 
 LONG = "<b>" + "a very long name " * 40 + "\n</b>"
@@ -212,9 +205,10 @@ def test_the_table_has_every_data_class():
     assert all(type(noun).__name__ == name for name, noun in ORDINARY.items())
 
 
-def test_a_repr_is_one_short_line_without_the_numbers_of_an_array():
+def test_a_repr_is_one_short_line_without_the_numbers_of_an_array_and_marks_simulated_data():
     said = [repr(noun) for noun in NOUNS.values()]
     assert [line for line in said if len(line) >= 300 or re.search(r"\n|array\(|\[|\b(nan|inf)\b", line)] == []
+    assert {name for name, noun in ORDINARY.items() if "SIMULATED" in repr(noun)} == set(STAGES.split())
 
 
 def test_a_repr_has_the_main_figures_with_units():
@@ -225,10 +219,6 @@ def test_a_repr_has_the_main_figures_with_units():
     assert "AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz" in said["TransducerArray"]
 
 
-def test_simulated_data_are_marked():
-    assert {name for name, noun in ORDINARY.items() if "SIMULATED" in repr(noun)} == set(STAGES.split())
-
-
 def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
     drive = replace(ORDINARY["Drive"], phase=np.zeros((3, 996)), level=np.array([0.0, 1, 1]))
     some = replace(solution(drive), error=np.array([0.0, 0.1, 0.2]), status=("silent", "stalled", "converged"))
@@ -237,19 +227,11 @@ def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
     assert "1 frame, 1 silent, of <Drive" in repr(EXTREME["solution that is silent"])
 
 
-def test_long_names_keep_both_ends():
+def test_names_lists_and_numbers_are_short_and_have_units():
     assert clipped("C:/takes/of/a/long/winter/towel.h5", 20) == "C:/takes/…/towel.h5"
     assert clipped("short") == "short"
     assert clipped("two\nlines") == "two lines"
-
-
-def test_long_lists_end_with_the_number_of_further_entries():
-    assert clipped_list("abcdef", most=4) == "a, b, c, d and 2 more"
-    assert clipped_list("ab") == "a, b"
-    assert clipped_list([]) == ""
-
-
-def test_numbers_are_short_and_have_units():
+    assert [clipped_list(each, most=4) for each in ("abcdef", "ab", [])] == ["a, b, c, d and 2 more", "a, b", ""]
     assert [short(v) for v in (0.03141, -0.0, 2849.3, 999.6, 12e6)] == ["0.0314", "0", "2849", "1000", "1.2e+07"]
     assert span(np.array([-0.31, 0.42]), "V") == "-0.31 to 0.42 V"
     assert span(np.ones(3)) == "1"

@@ -26,12 +26,6 @@ def test_keys_move_a_spot_and_change_its_pressure():
         np.testing.assert_allclose((x[-801], y[-801], foci.pressure[-801, 0]), at_the_end, atol=0.05)
 
 
-def test_keys_that_are_not_in_order_or_unknown_are_refused(subtests):
-    for keys in [[{"at_s": 1.0}, {"at_s": 0.5}], [{"at_s": 0.0, "ease": "bounce"}], [{"centre_mm": [np.nan, 0.0]}]]:
-        with subtests.test(keys=keys), pytest.raises(InputError, match=r"spot 1: (key|centre_mm)"):
-            Pattern.from_plain({"duration_s": 1.0, "spot": [{"key": keys}]})
-
-
 def test_every_shape_goes_through_its_file_and_ends_where_it_says(subtests):
     for name in SHAPES:
         with subtests.test(name=name):

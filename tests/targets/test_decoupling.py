@@ -1,9 +1,7 @@
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.errors import InputError
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import SensorModel, cell_weights, radiation_pressure
 from midair.targets import coupling, decouple, interpolation_matrix, moved_interpolation, prepare
@@ -36,11 +34,6 @@ def test_the_step_is_written_down():
     step = decouple(frames(np.ones(16))).provenance.steps[-1]
     assert step.stage == "decouple"
     assert step.settings["spread_m"] == SensorModel().spread
-
-
-def test_points_that_do_not_tell_cells_apart_are_refused():
-    with pytest.raises(InputError, match="decouple: expected control points that separate the cells"):
-        decouple(frames(np.ones(16)), grid=ControlGrid(rows=2, columns=2, pitch=11e-3))
 
 
 def test_any_sensor():

@@ -92,11 +92,6 @@ def test_a_sensor_that_falls_silent_is_an_error_in_time(serial_line):
                 sensor.read(10)
 
 
-def test_a_port_that_is_not_there_names_those_that_are():
-    with pytest.raises(DeviceError, match=r"expected a port /dev/nothing, got: .*; ports here: "):
-        source_sensor("serial:/dev/nothing").open()
-
-
 def test_a_port_is_one_recorder_s(serial_line, tmp_path):
     line = serial_line()
     alias = tmp_path / "by-id"

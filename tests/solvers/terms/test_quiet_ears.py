@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
 from midair.physics import focus_amplitude, propagate, transfer_matrix
 from midair.solvers import solve
@@ -62,9 +61,3 @@ def test_beside_a_guard_each_keeps_its_weight():
     assert both.weight == 2.0
     np.testing.assert_array_equal(both.ceilings, [0.3] * 4 + [0.0] * 2)
     np.testing.assert_allclose(both.weight * np.abs(both.G[4:]) ** 2, 8.0 * np.abs(rows) ** 2)
-
-
-@pytest.mark.parametrize(("method", "weight", "says"), [("live", 1.0, "quiet-ears"), ("fast", -1.0, "above 0")])
-def test_impossible_settings_are_refused(method, weight, says):
-    with pytest.raises(InputError, match=says):
-        solve(target(), ARRAY, method=method, quiet_ears=weight)

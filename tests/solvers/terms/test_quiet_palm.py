@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from tests.solvers.terms.test_quiet_ears import ARRAY, GRID, target
 
-from midair.errors import InputError
 from midair.model import Acoustics, ControlGrid, Palm, TransducerArray
 from midair.physics import propagate, transfer_matrix
 from midair.settings import Settings
@@ -82,17 +81,3 @@ def test_settings_with_a_hand_can_be_written_down(tmp_path):
 
 def _parts(array):
     return {name: getattr(array, name) for name in array.__dataclass_fields__}
-
-
-@pytest.mark.parametrize(
-    ("method", "asked", "says"),
-    [
-        ("live", 0.1, "quiet-palm"),
-        ("fast", -0.1, "weight of the quiet palm: expected .* above 0.* got -0.1"),
-        ("fast", QuietPalm(diameter=40e-3), "a palm larger than the control grid, got a disc of 40 mm"),
-        ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "a palm larger than the control grid, got an outline"),
-    ],
-)
-def test_impossible_settings_are_refused(method, asked, says):
-    with pytest.raises(InputError, match=says):
-        solve(target(), ARRAY, method=method, quiet_palm=asked)
