@@ -105,12 +105,6 @@ def test_repair_of_a_file_that_needs_none(take, capsys):
 
 
 @pytest.mark.long
-def test_doctor(capsys):
-    assert run(["doctor", "--json"]) == 0
-    assert {"subject", "state", "found", "advice"} <= set(json.loads(capsys.readouterr().out)[0])
-
-
-@pytest.mark.long
 def test_demo_writes_a_report_and_its_files(capsys):
     assert run(["demo", "out", "--duration", "0.05s", *QUICK, "--all"]) == 0
     assert {path.name for path in Path("out").iterdir()} == {

@@ -1,20 +1,18 @@
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
-from multiprocessing import Event, Pipe
+from multiprocessing import Pipe
 
 import numpy as np
 import pytest
 from tests.devices.trackers.test_tracker_contract import Osc
 from tests.drives import log, save_drive
 from tests.simulators.moving_hand import Hand
-from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.devices import PlayLease
-from midair.errors import DeviceError, DeviceStateError, MidairError, StoppedError
+from midair.errors import DeviceError, DeviceStateError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance
 from midair.rig import record
@@ -196,64 +194,3 @@ def test_a_pattern_in_a_loop_is_changed_while_it_plays_until_a_stop(tmp_path, de
     # The override was for the pattern that was checked.
     assert device == "virtual" or "expected at most" in answers[1]["error"]
     assert len([row for row in log() if row["event"] == "play"]) == 2, "what was refused never played"
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("waits", [True, False])
-def test_hot_units_pause_the_play_until_they_are_cool_and_the_page_has_chosen(tmp_path, request, monkeypatch, waits):
-    """Four emulated units behind a proxy that sets their thermal bit."""
-    pytest.importorskip("autd3")
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    path = save_drive(tmp_path / "a.drive.h5", frames=800)
-    tap = UdpProxy(4)
-    request.addfinalizer(tap.close)
-    here, there = Pipe()
-    lease, agreed, ended = PlayLease(), Event(), []
-    player = _Player(StudioPipe(there), lease, f"autd3:{tap.address}", 0, agreed)
-
-    def play():
-        try:
-            ended.append(player.act({"do": "play", "output": "", "masked": False, "waits": True, **order}))
-        except MidairError as wrong:
-            ended.append(wrong)
-
-    def until(true):
-        limit = time.monotonic() + 60
-        while not true() and time.monotonic() < limit:
-            lease.renew(lasts=2.0)
-            time.sleep(0.02)
-        assert true()
-
-    def heat():
-        """The next message about heat."""
-        while here.poll(10):
-            if (said := here.recv())["kind"] == "heat":
-                return said["text"]
-        raise AssertionError("no message about heat")
-
-    with player.held:
-        found = player.act({"do": "admit", "path": str(path), **CHECKED})
-        order = {"clearance": found["number"], "token": lease.arm(lasts=2.0)}
-        playing = threading.Thread(target=play)
-        playing.start()
-        until(lambda: player.array.emitting)
-        tap.hot = range(65536)
-        until(lambda: not player.array.emitting)
-        assert "units 0, 1, 2, 3 too hot" in heat()
-        tap.hot = ()
-        cool = time.monotonic() + 2.0
-        until(lambda: time.monotonic() > cool)
-        assert not ended, "cool for two seconds, and it still waits for the choice"
-        if waits:
-            agreed.set()
-        else:
-            lease.stop()
-        until(lambda: ended)
-        playing.join(10)
-    if waits:
-        assert heat().startswith("units have cooled")
-        assert ended[0]["paused"] > 2.0
-        assert ended[0]["frames"] == 800
-    else:
-        assert "stopped on request" in str(ended[0])
-        assert log()[-1]["reason"].startswith("StoppedError: ")

@@ -111,6 +111,8 @@ def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at
     assert "too hot" in page.page.locator("#hot-play").inner_text()
     assert "It stays silent until you choose." in page.page.locator("#hot-play").inner_text()
     tap.hot = ()
+    time.sleep(2.0)
+    assert not page.page.evaluate("studio.link.state.player.emitting"), "cool for two seconds, and it still waits"
     page.page.locator("#hot-play").get_by_role("button", name="Wait until they have cooled").click()
     page.until("document.querySelector('#hot-play').hidden")
     page.until("studio.link.state.player.emitting")

@@ -123,14 +123,6 @@ def test_a_pattern_is_played_at_once(capsys):
 
 
 @pytest.mark.long
-def test_a_pattern_is_played_on_the_emulator(capsys):
-    pytest.importorskip("autd3")
-    Path("circle.toml").write_text(CIRCLE, encoding="utf-8")
-    assert run(["play", "circle.toml", "--device", "autd3:emulator", "--attenuate"]) == 0
-    assert "played 0.25 s on autd3:emulator" in capsys.readouterr().out
-
-
-@pytest.mark.long
 def test_a_pattern_of_the_adaptics_designer_is_drawn_with_its_parameters(answer):
     rain = EXAMPLES / "Rain.adaptics"
     chosen = ["--parameter", "droplet_strength=1", "--parameter", "rainfall_amount=0.5", "--duration", "0.05s"]
@@ -139,15 +131,6 @@ def test_a_pattern_of_the_adaptics_designer_is_drawn_with_its_parameters(answer)
     made = load_solution("rain.drive.h5").drive.provenance.last("draw")
     assert (made["parameter droplet_strength"], made["parameter rainfall_amount"]) == (1.0, 0.5)
     assert made["pattern"] == rain.read_text(encoding="utf-8")
-
-
-@pytest.mark.long
-def test_a_study_takes_drawn_drives(drawn):
-    Path("drives").mkdir()
-    for name in (f"{thing}-{side}" for thing in ("brush", "sponge", "towel") for side in ("grooved", "plain")):
-        Path(f"drives/{name}.drive.h5").write_bytes(Path("circle.drive.h5").read_bytes())
-    assert run(["study", "new", "touch", "--drives", "drives", "--participants", "2"]) == 0
-    assert run(["study", "run", "touch", "--simulate"]) == 0
 
 
 MISTAKES = {

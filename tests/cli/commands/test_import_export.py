@@ -126,17 +126,6 @@ def test_metrics_report_that_some_people_would_feel_ridges(answer):
     assert answer("compare", "ridges.h5", "ridges.drive.h5")["verdict"]["felt"]["of_ten"] >= 3
 
 
-def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
-    assert run(["import", "sample:ridges", "loud.h5", "--peak", "135Pa"]) == 0
-    take = open_take("loud.h5")
-    assert np.abs(calibrate(take.recording, take.calibration).pressure).max() == pytest.approx(1.5 * 36, rel=0.05)
-
-
-def test_denim_names_its_licence_too(answer):
-    assert answer("import", "sample:denim", "denim.h5")["licence"] == "MIT"
-    assert answer("info", "denim.h5")["notes"]["licence"] == "MIT"
-
-
 def test_cells_that_a_footprint_passed_by_are_untouched_and_not_dead(answer, capsys):
     soundfile.write("wave.wav", 0.3 * RNG.normal(size=1300).clip(-3, 3), 1000)
     said = ["--scale", "30Pa", "--footprint", "circle:20mm", "--speed", "50mm/s"]

@@ -105,12 +105,6 @@ def test_an_override_and_the_air_of_the_room_stay_in_the_log():
     assert log()[0]["excess_db"] > 10
 
 
-@pytest.mark.long
-def test_attenuation_plays_quieter(capsys):
-    assert run(["play", make("loud.drive.h5", level=1.0), *EMULATOR, "--attenuate"]) == 0
-    assert "attenuated: within the limit" in " ".join(capsys.readouterr().out.split())
-
-
 def truncated(name):
     data = Path(make(name)).read_bytes()
     Path(name).write_bytes(data[: len(data) // 2])
@@ -400,17 +394,6 @@ def test_a_play_that_waits_too_long_for_hot_units_ends_with_status_1(tap, capsys
     assert status == [1]
     assert "no second without heat in a pause of 0.5 s; let them cool" in said(capsys)[-1]
     assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
-
-
-@pytest.mark.long
-def test_playing_from_a_thread_needs_no_signals():
-    """A program with a window of its own plays from a thread, where signals cannot be set."""
-    status = []
-    make("a.drive.h5", frames=20)
-    thread = threading.Thread(target=lambda: status.append(run(["play", "a.drive.h5", *EMULATOR])))
-    thread.start()
-    thread.join(30)
-    assert status == [0]
 
 
 TILTED = """

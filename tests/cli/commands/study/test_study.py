@@ -162,6 +162,8 @@ def test_refusals_are_one_clear_line(tmp_path):
     study("new", tmp_path / "s", "--participants", 2, "--drives", "none")
     with pytest.raises(InputError, match="--participant N"):
         study("run", tmp_path / "s")
+    with pytest.raises(InputError, match="give --array"):
+        study("run", tmp_path / "s", "--participant", 1)
     with pytest.raises(InputError, match="scored"):
         study("analyse", tmp_path / "s")
     with pytest.raises(InputError, match="expected answers"):
@@ -368,12 +370,6 @@ def test_every_command_reports_a_damaged_log(tmp_path, capsys):
     for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
         with pytest.raises(BrokenFileError, match=r"sub-02\.jsonl: .* damage in line"):
             study(*words)
-
-
-def test_drives_need_an_array(tmp_path):
-    study("new", tmp_path / "s", "--participants", 1, "--drives", "none")
-    with pytest.raises(InputError, match="give --array"):
-        study("run", tmp_path / "s", "--participant", 1)
 
 
 def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
