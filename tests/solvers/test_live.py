@@ -38,18 +38,11 @@ def test_more_time_a_frame_gives_less_error(blob):
     assert long < 0.5 * short
 
 
-def test_frame_by_frame_is_the_same_as_all_at_once(blob):
+def test_frame_by_frame_is_the_same_as_all_at_once_and_silence_moves_nothing(blob):
     tracker = Live().begin(blob)
-    np.testing.assert_array_equal(np.stack([tracker.follow(p) for p in blob.amplitude]), Live().solve(blob).phase)
-
-
-def test_silence_moves_nothing(blob):
-    tracker = Live().begin(blob)
-    before = tracker.follow(blob.amplitude[0])
-    np.testing.assert_array_equal(tracker.follow(np.zeros(256)), before)
-
-
-def test_first_frames_get_the_iterations_of_first_frames(blob):
+    followed = np.stack([tracker.follow(p) for p in blob.amplitude])
+    np.testing.assert_array_equal(followed, Live().solve(blob).phase)
+    np.testing.assert_array_equal(tracker.follow(np.zeros(256)), followed[-1])
     made = Live(iterations=30, warm_iterations=3).solve(blob).iterations
     assert list(made[:3]) == [30, 3, 3]
 

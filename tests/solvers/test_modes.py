@@ -38,16 +38,10 @@ def test_columns_are_orthonormal(transfer, tolerance):
         np.testing.assert_allclose(basis.conj().T @ basis, np.eye(kept.rank), atol=1e-8)
 
 
-def test_the_papers_array_has_136_modes_above_one_percent(transfer):
+def test_ranks_of_the_papers_array_of_a_deficient_matrix_and_of_nothing(transfer):
     assert modes(transfer, tolerance=0.01).rank == 136
-
-
-def test_rank_of_a_deficient_matrix():
     G = random_matrix(4, 9, 0)
     assert modes(np.concatenate([G, G])).rank == 4
-
-
-def test_nothing_at_all_has_one_mode():
     kept = modes(np.zeros((3, 5), complex), tolerance=1e-2)
     assert kept.rank == 1
     np.testing.assert_array_equal(put_together(kept), np.zeros((3, 5)))
