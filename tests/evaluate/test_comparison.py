@@ -3,9 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midair.dsp import welch
 from midair.errors import MismatchError
-from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, spectral_error
+from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band
 from midair.model import PressureFrames, Provenance
 
 

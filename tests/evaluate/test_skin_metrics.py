@@ -4,7 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from midair.evaluate import advance, perceptual_metrics
+from midair.evaluate import advance, in_band, perceptual_metrics
+from midair.evaluate.verdict import OTHER
 from midair.model import PressureFrames
 
 
