@@ -1,9 +1,16 @@
-"""What the pages show under their commands, compared with what the commands print."""
+"""The pages of the docs, and what they show under their commands, compared with what the commands print."""
 
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
+
+
+def blocks(page, language):
+    """The code blocks of a page, in order."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
 def _plain(text):

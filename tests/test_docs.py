@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.printed import not_printed
+from tests.printed import PAGES, ROOT, blocks, not_printed
 
 import midair
 from midair.cli import app, run
@@ -29,14 +29,6 @@ from midair.study import (
 )
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.study_design import Block, Exclusions
-
-ROOT = Path(__file__).parents[1]
-
-
-def blocks(page, language):
-    """The code blocks of a page, in order."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
 def commands(page):
@@ -184,7 +176,6 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
 
 
 OFFERED = {*COMMANDS, *FOLDERS}
-PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
 
 
 def test_every_option_that_a_page_names_is_one():

@@ -12,7 +12,7 @@ from shutil import copyfile
 import numpy as np
 import pytest
 import soundfile
-from tests.printed import not_printed
+from tests.printed import PAGES, ROOT, not_printed
 
 from midair.cli import run
 from midair.files import (
@@ -29,10 +29,6 @@ from midair.model import Crosstalk, PalmPath, Recording
 from midair.patterns import load_pattern
 from midair.recordings import cut
 from midair.settings import Settings
-
-ROOT = Path(__file__).parents[1]
-PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
-
 
 HERE = ("docs/live.md",)
 """Pages whose commands tests/test_docs.py runs, since their Python reads what these have written."""

@@ -7,17 +7,15 @@ import importlib.util
 import pkgutil
 import re
 import sys
-from pathlib import Path
 
 import pytest
+from tests.printed import PAGES, ROOT, blocks
 
 import midair
 from midair.cli import run
 from midair.cli.commands import COMMANDS, FOLDERS
 from midair.cli.commands.play import PlayOptions
 from midair.rig import LiveSettings, PlaySettings, RecordSettings
-
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -102,22 +100,14 @@ NOT_RUN = {
 """The others, and what they need."""
 
 
-def blocks(page):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-
-
-PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
-
-
 def test_every_block_of_python_runs_in_a_test_or_is_known_not_to():
-    found = {page: len(blocks(page)) for page in PAGES}
+    found = {page: len(blocks(page, "python")) for page in PAGES}
     known = {page: RUN.get(page, 0) + NOT_RUN.get(page, (0, ""))[0] for page in PAGES}
     assert found == known
 
 
 def test_every_name_of_midair_in_a_block_of_python_is_there():
-    for block in (block for page in PAGES for block in blocks(page)):
+    for block in (block for page in PAGES for block in blocks(page, "python")):
         code = block if ">>>" not in block else "\n".join(re.findall(r"^(?:>>>|\.\.\.) ?(.*)$", block, re.MULTILINE))
         for node in ast.walk(ast.parse(code)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("midair"):
