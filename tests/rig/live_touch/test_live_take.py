@@ -1,4 +1,5 @@
 import threading
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -48,25 +49,26 @@ def fill(ring, first, count, flags=FRAME_EMITTED):
         ring.publish()
 
 
+@contextmanager
 def taking(path, ring, order=ORDER):
-    take = LiveTake(
-        path, order, replace(FOUND, schedule=order.schedule(1000.0)), ring.since, {"object": "towel"}, every=0.005
-    )
+    """A take of what the block puts into the ring, or has put there; it is closed afterwards."""
+    found = replace(FOUND, schedule=order.schedule(1000.0))
+    take = LiveTake(path, order, found, ring.since, {"object": "towel"}, every=0.005)
     thread = threading.Thread(target=take.run)
     thread.start()
-    return take, thread
+    yield take
+    take.end()
+    thread.join()
+    take.close()
 
 
 def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
     ring = TouchRing(4096, 64, 249)
-    take, thread = taking(tmp_path / "felt.h5", ring)
-    fill(ring, 0, 500)
-    fill(ring, 500, 3, FRAME_REPEATED)
-    fill(ring, 503, 600)
-    fill(ring, 1103, 100, FRAME_LATE)
-    take.end()
-    thread.join()
-    take.close()
+    with taking(tmp_path / "felt.h5", ring) as take:
+        fill(ring, 0, 500)
+        fill(ring, 500, 3, FRAME_REPEATED)
+        fill(ring, 503, 600)
+        fill(ring, 1103, 100, FRAME_LATE)
     kept, played = open_take(tmp_path / "felt.h5"), load_played(tmp_path / "felt.h5")
     assert (kept.recording.samples == np.arange(1203)[:, None, None]).all()
     assert (played.phase_steps == (np.arange(1203) % 256)[:, None]).all()
@@ -85,12 +87,9 @@ def test_the_take_holds_samples_and_emitted_phases_of_each_frame(tmp_path):
 
 def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
     ring = TouchRing(4096, 64, 249)
-    take, thread = taking(tmp_path / "felt.h5", ring, ORDER.but(latency=0.2))
-    fill(ring, 0, 301)
-    fill(ring, 301, 100, FRAME_LATE)
-    take.end()
-    thread.join()
-    take.close()
+    with taking(tmp_path / "felt.h5", ring, ORDER.but(latency=0.2)):
+        fill(ring, 0, 301)
+        fill(ring, 301, 100, FRAME_LATE)
     kept, played = open_take(tmp_path / "felt.h5"), load_played(tmp_path / "felt.h5")
     assert (kept.recording.samples == 2 * np.arange(200)[:, None, None]).all()
     assert (played.rate, played.frames, played.state.tolist()) == (2000.0, 400, [1] * 301 + [2] * 99)
@@ -101,10 +100,8 @@ def test_with_a_latency_the_take_holds_two_frames_for_each_sample(tmp_path):
 def test_frames_not_read_in_time_are_counted(tmp_path):
     ring = TouchRing(64, 64, 249)
     fill(ring, 0, 200)
-    take, thread = taking(tmp_path / "felt.h5", ring)
-    take.end()
-    thread.join()
-    take.close()
+    with taking(tmp_path / "felt.h5", ring) as take:
+        pass
     kept = open_take(tmp_path / "felt.h5")
     assert take.missed == 137
     assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 0, 137)]
@@ -113,6 +110,6 @@ def test_frames_not_read_in_time_are_counted(tmp_path):
 
 def test_an_existing_file_is_not_overwritten(tmp_path):
     (tmp_path / "felt.h5").write_bytes(b"something")
-    with pytest.raises(FileError):
-        taking(tmp_path / "felt.h5", TouchRing(64, 64, 249))
+    with pytest.raises(FileError), taking(tmp_path / "felt.h5", TouchRing(64, 64, 249)):
+        pass
     assert (tmp_path / "felt.h5").read_bytes() == b"something"
