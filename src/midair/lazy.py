@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -25,9 +26,8 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
         if name == "__all__":
             return sorted(modules())
         if name not in modules():
-            # With its object, Python adds the nearest name to the message.
-            wrong = f"module {package!r} has no attribute {name!r}"
-            raise AttributeError(wrong, name=name, obj=sys.modules[package])
+            near = (f"; did you mean {each}?" for each in get_close_matches(name, modules(), n=1))
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{''.join(near)}", name=name)
         module = import_module(modules()[name], package)
         value = module if module.__name__ == f"{package}.{name}" else getattr(module, name)
         setattr(sys.modules[package], name, value)
