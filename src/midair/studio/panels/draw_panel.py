@@ -18,7 +18,7 @@ from midair.array_types import Array
 from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
-from midair.evaluate import felt, skin_motion
+from midair.evaluate import felt, skin_motion, too_loud
 from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
 from midair.model import BAND, Acoustics, Medium, Palm, Solution, TransducerArray
 from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
@@ -103,7 +103,8 @@ def _exposure(foci: Foci, array: TransducerArray, acoustics: Acoustics, room: Me
     found = measure_exposure(drive, array, profile_named(DEFAULT_PROFILE), room=room)
     place, frame = found.worst
     peak = float(found.level[frame, found.profile.places.index(place)])
-    return {"place": place.name, "peak_db": round(peak, 1), "limit_db": place.limit}
+    ears = {"text": too_loud(peak - place.limit), "loud": peak > place.limit}
+    return {"place": place.name, "peak_db": round(peak, 1), "limit_db": place.limit, **ears}
 
 
 def save_pattern(request: PatternRequest, progress: Progressed) -> list[str]:

@@ -1174,8 +1174,7 @@ export default class Draw {
       return;
     }
     this.seen = asked;
-    const { pressure, motion, exposure, felt } = found,
-      over = exposure && Number((exposure.peak_db - exposure.limit_db).toFixed(1));
+    const { pressure, motion, exposure, felt } = found;
     const [place, skin] = [pressure, motion].map(({ at_mm: [x, y] }) => `at ${x}, ${y} mm`);
     this.lines.replaceChildren(
       make(
@@ -1185,11 +1184,11 @@ export default class Draw {
       ),
       make("p", {}, `Skin: moves by ${motion.top} µm rms ${skin}, 20 to 470 Hz.`),
       make(
-        over > 0 ? "p.bad" : "p.good",
+        exposure?.loud ? "p.bad" : "p.good",
         { id: "draw-exposure" },
         exposure
-          ? `Exposure: about ${exposure.peak_db} dB at the ${exposure.place}, limit ${exposure.limit_db} dB${over > 0 ? `: ${over} dB too loud for a real array, unless attenuated` : ""}.`
-          : "Exposure: the pattern is silent.",
+          ? `Ears: ${exposure.text}; about ${exposure.peak_db} dB at the ${exposure.place}, limit ${exposure.limit_db} dB.`
+          : "Ears: the pattern is silent.",
       ),
       make(felt.of_ten >= 9 ? "p.good" : "p.bad", { id: "draw-felt" }, `Felt ${felt.text}.`),
     );
