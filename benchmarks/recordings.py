@@ -218,8 +218,8 @@ def _product(asked: Problem, method: Glide) -> float:
     y = np.ones((rows, machine.field.shape[1]), np.complex64)
 
     def once() -> None:
-        machine.drive.to_modes(q) @ machine.field
-        machine.drive.of_modes(y @ machine.field_back)
+        machine.field.of_modes(machine.drive.to_modes(q))
+        machine.drive.of_modes(machine.field.to_modes(y))
 
     return fastest(once) / rows
 

@@ -26,7 +26,7 @@ LINES = {
     "physics": 3375,
     "recordings targets correct evaluate": 4143,
     "calibration": 3177,
-    "solvers": 4309,
+    "solvers": 4382,
     "files": 4289,
     "devices": 7930,
     "rig": 8896,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 49_901, "benchmarks": 4_500}
+BESIDE = {"tests": 49_951, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

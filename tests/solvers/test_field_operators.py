@@ -49,7 +49,7 @@ def test_the_guards_ceiling_is_a_part_of_the_frames_own_peak():
     operators = machine_of(guard=GUARD)
     p, theta = operators.problem.amplitude, np.random.default_rng(1).uniform(-3, 3, (2, 9))
     cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
-    inside = misfit(np, operators.problem.field(theta), p)[0]
+    inside = misfit(np, abs(operators.problem.field(theta)), p)[0]
     outside = np.abs(0.8 * np.exp(1j * theta) @ GUARD.G.T)
     above = np.maximum(outside - 0.2 * p.max(axis=1, keepdims=True), 0)
     expected = (inside + 0.7 * (above**2).sum(axis=1) / 2) / (p**2).sum(axis=1)

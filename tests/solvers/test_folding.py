@@ -8,9 +8,10 @@ import pytest
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.settings import best_mode
-from midair.solvers import solve_parts
+from midair.solvers import Guard, error_of, solve_parts
 from midair.solvers.backend import backend
-from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Lattice, Product, modes_by_kind
+from midair.solvers.field_operators import FieldOperators
+from midair.solvers.mirror_symmetry import KINDS, FoldedProduct, Lattice, Product, mirror_images, modes_by_kind
 from midair.solvers.solve_plan import SolvePlan
 
 ARRAY, GRID, SETTINGS = TransducerArray.autd3(), ControlGrid(), best_mode().solver
@@ -48,7 +49,7 @@ def test_products_by_kind_are_those_of_the_whole_matrix(array, precision):
     lattice, put = Lattice.of(array), own_backend.put
     _, V = modes_by_kind(transfer_matrix(GRID, lattice.array), 5e-3)
     dense = lattice.weight * np.einsum("ki,kmn->kmin", KINDS, V).reshape(V.shape[0] * V.shape[1], -1)
-    product = FoldedProduct.of(own_backend, V, lattice.weight)
+    product = FoldedProduct.of(own_backend, V / 2, lattice.weight)
     b, q, theta = rows(3, len(dense)), rows(3, dense.shape[1]), RNG.uniform(-3, 3, (3, dense.shape[1]))
     close(product.of_modes(put(b)), b @ dense)
     close(product.to_modes(put(q)), q @ dense.conj().T)
@@ -67,6 +68,55 @@ def test_a_lattice_has_the_fields_of_its_array():
     lattice, theta = Lattice.of(MEASURED), RNG.uniform(-3, 3, (2, 1008))
     field = np.exp(1j * lattice.phase(theta)) @ transfer_matrix(GRID, MEASURED).T
     close((lattice.weight * np.exp(1j * theta)) @ transfer_matrix(GRID, lattice.array).T, field)
+
+
+@pytest.mark.parametrize("pitch", [6e-3, 5.5e-3], ids=["points on mirrors", "none"])
+def test_fields_by_kind_and_their_cost_are_those_of_the_array(pitch):
+    target, ring = wave(3, array=MEASURED), Guard(margin=25e-3, pitch=pitch)
+    plan = SolvePlan.of(target, MEASURED, SETTINGS.but(guard=ring))
+    asked, theta = plan.scene.problem(1.0, plan.settings), RNG.uniform(-3, 3, (3, 1008))
+    operators = FieldOperators.of(asked, backend("numpy", precision="double"), tolerance=1e-6, memory=4)
+    _, a = operators.drive.phasors(theta)
+    q = plan.scene.lattice.weight * np.exp(1j * theta)
+    close(operators.points.of_modes(a), q @ asked.G.T)
+    # The cost of windows where the target is, from samples about the middle of the lattice, and that of the ring.
+    batch = operators.batch(np.arange(3), faintest=1e-12)
+    cost, _ = operators.phase_function(batch)(theta)
+    played, own = plan.scene.lattice.phase(theta), replace(plan.own.problem(1.0), cells=plan.own.cells(SETTINGS.means))
+    y = np.exp(1j * played) @ transfer_matrix(asked_ring(plan), MEASURED).T / plan.own.focus
+    above = np.maximum(np.abs(y) - ring.ceiling * asked.amplitude.max(axis=1, keepdims=True), 0)
+    outside = (above**2).sum(axis=1) / 2 / (asked.amplitude**2).sum(axis=1)
+    np.testing.assert_allclose(cost, error_of(own, played) ** 2 / 2 + outside, rtol=0.02)
+
+
+def test_a_folded_array_needs_no_ring():
+    plan = SolvePlan.of(wave(2), ARRAY, SETTINGS, guard=None)
+    assert plan.scene.lattice is not None
+    assert plan.solve(wave(2), None, None)[0].error.max() < 0.05
+
+
+def asked_ring(plan):
+    return plan.settings.ring.points(GRID, plan.scene.lattice.middle)
+
+
+def test_the_ring_about_the_middle_of_the_array_is_nowhere_farther_from_the_square():
+    middle = Lattice.of(ARRAY).middle
+    assert 0.1e-3 < np.abs(middle).max() < 1e-3
+    moved, plain = SETTINGS.ring.points(GRID, middle), SETTINGS.ring.points(GRID)
+    np.testing.assert_allclose(np.sort(moved[:, 0] - middle[0]), np.sort(middle[0] - moved[:, 0]), atol=1e-12)
+    for axis, side in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        nearest = [(side * points[:, axis])[side * points[:, axis] > 28e-3].min() for points in (moved, plain)]
+        assert nearest[0] <= nearest[1] + 1e-12
+
+
+def test_mirror_images_are_in_order_and_share_places_on_a_mirror():
+    points = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1], [0, 2], [0, -2], [0, 0.0]]) * 1e-3 + [0.0, 0.5]
+    index, share = mirror_images(points, (0.0, 0.5))
+    np.testing.assert_array_equal(index, [[0, 4, 6], [1, 4, 6], [2, 5, 6], [3, 5, 6]])
+    np.testing.assert_array_equal(share, [1, 0.5, 0.25])
+    assert mirror_images(points[1:], (0.0, 0.5)) is None
+    assert mirror_images(points[:0], (0.0, 0.5))[0].shape == (4, 0)
+    assert mirror_images(points, (0.0, 0.0)) is None
 
 
 @pytest.mark.long

@@ -167,7 +167,7 @@ class BisectionStep:
         `rough` adds ADMM between phase fit and refinement.
         """
         operators, backend = self.operators, self.operators.backend
-        y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
+        y = operators.points.of_modes(around.z / operators.root)
         # The phases of the mean field; where it is nearly silent, the initial phases.
         even = self.settings.towards * backend.xp.max(around.p, axis=1, keepdims=True)
         u = backend.unit(backend.unit(y) * around.p + even * operators.psi)

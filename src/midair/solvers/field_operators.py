@@ -34,14 +34,14 @@ class Batch:
 class FieldOperators:
     """The matrices of one problem on a backend, and the steps.
 
-    Listeners are the control points followed by the points of the guard.
+    Listeners are the control points followed by the points of the guard; on a lattice, those of each image.
     """
 
     backend: Backend
     problem: Problem
-    field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
+    field: Product  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
+    points: Product  # The same to the control points alone
     drive: Product  # V transposed, shape (mode, transducer)
-    field_back: Rows  # Adjoint of `field`
     root: Numbers  # Square roots of A s, shape (mode,)
     strongest: float  # Largest singular value times A
     psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
@@ -59,15 +59,19 @@ class FieldOperators:
         `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
         only be quiet needs less precision.
         """
-        listeners, weighted = problem.G, problem.G
-        if problem.guard is not None:
-            listeners = np.concatenate([problem.G, problem.guard.G])
-            weighted = np.concatenate([problem.G, outside * problem.guard.G])
-        lattice, psi = problem.lattice, np.exp(1j * problem.first_psi)
+        lattice, guard, psi = problem.lattice, problem.guard, np.exp(1j * problem.first_psi)
+        # On a lattice the field at the first image of the points gives that at all.
+        images = 1 if lattice is None else 4
+        points = problem.points // images
+        listeners, weighted = problem.G[:points], images**0.5 * problem.G[:points]
+        if guard is not None:
+            ring = guard.G[: len(guard.G) // images]
+            listeners = np.concatenate([listeners, ring])
+            weighted = np.concatenate([weighted, images**0.5 * outside * ring])
         if lattice is not None:
             strength, kinds = modes_by_kind(weighted, tolerance)
             drives = np.einsum("ki,kmn->inkm", KINDS, kinds).reshape(-1, len(strength))
-            drive: Product = FoldedProduct.of(backend, kinds, lattice.weight)
+            drive: Product = FoldedProduct.of(backend, kinds / 2, lattice.weight)
             first = psi @ (problem.G @ drives).conj() / strength
         else:
             kept = modes(weighted, tolerance=tolerance)
@@ -76,19 +80,25 @@ class FieldOperators:
             first = psi @ kept.U[: problem.points].conj()
         s = problem.level * strength
         first_drive = (first / np.where(s > 0, s, 1)) @ drives.T
-        field = backend.put(problem.level * (listeners @ drives).T)
+        made = problem.level * (listeners @ drives).T
+        if lattice is None:
+            matrix = backend.put(made)
+            field = Product(backend=backend, matrix=matrix, back=backend.adjoint(matrix))
+        else:
+            field = FoldedProduct.of(backend, made.reshape(4, -1, len(listeners)))
+        root = backend.put(np.sqrt(s))
         return cls(
             backend=backend,
             problem=problem,
             field=field,
+            points=field.sampled(np.arange(points), backend.xp.ones_like(root)),
             drive=drive,
-            field_back=backend.adjoint(field),
-            root=backend.put(np.sqrt(s)),
+            root=root,
             strongest=float(s.max()),
             psi=backend.put(psi),
             initial_drive=backend.put(rippled(first_drive)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
-            ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
+            ceiling=None if guard is None else backend.put(guard.ceilings.reshape(images, -1)),
             memory=memory,
         )
 
@@ -119,12 +129,11 @@ class FieldOperators:
         `effort` is the weight of the squared length of V^H q, in units of a target in the strongest mode.
         """
         # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
-        out, loud = self.field / self.root[:, None], self.drive.sampled(sampled, self.root)
+        loud = self.drive.sampled(sampled, self.root)
         return FieldMove(
             operators=self,
-            out=out,
+            out=self.field.sampled(np.arange(self.field.shape[1] // self.field.images), self.root),
             loud=loud,
-            out_back=self.backend.adjoint(out),
             loudness=loudness / loud.shape[1],
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
             effort=effort * (self.strongest / self.root) ** 2 if effort else None,
@@ -163,13 +172,13 @@ class FieldOperators:
         initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
         the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
-        backend, s, points = self.backend, self.root**2, batch.p.shape[1]
+        backend, s = self.backend, self.root**2
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
         b, u = self.drive.to_modes(q), 0 * a
         for _ in range(iterations):
-            y = ((batch.gain * a) @ self.field)[:, :points]
-            wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
+            y = self.points.of_modes(batch.gain * a)
+            wanted = self.points.to_modes(batch.gain * (batch.p * backend.unit(y)))
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
@@ -227,23 +236,27 @@ class FieldOperators:
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q, a = self.drive.phasors(theta)
-            cost, slope = self.cost_and_slope(batch, (gain * a) @ self.field)
-            return cost, self.drive.slope(q, gain * (slope @ self.field_back))
+            cost, slope = self.cost_and_slope(batch, self.field.of_modes(gain * a))
+            return cost, self.drive.slope(q, gain * self.field.to_modes(slope))
 
         return function
 
     def cost_and_slope(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
-        xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
-        square = y if guard is None else y[:, :points]
+        xp, guard, (rows, points) = self.backend.xp, self.problem.guard, batch.p.shape
+        size = xp.reshape(xp.abs(y), (rows, self.field.images, -1))
+        each = points // self.field.images
+        inside = xp.reshape(size[:, :, :each], (rows, points))
         if batch.cells is None:
-            cost, slope = misfit(xp, square, batch.p)
+            cost, factor = misfit(xp, inside, batch.p)
         else:
-            cost, slope = cell_misfit(xp, square, self.weights, batch.cells, batch.cell_scale)
-        if guard is None:
-            return cost, slope
-        extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
-        return cost + extra, xp.concat([slope, outside], axis=1)
+            cost, factor = cell_misfit(xp, inside, self.weights, batch.cells, batch.cell_scale)
+        if guard is not None:
+            extra, outside = excess(xp, size[:, :, each:], self.ceiling * batch.peak[:, :, None], guard.weight)
+            cost = cost + extra
+            factor = xp.concat([xp.reshape(factor, (rows, self.field.images, each)), outside], axis=2)
+        y *= xp.reshape(factor, y.shape)
+        return cost, y
 
 
 def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
@@ -262,8 +275,7 @@ class FieldMove:
     """
 
     operators: FieldOperators
-    out: Rows  # From z to the listeners, shape (mode, listener)
-    out_back: Rows  # Adjoint of `out`
+    out: Product  # From z to the listeners, shape (mode, listener)
     loud: Product  # From z to the sampled transducers: drives of r modes are smooth, so a sample is enough
     loudness: float  # Weight of amplitudes above full drive, per sampled transducer
     pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
@@ -271,7 +283,7 @@ class FieldMove:
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
-        return (y @ self.operators.field_back[: y.shape[1], :]) * self.pseudo
+        return self.operators.points.to_modes(y) * self.pseudo
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
         """L-BFGS from z on; `scale` (row,) is the inverse curvature, 1 / s of the strongest mode if unknown."""
@@ -288,8 +300,8 @@ class FieldMove:
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = backend.as_complex(x)
-            cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
-            gradient = slope @ self.out_back
+            cost, slope = self.operators.cost_and_slope(batch, self.out.of_modes(z))
+            gradient = self.out.to_modes(slope)
             if weight:
                 q = inverse * self.loud.of_modes(z)
                 above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)

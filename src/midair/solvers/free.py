@@ -148,7 +148,7 @@ def _phases_of_even_field(settings: Free, operators: FieldOperators) -> Rows:
     batch, backend = alone.batch(np.zeros(1, np.int64), faintest=settings.faintest), alone.backend
     one = backend.xp.ones_like(batch.gain[:, 0]) / alone.strongest
     state = move.run(batch, move.first(batch.p * alone.psi), one, iterations)
-    return backend.unit((backend.as_complex(state.x) @ move.out)[0, : even.points])
+    return backend.unit(move.out.of_modes(backend.as_complex(state.x))[0, : even.points])
 
 
 # Each part of a recording has the same rows.

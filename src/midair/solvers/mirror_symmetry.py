@@ -2,8 +2,7 @@
 
 Two by two AUTD3 units are a lattice with 12 empty places, symmetric under mirrors along x and y. Its modes are even or
 odd under each mirror. A drive split into four kinds, each on a quarter of the places, needs a quarter of the work for a
-product with V. The control points need not be centred on the lattice (on AUTD3 they are off by .7 mm); then only the
-drives are even or odd, and there are a few more modes.
+product with V, and so do fields at points that are their own mirror images.
 """
 
 from dataclasses import dataclass, replace
@@ -26,10 +25,8 @@ SIDES = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
 KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
 """Sign of each kind on each image, shape (kind, image); orthonormal, and its own inverse."""
 
-_EMPTY, _MORE, _DIFFERENT = 1.1, 1.3, 0.7
-"""Limits of symmetry: most places per transducer, and most modes relative to the whole array, at which it saves work;
-the least share of different fields among those of all kinds.
-"""
+_EMPTY, _MORE = 1.1, 1.3
+"""Limits of symmetry: most places per transducer, and most modes over those of the whole array, where it saves work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,9 +65,28 @@ class Lattice:
         )
         return cls(array=whole, place=place, weight=weight, angle=np.angle(array.response))
 
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The middle (x, y) of the places in m."""
+        x, y, _ = (self.array.position.min(axis=0) + self.array.position.max(axis=0)) / 2
+        return float(x), float(y)
+
     def phase(self, theta: Array) -> Array:
         """Phases of the real transducers (frame, transducer) from those of all places (frame, place), in rad."""
         return theta[:, self.place] - self.angle
+
+
+def mirror_images(points: Array, middle: tuple[float, float]) -> tuple[NDArray[np.intp], Array] | None:
+    """Indices of points (point, 2 or 3) as images of those of a quarter, (image, point); None if they lack images.
+
+    A point on a mirror is its own image and has several places; the second array is the share of each, (point,).
+    """
+    steps = np.rint((points[:, :2] - middle) * 1e6).astype(np.int64)
+    quarter, known = steps[(steps >= 0).all(axis=1)], {tuple(at): point for point, at in enumerate(steps.tolist())}
+    found = [[known.get(tuple(at), -1) for at in (side * quarter).tolist()] for side in SIDES]
+    share = np.where(quarter == 0, 0.5, 1.0).prod(axis=1)
+    whole = not any(-1 in image for image in found) and 4 * share.sum() == len(points)
+    return (np.array(found, np.intp), share) if whole else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,16 +139,6 @@ def symmetric_modes(
 def by_kind(G: Complex) -> Complex:
     """The fields (row, place) of drives of each kind on one image, shape (kind, row, place of the image)."""
     return np.asarray(np.einsum("ki,pin->kpn", KINDS, G.reshape(len(G), len(KINDS), -1)))
-
-
-def kinds_differ(G: Complex, tolerance: float) -> bool:
-    """Whether drives of different kinds make different fields of G (row, place), as points in the middle ensure.
-
-    Points far from the middle couple to all kinds, whose modes above the tolerance then make the same fields.
-    """
-    found = [modes(fields, tolerance=tolerance) for fields in by_kind(G)]
-    U = np.concatenate([each.U for each in found], axis=1)
-    return U.shape[1] > _DIFFERENT * float(np.linalg.norm(U.conj().T @ U)) ** 2
 
 
 def modes_by_kind(G: Complex, tolerance: float) -> tuple[Array, Complex]:
@@ -203,29 +209,29 @@ class Product:
 class FoldedProduct(Product):
     """The product with V of four kinds, `matrix` (kind, mode, column of an image), and a factor on each place."""
 
-    weight: Numbers  # Factor of each column, shape (image * column,)
+    weight: Numbers = None  # Factor of each column, shape (image * column,); 1 if None
 
     @classmethod
-    def of(cls, backend: Backend, V: Complex, weight: Array) -> "FoldedProduct":
-        """From drives of each kind (kind, mode, place) and a factor of each place, on the host."""
-        # Half of the factor of `KINDS`, so that `_mirrored` has none.
-        matrix = backend.put(V / 2)
-        own = backend.put(weight)
+    def of(cls, backend: Backend, first: Complex, weight: Array | None = None) -> "FoldedProduct":
+        """From the columns of each kind on the first image (kind, mode, column) and a factor of each column."""
+        matrix = backend.put(first)
+        own = None if weight is None else backend.put(weight)
         return cls(backend=backend, matrix=matrix, back=_adjoints(matrix), weight=own)
 
     def sampled(self, some: NDArray[np.int64], root: Numbers) -> "FoldedProduct":
         """The product with these columns of each image and each mode divided by a number, shape (kind * mode,)."""
         matrix = np.ascontiguousarray(self.matrix[:, :, some] / root.reshape(4, -1, 1))
-        weight = self.weight.reshape(4, -1)[:, some].reshape(-1)
+        weight = None if self.weight is None else self.weight.reshape(4, -1)[:, some].reshape(-1)
         return replace(self, matrix=matrix, back=_adjoints(matrix), weight=weight)
 
     def of_modes(self, b: Rows) -> Rows:
         """The product b M, from rows (row, kind * mode) to rows (row, image * column)."""
-        return self.weight * _mirrored(self._each(b, self.matrix))
+        y = _mirrored(self._each(b, self.matrix))
+        return y if self.weight is None else self.weight * y
 
     def to_modes(self, y: Rows) -> Rows:
         """The product y M^H, from rows (row, image * column) to rows (row, kind * mode)."""
-        return self._each(_mirrored(self.weight * y), self.back)
+        return self._each(_mirrored(y if self.weight is None else self.weight * y), self.back)
 
     def _each(self, x: Rows, matrices: Rows) -> Rows:
         kinds, inner, outer = matrices.shape

@@ -54,6 +54,10 @@ class GuardField:
         """Ceiling of each point, shape (guard point,)."""
         return np.array(np.broadcast_to(self.ceiling, len(self.G)), np.float64)
 
+    def times(self, root: Array) -> "GuardField":
+        """Multiply the term of each point by a weight, whose `root` (guard point,) goes into field and ceiling."""
+        return GuardField(G=root[:, None] * self.G, ceiling=root * self.ceilings, weight=self.weight)
+
     def and_quiet(self, rows: NDArray[np.complex128], weight: float) -> "GuardField":
         """Add rows whose field shall be minimal, with their own weight."""
         ceiling = np.concatenate([self.ceilings, np.zeros(len(rows))])
@@ -87,7 +91,9 @@ class Problem:
     position: Array | None = None
     """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
     lattice: Lattice | None = None
-    """If given, the columns of G are its places, as if there were a transducer of strength 1 at each."""
+    """If given, the columns of G are its places, as if there were a transducer of strength 1 at each; points, and those
+    of the guard, are a quarter and then its mirror images.
+    """
 
     def with_quiet(self, rows: Complex, weight: float) -> "Problem":
         """Add rows (row, transducer) whose field shall be minimal, with their weight."""
@@ -217,38 +223,35 @@ def phases_and_errors(
     return played, error_of_field(problem, size)
 
 
-def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
-    """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
+def cell_misfit(xp: Any, size: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
+    """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and the factor of y in its slope, 2 scale w^T (w |y|^2 - P).
 
-    `weights` (point, cell) is w transposed, `wanted` (row, cell) is P, `scale` (row,) is 1 / || P ||^2.
+    `size` (row, point) is |y|, `weights` (point, cell) w transposed, `wanted` (row, cell) P, `scale` (row,) 1 / || P
+    ||^2. d cost = Re(conj(slope) dy).
     """
-    size = xp.abs(y)
     missed = (size * size) @ weights - wanted
-    return 0.5 * scale * squares(xp, missed), y * ((2 * scale[:, None] * missed) @ weights.T)
+    return 0.5 * scale * squares(xp, missed), (2 * scale[:, None] * missed) @ weights.T
 
 
-def misfit(xp: Any, y: Rows, p: Rows) -> tuple[Numbers, Rows]:
-    """|| |y| - p ||^2 / 2 of each row (row,), and its gradient by y, (|y| - p) y / |y| (row, point); y is overwritten.
+def misfit(xp: Any, size: Rows, p: Rows) -> tuple[Numbers, Rows]:
+    """|| |y| - p ||^2 / 2 of each row (row,), and the factor of y in its slope, (|y| - p) / |y| (row, point).
 
-    At the best phases u of the target || y - diag(p) u || is || |y| - p ||. d cost = Re(conj(slope) dy).
+    At the best phases u of the target || y - diag(p) u || is || |y| - p ||.
     """
-    size = xp.abs(y)
     missed = size - p
     # The direction at an exactly silent point is undefined; 0 is used.
-    y *= missed / (size + xp.finfo(size.dtype).smallest_normal)
-    return 0.5 * squares(xp, missed), y
+    return 0.5 * squares(xp, missed), missed / (size + xp.finfo(size.dtype).smallest_normal)
 
 
-def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """The cost lambda sum max(|y| - c, 0)^2 / 2 of each row (row,), and its gradient by y (row, guard point).
+def excess(xp: Any, size: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Rows]:
+    """The cost lambda sum max(|y| - c, 0)^2 / 2 of each row (row,), and the factor of y in its slope.
 
-    y is the field on the ring, `ceiling` (row, 1) is c = kappa times the row's loudest target; d cost = Re(conj(slope)
-    dy).
+    `size` is |y| on the ring, of each row any shape, `ceiling` c = kappa times the row's loudest target.
     """
-    size = xp.abs(y)
     above = xp.clip(size - ceiling, 0, None)
     # The smallest number gives slope 0 instead of 0 / 0 at a silent point.
-    return 0.5 * weight * squares(xp, above), y * (weight * above / (size + xp.finfo(size.dtype).smallest_normal))
+    cost = 0.5 * weight * squares(xp, xp.reshape(above, (above.shape[0], -1)))
+    return cost, weight * above / (size + xp.finfo(size.dtype).smallest_normal)
 
 
 def excess_rows(

@@ -17,10 +17,10 @@ from midair.solvers.free import Free
 from midair.solvers.glide import Glide, frames_in_block
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.methods import Method, SolverSettings
-from midair.solvers.mirror_symmetry import Lattice, kinds_differ
+from midair.solvers.mirror_symmetry import Lattice, mirror_images
 from midair.solvers.phases import spreading_phase
-from midair.solvers.problem import GuardField, Problem, WarmStart, error_of, phases_and_errors
-from midair.solvers.terms import doubled, psi_at_temperatures, with_amplitudes
+from midair.solvers.problem import CellTarget, GuardField, Problem, WarmStart, error_of, phases_and_errors
+from midair.solvers.terms import Cells, Guard, Windows, doubled, psi_at_temperatures, with_amplitudes
 
 TOGETHER = 256
 """Approximate number of sounding frames in a part."""
@@ -63,6 +63,32 @@ def _matrix(points: Array, grid: ControlGrid, array: TransducerArray, acoustics:
     return palm_matrix(points, array, reflection=array.reflection, middle=middle_of(grid), acoustics=acoustics)
 
 
+_NEAR = 1e-3
+"""Largest distance in m, along x or y, between the middles of a control grid and of an array that is folded."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MirroredPoints:
+    """Samples of the field, and points of a guard, about the middle of a lattice: a quarter, then its mirror images."""
+
+    grid: ControlGrid  # The samples in the order of a grid
+    order: NDArray[np.intp]  # Their indices, image after image
+    ring: NDArray[np.float64]  # Points of the guard, shape (point, 3), in m, those on a mirror several times
+    root: NDArray[np.float64]  # Square root of the weight of each
+
+    @classmethod
+    def of(cls, grid: ControlGrid, middle: tuple[float, float], guard: Guard | None) -> "MirroredPoints | None":
+        """The points for a grid; None if its middle is elsewhere, or if a sample is on a mirror."""
+        if np.abs(np.subtract(middle, grid.centre)).max() > _NEAR:
+            return None
+        samples, ring = replace(grid, centre=middle), np.zeros((0, 3)) if guard is None else guard.points(grid, middle)
+        own, around = mirror_images(samples.position, middle), mirror_images(ring, middle)
+        if own is None or around is None or own[1].min() < 1:
+            return None
+        root = np.tile(np.sqrt(around[1]), 4)
+        return cls(grid=samples, order=own[0].ravel(), ring=ring[around[0].ravel()], root=root)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalisedSetup:
     """Target and transfer matrices in units of the strongest focus, in which tolerances and weights suit any array."""
@@ -73,6 +99,7 @@ class NormalisedSetup:
     G: list[NDArray[np.complex128]]  # One matrix for each air, the nominal air first
     focus: float  # The strongest focus in the nominal air
     lattice: Lattice | None = None  # That of a symmetric array, whose places then are `array`
+    mirrored: MirroredPoints | None = None  # The points on a lattice, in place of those of the target and the guard
 
     @classmethod
     def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
@@ -83,43 +110,60 @@ class NormalisedSetup:
             each /= focus
         return cls(target=target, array=array, airs=airs, G=G, focus=focus)
 
-    def folded(self, lattice: Lattice) -> "NormalisedSetup":
-        """The same setup on the places of the array's lattice."""
-        grid = self.target.grid
-        G = [_matrix(grid.position, grid, lattice.array, each) / self.focus for each in self.airs]
-        return replace(self, array=lattice.array, G=G, lattice=lattice)
+    def folded(self, ring: Guard | None) -> "NormalisedSetup":
+        """The same setup on the places of the array's lattice and points about its middle, if it has one nearby."""
+        lattice = Lattice.of(self.array)
+        mirrored = None if lattice is None else MirroredPoints.of(self.target.grid, lattice.middle, ring)
+        if lattice is None or mirrored is None:
+            return self
+        grid, places = mirrored.grid, mirrored.grid.position[mirrored.order]
+        G = [_matrix(places, grid, lattice.array, each) / self.focus for each in self.airs]
+        return replace(self, array=lattice.array, G=G, lattice=lattice, mirrored=mirrored)
+
+    @property
+    def _samples(self) -> tuple[ControlGrid, Any]:
+        """The grid where the field is computed, and the order of its points."""
+        known = self.mirrored
+        return (self.target.grid, slice(None)) if known is None else (known.grid, known.order)
 
     def problem(self, level: float, settings: SolverSettings | None = None) -> Problem:
         """The problem for a solver: the target in all airs, and the terms of the settings, none if None.
 
         With bounded amplitudes it has twice as many transducers, see `terms.amplitudes`.
         """
-        times, grid = len(self.airs), self.target.grid
-        amplitude = self.target.amplitude / self.focus
+        times, (grid, order) = len(self.airs), self._samples
+        amplitude = (self.target.amplitude / self.focus)[:, order]
         problem = Problem(
             G=self.G[0] if times == 1 else np.concatenate(self.G),
             amplitude=np.tile(amplitude, (1, times)),
             level=level,
-            psi=psi_at_temperatures(self.G, spreading_phase(grid, self.array, self.airs[0].medium)),
+            psi=psi_at_temperatures(self.G, spreading_phase(grid, self.array, self.airs[0].medium)[order]),
             position=self.array.position,
             lattice=self.lattice,
         )
         if settings is None:
             return problem
         if ring := settings.ring:
-            points = ring.points(grid)
+            points = ring.points(grid) if self.mirrored is None else self.mirrored.ring
             G = np.concatenate([_matrix(points, grid, self.array, each) for each in self.airs])
             guard = GuardField(G=G / self.focus, ceiling=ring.ceiling, weight=ring.weight)
-            problem = replace(problem, guard=guard)
-        if means := settings.means:
-            unit = float(radiation_pressure(np.array(self.focus), self.airs[0].medium))
-            problem = replace(problem, cells=means.target(amplitude, grid, unit))
+            problem = replace(problem, guard=guard if self.mirrored is None else guard.times(self.mirrored.root))
+        problem = replace(problem, cells=self.cells(settings.means))
         for term in settings.quiet:
             rows = np.concatenate([term.rows(grid, self.array, each) for each in self.airs])
             # The error is a sum over M control points, so a mean over other places is multiplied by M.
             problem = problem.with_quiet(np.sqrt(len(self.G[0])) / self.focus * rows, term.weight)
         problem = replace(problem, smooth=settings.smooth)
         return doubled(problem) if settings.amplitudes == "bounded" else problem
+
+    def cells(self, means: Windows | Cells | None) -> CellTarget | None:
+        """Weights and target pressures of windows or cells, if there are any."""
+        if means is None:
+            return None
+        unit = float(radiation_pressure(np.array(self.focus), self.airs[0].medium))
+        target, (grid, order) = self.target, self._samples
+        made = means.target(target.amplitude / self.focus, target.grid, unit, grid)
+        return replace(made, weights=made.weights[:, order])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,9 +201,8 @@ class SolvePlan:
             level = automatic_level(np.array(target.amplitude.max() / own.focus))
         if len(airs) > 1:
             scene = NormalisedSetup.of(target, array, airs)
-        elif isinstance(solver, Glide) and folds(settings) and (lattice := Lattice.of(array)) is not None:
-            folded = own.folded(lattice)
-            scene = folded if kinds_differ(folded.G[0], solver.tolerance) else own
+        elif folds(settings):
+            scene = own.folded(settings.ring)
         return cls(settings=settings, solver=solver, own=own, scene=scene, level=level, bits=bits)
 
     @property
@@ -182,7 +225,8 @@ class SolvePlan:
         """Solve a part from the end of the part before it; returns the solution and its own end."""
         problem = replace(self.scene, target=target).problem(self.level, self.settings)
         # Mean pressures are never asked for in several airs, see `SolvePlan.of`.
-        own = replace(replace(self.own, target=target).problem(self.level), cells=problem.cells)
+        reported = replace(self.own, target=target)
+        own = replace(reported.problem(self.level), cells=reported.cells(self.settings.means))
         with one_blas_thread():
             answer = self.solver.solve(problem, after=after, progress=progress)
             if self.settings.amplitudes == "bounded":

@@ -27,17 +27,19 @@ class Cells:
     pressure: PressureFrames | None = None
     """Target pressure of the cells, 0 or more, in Pa. If None, it is computed from the target at the control points."""
 
-    def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> CellTarget:
+    def target(self, amplitude: Array, grid: ControlGrid, unit: float, at: ControlGrid | None = None) -> CellTarget:
         """The weights, and the target pressures for an amplitude (frame, point) in units of the focus.
 
-        `unit` is the radiation pressure in Pa of an amplitude of 1. ShapeError if `pressure` has other frames or cells.
+        `unit` is the radiation pressure in Pa of an amplitude of 1; the field is sampled `at` the points of another
+        grid, if there is one. ShapeError if `pressure` has other frames or cells.
         """
         # Radiation pressure is proportional to the squared amplitude and interpolated linearly.
         wanted = amplitude**2 @ cell_weights(self.sensor, grid, centre=grid.centre, between="lines").T
         if self.pressure is not None:
             given = self.pressure.pressure.reshape(self.pressure.frames, -1)
             wanted = frozen_array(given / unit, "pressure of the cells", wanted.shape)
-        return CellTarget(weights=cell_weights(self.sensor, grid, centre=grid.centre, between="waves"), wanted=wanted)
+        weights = cell_weights(self.sensor, at or grid, centre=grid.centre, between="waves")
+        return CellTarget(weights=weights, wanted=wanted)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +74,12 @@ class Windows:
         sensor = SensorGrid(rows=rows, columns=columns, pitch=self.pitch, name="windows")
         return SensorModel(grid=sensor, aperture=self.aperture, spread=self.spread)
 
-    def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> CellTarget:  # noqa: ARG002
+    def target(self, amplitude: Array, grid: ControlGrid, unit: float, at: ControlGrid | None = None) -> CellTarget:  # noqa: ARG002
         """As `Cells.target`."""
         places = self.places(grid)
         # Radiation pressure is proportional to the squared amplitude.
         wanted = amplitude**2 @ cell_weights(places, grid, centre=grid.centre, between="lines").T
-        weights = cell_weights(places, grid, centre=grid.centre, between="waves")
+        weights = cell_weights(places, at or grid, centre=grid.centre, between="waves")
         return CellTarget(weights=weights, wanted=wanted, faint=self.faint)
 
     def _count(self, points: int, pitch: float) -> int:

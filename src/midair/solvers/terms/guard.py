@@ -36,9 +36,11 @@ class Guard:
         if not 0 <= self.ceiling < np.inf:
             raise InputError(f"ceiling of the guard: expected 0 or more of the target's peak, got {self.ceiling:g}")
 
-    def points(self, grid: ControlGrid) -> NDArray[np.float64]:
+    def points(self, grid: ControlGrid, middle: tuple[float, float] | None = None) -> NDArray[np.float64]:
         """The points of the ring, shape (point, 3), in m, at least half a pitch from the control grid.
 
+        With a `middle` (x, y) in m near that of the grid they are symmetric about it: a ring that is closer by the
+        distance of the middles, so that on no side it is farther away.
         Raises InputError if the margin is less than a pitch, so that the ring is empty.
         """
         pitch = self.pitch or grid.pitch
@@ -57,6 +59,10 @@ class Guard:
             raise InputError(
                 f"margin of the guard: expected at least its pitch, {1e3 * pitch:g} mm, got {1e3 * self.margin:g} mm"
             )
+        if middle is not None:
+            from_middle = ring[:, :2] - grid.centre
+            closer = np.abs(np.subtract(middle, grid.centre))
+            ring[:, :2] = middle + from_middle - np.sign(from_middle) * closer
         return ring
 
     def count(self, grid: ControlGrid) -> int:
