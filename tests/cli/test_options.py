@@ -20,11 +20,8 @@ def stages(path):
     return {step.stage: step.settings for step in load_solution(path).drive.provenance.steps}
 
 
-def test_default_options_are_those_of_the_best_mode():
+def test_default_options_are_those_of_the_best_mode_and_the_default_band_is_the_paper_s():
     assert SolveOptions().settings() == best_mode()
-
-
-def test_the_default_band_is_the_paper_s():
     assert BandOptions().settings() == Settings()
 
 

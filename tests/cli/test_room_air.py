@@ -16,6 +16,7 @@ from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
 from midair.rig import LiveSettings
+from midair.settings import best_mode
 
 pytestmark = pytest.mark.usefixtures("own_state")
 ARRAY = TransducerArray.autd3()
@@ -73,6 +74,7 @@ def test_live():
     room = Medium.at(temperature=40.0)
     live = LiveOptions(temperature=room.degrees, humidity=room.humidity).settings()
     assert live.exposure.room == live.acoustics.medium == room
+    assert LiveOptions().settings().acoustics == best_mode().acoustics == Acoustics(medium=Medium.at(temperature=22.0))
     assert LiveOptions().settings().exposure.room is None
     # The studio states no air either; the default air of the processing must not count.
     assert LiveSettings().exposure.room is None

@@ -6,7 +6,6 @@ from pydantic import ValidationError
 from midair.cli.app import app
 from midair.model import HEIGHTS, Medium
 from midair.rig import LiveSettings
-from midair.settings import best_mode
 from midair.studio.panels.live_panel import CheckLive
 
 
@@ -22,13 +21,6 @@ def test_typed_values_become_settings():
     known = typed(words.split())
     assert (known.hold, known.band, known.height) == (0.004, (20.0, 200.0), 0.15)
     assert known.acoustics.medium == known.exposure.room == Medium.at(temperature=25.0, humidity=0.3)
-
-
-def test_the_default_air_is_that_of_the_other_commands_and_counts_as_not_stated():
-    known = typed(["--seed", "0"])
-    assert known.acoustics == best_mode().acoustics
-    assert known.acoustics.medium.temperature == 22.0
-    assert known.exposure.room is None
 
 
 def test_the_studio_takes_the_same_defaults_and_limits():
