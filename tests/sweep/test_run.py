@@ -16,6 +16,7 @@ import psutil
 import pytest
 from tests.waiting import wait_until
 
+from midair import processes
 from midair.errors import ClusterError, MidairError
 from midair.sweep import PatternSweep, load_sweep, run_sweep
 from midair.sweep import run as module
@@ -65,6 +66,24 @@ def test_workers_with_another_version_are_refused():
     task = SWEEP.tasks()[0]
     with pytest.raises(ClusterError, match=r"expected midair 0\.0\.9, got "):
         module.task_content(SWEEP.job(task), task, "0.0.9")
+
+
+def test_a_local_cluster_starts_again_if_a_worker_ends_at_its_start(monkeypatch):
+    """Before, it was an error of midair to report."""
+    import distributed
+
+    tried = []
+
+    def started(**_):
+        tried.append(None)
+        if len(tried) != 3:
+            raise RuntimeError("Nanny failed to start.")
+        return "started"
+
+    monkeypatch.setattr(distributed, "LocalCluster", started)
+    assert processes._started_cluster(2) == "started"
+    with pytest.raises(ClusterError, match=r"got one that ended \(Nanny failed to start\.\) in each try.*repeat"):
+        processes._started_cluster(2)
 
 
 def test_an_address_without_a_scheduler_is_one_line():

@@ -159,6 +159,14 @@ def test_a_slow_computer_says_so_and_begins_when_the_rest_will_come_in_time():
     )
 
 
+def test_a_short_last_part_has_the_speed_of_one_thread():
+    """Two threads take as long for a block of 256 frames as for two, here 1 s; it begins to sound after 769 frames."""
+    settings = QUICK.but(method=replace(QUICK.solver.solver(), jobs=2), rate=2000.0)
+    ahead, now = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), settings, PlaySettings(), None), time.monotonic()
+    ahead._arrived, ahead._frames = [(now - 3, 0), (now - 1, 257), (now, 769)], 769 + 256
+    assert ahead._lacks()[0] == pytest.approx(1.2 - 769 / 2000 + 0.3, abs=0.05)
+
+
 def test_what_needs_the_whole_drive_is_refused():
     for settings, choices in ((QUICK.but(ears=110.0), SURE), (QUICK, replace(SURE, override=None, attenuate=True))):
         with pytest.raises(InputError, match="use midair solve"):
