@@ -150,7 +150,7 @@ def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterat
     if rate != recording.rate:
         text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
         yield FormatLoss(what="rate", text=text)
-    text = f"Full scale is 2^{exponent} {recording.unit}: a reader has to be told, in midair by --scale for Pa."
+    text = f"Full scale is 2^{exponent} {recording.unit}, which a reader has to be told."
     yield FormatLoss(what="scale", text=text)
     if form == "FLAC":
         text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - 23):.3g} {recording.unit}."
