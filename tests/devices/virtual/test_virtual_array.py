@@ -169,7 +169,7 @@ def test_a_known_reflection_is_solved_for_as_far_as_the_height_is_known(warm):
     )
     asked = PressureFrames(pressure=np.ones((5, 4, 4)), rate=1000.0, sensor=SensorGrid(), provenance=Provenance())
     errors = [error_at_play(plain, target, None, reflection=0.5)]
-    for uncertainty in (3e-3, 0.5e-3, 0.0):
+    for uncertainty in (Settings().target.height_uncertainty, 0.5e-3, 0.0):
         settings = Settings().but(height_uncertainty=uncertainty)
         array, _, _ = KeptCalibration(known=known).applied(ARRAY, settings, asked)
         assert array.reflection == pytest.approx({3e-3: 0.0, 0.5e-3: 0.385, 0.0: 0.5}[uncertainty], abs=5e-3)
