@@ -124,7 +124,6 @@ def made(tmp_path_factory):
         (folder / "circle.toml").write_text("duration_s = 0.1\n[[spot]]\nshape = 'circle'\ndraw_hz = 50")
         trials = "".join(f"{n},{n % 2},{n % 2},{person}\n" for person in ("a", "b", "c") for n in range(8))
         (folder / "psychopy.csv").write_text(f"trials.thisN,object,key_resp.keys,participant\n{trials}")
-        soundfile.write("tone.wav", 0.1 * np.sin(2 * np.pi * 1000 * np.arange(8000) / 8000), 8000)
         soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)
         assert run(["cut", "take.h5", "stroke.h5", "--start", "0.5s", "--end", "0.56s"]) == 0
         for name in ("take.h5", "stroke.h5"):

@@ -37,9 +37,6 @@ from .measure.referenced_take import split_channel as split_channel
 from .measure.referenced_take import sweep_signal as sweep_signal
 from .measure.take_sums import MeasureSettings as MeasureSettings
 from .measure.take_sums import measure_calibration as measure_calibration
-from .measure.tone import MicrophoneScale as MicrophoneScale
-from .measure.tone import scale_of_drop as scale_of_drop
-from .measure.tone import scale_of_tone as scale_of_tone
 from .measure.unit_poses import fit_tracker as fit_tracker
 from .pressure import Method as Method
 from .pressure import calibrate as calibrate

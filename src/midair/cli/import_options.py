@@ -1,4 +1,4 @@
-"""Options for files of other programs, and stated calibrations: --sensitivity, --peak, --reference."""
+"""Options for files of other programs, and stated calibrations: --sensitivity, --peak."""
 
 import re
 import sys
@@ -12,7 +12,6 @@ import numpy as np
 from cyclopts import Parameter, Token
 
 from midair import files
-from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
 from midair.cli.console import err
 from midair.cli.options import format_quantity, options_from, parse_quantity, quantity
 from midair.errors import InputError, MismatchError
@@ -247,27 +246,3 @@ def stated_sensitivity(text: str, unit: str, option: str) -> float:
         return parse_quantity(text, unit)
     except ValueError as wrong:
         raise InputError(f"{option}: {wrong}") from None
-
-
-def scale_by(reference: File, options: FileOptions, tone: str, drop: str | None) -> MicrophoneScale:
-    """Scale of a file from a tone of known level such as 94dB, or from a falling weight such as 2g:50mm:10mm."""
-    taken = import_recording(
-        reference, replace(options, scale=1.0, unit=None, footprint=None, resample=None, layout=None)
-    )
-    recording = taken.recording
-    if recording.sensor.count != 1:
-        raise InputError(f"{reference}: expected one channel, got {recording.sensor.count}; choose with --channels 0")
-    samples = recording.samples.ravel()
-    if drop is None:
-        level = re.fullmatch(r"([\d.]+)\s*dB", tone)
-        if level is None:
-            raise InputError(f"--tone: expected a level re 20 µPa such as 94dB, got {tone!r}")
-        return scale_of_tone(samples, recording.rate, level=float(level[1]))
-    parts = drop.split(":")
-    try:
-        mass, height, diameter = (
-            parse_quantity(part, unit) for part, unit in zip(parts, ("kg", "m", "m"), strict=True)
-        )
-    except ValueError as wrong:
-        raise InputError(f"--drop: expected MASS:HEIGHT:DIAMETER such as 2g:50mm:10mm, got {drop!r}") from wrong
-    return scale_of_drop(samples, recording.rate, mass=mass, height=height, diameter=diameter)

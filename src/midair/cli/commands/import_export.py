@@ -15,7 +15,6 @@ from midair.cli.import_options import (
     ask_missing,
     calibration_from_options,
     channel_numbers,
-    scale_by,
 )
 from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
 from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table, recording_text
@@ -33,9 +32,6 @@ def import_command(
     options: FileOptions | None = None,
     sensitivity: Sensitivity = None,
     peak: Peak = None,
-    reference: Path | None = None,
-    tone: str = "94dB",
-    drop: str | None = None,
     mend: OptionalTime = None,
     fill: GapFill = "spectrum",
     force: Force = False,
@@ -59,12 +55,6 @@ def import_command(
         sample:connect: an effect.
     output
         Recording to write. [default: name of the source with .h5, in this folder]
-    reference
-        Derive the scale from this file: a known signal recorded with the same microphone at the same gain.
-    tone
-        Level of the tone in --reference, such as that of a calibrator.
-    drop
-        The reference is a falling weight instead: mass, height and diameter of the impact, such as 2g:50mm:10mm.
     mend
         Fill gaps (NaN, infinite or empty values) up to this length, such as 20ms. The recording stores each gap in its
         journal and provenance. [default: a file with gaps is refused]
@@ -76,18 +66,14 @@ def import_command(
     $ midair import sample:towel
     $ midair import sample:denim --peak 30Pa
     $ midair import towel.wav --felt medium --footprint circle:20mm --speed 50mm/s
-    $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
     $ midair import gaps.csv --unit V --mend 20ms
     """
-    options, notes = options or FileOptions(), ()
-    ways: dict[str, object] = {"--reference": reference, "--felt": options.felt, "--sensitivity": sensitivity}
-    ways |= {"--peak": peak, **{f"--{name}": getattr(options, name) for name in ("scale", "unit")}}
+    options = options or FileOptions()
+    ways: dict[str, object] = {"--scale": options.scale, "--unit": options.unit}
+    ways |= {"--sensitivity": sensitivity, "--peak": peak}
     given = [name for name, value in ways.items() if value is not None]
-    if len(given) > 1 and given[0] in ("--reference", "--felt"):
-        raise InputError(f"{given[0]}: expected it without {' and '.join(given[1:])}; give only one")
-    if reference is not None:
-        found = scale_by(reference, options, tone, drop)
-        options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
+    if options.felt is not None and given:
+        raise InputError(f"--felt: expected it without {' and '.join(given)}; give only one")
     mending = None if mend is None else Mending(longest=mend, fill=fill)
     name = source.removeprefix("sample:") if source.startswith("sample:") else ""
     ready = name in SAMPLES and SAMPLES[name].ready
@@ -117,7 +103,7 @@ def import_command(
     next_row = ("next", f"midair solve {target}" if ready else "")
     file_row = Row("file", str(target), key="recording")
     table: list[Line] = [file_row, *describe(recording), *credits, stated_by, next_row]
-    notes = (*notes, *imported.report)
+    notes = imported.report
     if recording.duration < SHORT:
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
     how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated}
