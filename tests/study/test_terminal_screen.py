@@ -62,23 +62,6 @@ def test_no_key_within_the_time_limit_is_late(terminal):
     assert (reply.late, reply.text, reply.reaction_s) == (True, "", 0.1)
 
 
-def test_a_slider_needs_an_arrow_key_before_enter(terminal):
-    slide = Question(
-        name="s", kind="slider", text="How rough?", low=0, high=100, low_label="smooth", high_label="rough"
-    )
-    reply, shown = asked(
-        terminal, slide, (0.2, b"\r"), (0.05, b"\x1b[C"), (0.05, b"\x1b[A"), (0.05, b"\x1b[D"), (0.05, b"\n")
-    )
-    assert (reply.text, reply.by) == ("60", "key")
-    assert "0: smooth, 100: rough" in shown
-
-
-def test_keys_that_arrive_together_all_count(terminal):
-    slide = Question(name="s", kind="slider", text="How rough?", low=0, high=100)
-    reply, _ = asked(terminal, slide, (0.2, b"\x1b[A\x1b[C\x1bOC\xc3\xa4x\r"))
-    assert reply.text == "62"
-
-
 @pytest.mark.parametrize(("typed", "said", "late"), [(b"12\n", "12", False), (b"12", "", True)])
 def test_lines_have_a_time_limit(terminal, monkeypatch, typed, said, late):
     number = Question(name="m", kind="magnitude", text="How strong?", timeout_s=0.5)

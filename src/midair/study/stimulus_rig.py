@@ -189,10 +189,6 @@ def cleared_drives(folder: Path, session: Session) -> Callable[[str, float], Cle
     return cleared
 
 
-ARROWS = {b"\x1b[D": "left", b"\x1b[C": "right", b"\x1b[B": "down", b"\x1b[A": "up"}
-"""Escape sequences of the arrow keys; in application mode terminals send O instead of the bracket."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keyboard:
     """Key presses of a terminal without Enter; Ctrl-C still interrupts."""
@@ -211,25 +207,15 @@ class Keyboard:
             termios.tcsetattr(self.file, termios.TCSADRAIN, before)
 
     def key(self, until: float | None = None) -> str:
-        """Next key: a character, "left", "right", "up", "down" or "enter"; empty if none came until the time limit.
+        """Next key; empty if none came until the time limit, a monotonic time in s, without limit if None.
 
-        `until` is a monotonic time in s; without limit if None. Raises EOFError if the terminal is closed.
+        Raises EOFError if the terminal is closed.
         """
         if not select.select([self.file], [], [], None if until is None else max(0.0, until - monotonic()))[0]:
             return ""
-        typed = self._one()
-        arrow = ARROWS.get(typed.replace(b"\x1bO", b"\x1b["))
-        return arrow or ("enter" if typed[:1] in b"\r\n" else typed.decode(errors="replace")[:1])
-
-    def _one(self) -> bytes:
-        """Bytes of one key, also if several keys arrive together."""
-        typed = os.read(self.file, 1)
-        if not typed:
+        if not (typed := os.read(self.file, 1)):
             raise EOFError
-        more = 2 if typed == b"\x1b" else sum(typed[0] >= least for least in (0xC0, 0xE0, 0xF0))
-        while more and select.select([self.file], [], [], 0.02)[0]:
-            typed, more = typed + os.read(self.file, 1), more - 1
-        return typed
+        return typed.decode(errors="replace")
 
     def line_in(self, seconds: float) -> bool:
         """Whether Enter is pressed within this time; other input is discarded."""
@@ -249,7 +235,7 @@ def keyboard_of_terminal() -> Keyboard | None:
 class TerminalScreen:
     """Screen for participant and experimenter at one terminal; never shows a condition.
 
-    Questions with single-key answers and sliders use `keyboard`; without one, lines are read from `console`.
+    Questions with single-key answers use `keyboard`; without one, lines are read from `console`.
     """
 
     def __init__(self, console: Console, keyboard: Keyboard | None = None) -> None:
@@ -293,8 +279,6 @@ class TerminalScreen:
             self._console.print(f"  {plain_text(line)}")
         if self._keyboard and question.keys:
             return self._read_key(self._keyboard, question)
-        if self._keyboard and question.kind == "slider":
-            return self._read_slider(self._keyboard, question)
         self._console.print("> ", end="")
         if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
             return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
@@ -311,25 +295,6 @@ class TerminalScreen:
                 if key in question.keys:
                     self._console.print(f"> {plain_text(question.keys[key])}")
                     return Reply(text=question.keys[key], reaction_s=reaction, by="key")
-            return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
-
-    def _read_slider(self, keyboard: Keyboard, question: Question) -> Reply:
-        """Position of the slider at Enter; an arrow key must come first."""
-        moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
-        share, text = None, ""
-        with keyboard.listening():
-            self._console.print("Arrow keys: left and right move by 1 %, down and up by 10 %; then press Enter")
-            begin = monotonic()
-            until = begin + question.timeout_s if question.timeout_s else None
-            while key := keyboard.key(until):
-                if key in moves:
-                    share = min(max((0.5 if share is None else share) + moves[key], 0), 1)
-                    text = f"{question.low + share * (question.high - question.low):g}"
-                    bar = f"{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}"
-                    self._console.print(f"  |{bar}|  {text}   ", end="\r")
-                if key == "enter" and share is not None:
-                    self._console.print("")
-                    return Reply(text=text, reaction_s=monotonic() - begin, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
     def accepted(self, step: TrialStep, answer: str) -> None:

@@ -211,7 +211,7 @@ def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
         run(one, second)
     assert first.asked + second.asked == [(trial.code, name) for trial in plan.of(1) for name in trial.questions]
     assert presenter.done[0] == plan.of(1)[12].stimulus  # the unfinished trial is presented again
-    assert replay(read_events(tmp_path / "log.jsonl"), plan, 1).interruptions == 1
+    assert [event["event"] for event in read_events(tmp_path / "log.jsonl")].count("resume") == 1
 
 
 @pytest.mark.long

@@ -124,12 +124,12 @@ def balanced_latin_square(count: int) -> list[list[int]]:
 
 
 def constrained_shuffle(
-    items: Sequence[Item], *, rng: np.random.Generator, longest_run: int = 0, tries: int = 1000
+    items: Sequence[Item], *, rng: np.random.Generator, longest_run: int = 0, tries: int = 20_000
 ) -> list[Item]:
     """Random order in which no item stands more than `longest_run` times in a row (0: no limit).
 
-    All such orders are equally likely (rejection sampling), unless `tries` shuffles find none; then one order is built
-    item by item. Raises InputError if no order keeps the limit.
+    All such orders are equally likely (rejection sampling). Raises InputError if no order keeps the limit, or none of
+    `tries` shuffles does.
     """
     if longest_run:
         item, most = Counter(items).most_common(1)[0]
@@ -143,43 +143,15 @@ def constrained_shuffle(
         order = [items[i] for i in rng.permutation(len(items))]
         if not longest_run or longest_run_of(order) <= longest_run:
             return order
-    return _build_order(list(items), rng, longest_run)
+    raise InputError(
+        f"order: expected runs of at most {longest_run}, none of {tries} shuffles has them; allow"
+        ' longer runs, or list the order (order = "fixed")'
+    )
 
 
 def longest_run_of(items: Sequence[object]) -> int:
     """Largest number of equal items in a row."""
     return max((len(list(run)) for _, run in groupby(items)), default=0)
-
-
-def _build_order(items: list[Item], rng: np.random.Generator, longest_run: int) -> list[Item]:
-    left, order = Counter(items), list[Item]()
-    while left.total():
-        run = 0
-        while run < len(order) and order[-1 - run] == order[-1]:
-            run += 1
-        allowed = [item for item in left if left[item] and _can_follow(item, left, order, run, longest_run)]
-        # Weighted by the remaining count, so that frequent items do not pile up at the end.
-        weight = np.array([left[item] for item in allowed], float)
-        chosen = allowed[int(rng.choice(len(allowed), p=weight / weight.sum()))]
-        left[chosen] -= 1
-        order.append(chosen)
-    return order
-
-
-def _can_follow(item: Item, left: Counter[Item], order: list[Item], run: int, longest_run: int) -> bool:
-    """Whether the remaining items can still be ordered after this item."""
-    now = run + 1 if order and order[-1] == item else 1
-    if now > longest_run:
-        return False
-    rest = Counter(left)
-    rest[item] -= 1
-    total = rest.total()
-    for other, count in rest.items():
-        start = longest_run - now if other == item else longest_run
-        # Each other item can separate two runs; a count above the capacity of these runs breaks the limit.
-        if count > start + longest_run * (total - count):
-            return False
-    return True
 
 
 MOST_TRIALS = 100_000

@@ -1,5 +1,6 @@
 """State of a session, computed from the events of its log, and tables of the answers that the rules do not exclude."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -29,54 +30,41 @@ class GivenAnswer:
     """Whether the time limit passed without an answer."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SentMarker:
-    """One marker of the log."""
-
-    kind: str
-    """"trial", "stimulus", "answer" or "late"."""
-    trial: str
-    """Code of the trial."""
-    code: int
-    """Byte of the marker."""
-    clock_s: float
-    """Time on the clock of LSL, in s; the monotonic clock of the computer without an LSL stream."""
-    time: str
-    """ISO 8601."""
+MARKER = {"kind": (str,), "trial": (str,), "code": (int,), "clock_s": (int, float), "time": (str,)}
+"""Fields of a marker in the log and their types: "trial", "stimulus", "answer" or "late"; the code of the trial; the
+byte; the time on the clock of LSL in s, that of the computer's monotonic clock without an LSL stream; ISO 8601."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class SessionState:
     """Progress of a participant's sessions."""
 
     trials: tuple[Trial, ...]
-    answers: Mapping[tuple[str, str], GivenAnswer]
+    answers: dict[tuple[str, str], GivenAnswer] = field(default_factory=dict[tuple[str, str], GivenAnswer])
     """Valid answers by (trial code, question)."""
-    chosen: Mapping[str, str]
+    chosen: dict[str, str] = field(default_factory=dict[str, str])
     """Stimuli of adaptive trials by trial code."""
-    interruptions: int = 0
-    """How often the session was resumed."""
     simulated: bool = False
     """Whether a simulated participant gave any answer."""
     waived: frozenset[str] = frozenset()
     """Codes of training trials that are skipped because the criterion was met."""
     untrained: tuple[str, ...] = ()
     """Blocks that ended without their criterion."""
-    form: Mapping[str, str] = field(default_factory=dict[str, str])
+    form: dict[str, str] = field(default_factory=dict[str, str])
     """Answers to the questions of the form."""
-    failed: Mapping[str, int] = field(default_factory=dict[str, int])
+    failed: Counter[str] = field(default_factory=Counter[str])
     """Number of failed and repeated presentations by trial code."""
-    began: Mapping[int, str] = field(default_factory=dict[int, str])
+    began: dict[int, str] = field(default_factory=dict[int, str])
     """Time at which each session was first opened, ISO 8601."""
-    markers: tuple[SentMarker, ...] = ()
-    """Sent event markers, also of discarded trials."""
+    markers: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    """Sent event markers, also of discarded trials, with the fields of `MARKER`."""
     broken_off: bool = False
     """Whether the program ended before the session did."""
-    stops: tuple[str, ...] = ()
+    stops: list[str] = field(default_factory=list[str])
     """Reasons of all stops."""
     stopped: bool = False
     """Whether the session was stopped and the participant has not agreed to go on."""
-    consents: tuple[str, ...] = ()
+    consents: list[str] = field(default_factory=list[str])
     """SHA-256 of each text with which the participant agreed to take part."""
 
     @property
@@ -127,12 +115,7 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *,
 
 
 def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> SessionState:
-    answers: dict[tuple[str, str], GivenAnswer] = {}
-    chosen, form, began = dict[str, str](), dict[str, str](), dict[int, str]()
-    failed, markers = dict[str, int](), list[SentMarker]()
-    stops, consents = list[str](), list[str]()
-    interruptions = 0
-    opened = simulated = broken_off = stopped = False
+    state, opened = SessionState(trials=plan.of(participant)), False
     for event in events:
         kind = event["event"]
         if not opened and kind not in ("open", "repair"):
@@ -149,40 +132,29 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
                         f"expected participant {participant}, got {event['participant']}; the log belongs to another"
                         " person: restore a copy"
                     )
-                opened = broken_off = True
-                simulated = simulated or bool(event["simulated"])
+                opened = state.broken_off = True
+                state.simulated = state.simulated or bool(event["simulated"])
                 if "time" in event:
-                    began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
+                    state.began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
             case "done":
-                broken_off = False
-            case "stop" if broken_off:  # not after the end, when the program closes
-                stops.append(_field(event, "reason", str))
-                stopped = True
+                state.broken_off = False
+            case "stop" if state.broken_off:  # not after the end, when the program closes
+                state.stops.append(_field(event, "reason", str))
+                state.stopped = True
             case "consent" if event["to"] == "go on":
-                stopped = False
+                state.stopped = False
             case "consent":
-                consents.append(_field(event, "sha256", str))
-            case "resume":
-                interruptions += 1
+                state.consents.append(_field(event, "sha256", str))
             case "present" if "stimulus" in event:
-                chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
+                state.chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
             case "silent":
-                code = _field(event, "trial", str)
-                failed[code] = failed.get(code, 0) + 1
+                state.failed[_field(event, "trial", str)] += 1
             case "form":
-                form[_field(event, "question", str)] = _field(event, "answer", str)
+                state.form[_field(event, "question", str)] = _field(event, "answer", str)
             case "marker":
-                markers.append(
-                    SentMarker(
-                        kind=_field(event, "kind", str),
-                        trial=_field(event, "trial", str),
-                        code=_field(event, "code", int),
-                        clock_s=_field(event, "clock_s", int, float),
-                        time=_field(event, "time", str),
-                    )
-                )
+                state.markers.append({name: _field(event, name, *kinds) for name, kinds in MARKER.items()})
             case "answer" | "late":
-                answers[_field(event, "trial", str), _field(event, "question", str)] = GivenAnswer(
+                state.answers[_field(event, "trial", str), _field(event, "question", str)] = GivenAnswer(
                     answer="n/a" if kind == "late" else _field(event, "answer", str),
                     reaction_s=_field(event, "reaction_s", int, float),
                     time=_field(event, "time", str),
@@ -191,31 +163,15 @@ def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant:
                 )
             case _:
                 pass
-    trials, answered = plan.of(participant), {code for code, _ in answers}
-    if stray := answered - {trial.code for trial in trials}:
+    answered = {code for code, _ in state.answers}
+    if stray := answered - {trial.code for trial in state.trials}:
         raise ValueError(f"trial {min(stray)} does not belong to participant {participant}")
     known = {stimulus.name for stimulus in plan.design.stimuli}
-    for trial in trials:
-        if trial.code in answered and (trial.stimulus or chosen.get(trial.code)) not in known:
+    for trial in state.trials:
+        if trial.code in answered and (trial.stimulus or state.chosen.get(trial.code)) not in known:
             raise ValueError(f"trial {trial.code} was answered, but the log does not state its stimulus")
-    waived, untrained = _training_result(plan, trials, answers, chosen)
-    return SessionState(
-        trials=trials,
-        answers=answers,
-        chosen=chosen,
-        interruptions=interruptions,
-        simulated=simulated,
-        waived=waived,
-        untrained=untrained,
-        form=form,
-        failed=failed,
-        began=began,
-        markers=tuple(markers),
-        broken_off=broken_off,
-        stops=tuple(stops),
-        stopped=stopped,
-        consents=tuple(consents),
-    )
+    state.waived, state.untrained = _training_result(plan, state)
+    return state
 
 
 def unfinished_sessions(sessions: Sequence[SessionState]) -> dict[str, str]:
@@ -245,9 +201,7 @@ def session_notes(plan: Plan, sessions: Sequence[SessionState]) -> tuple[str, ..
     return tuple(notes)
 
 
-def _training_result(
-    plan: Plan, trials: Sequence[Trial], answers: Mapping[tuple[str, str], GivenAnswer], chosen: Mapping[str, str]
-) -> tuple[frozenset[str], tuple[str, ...]]:
+def _training_result(plan: Plan, state: SessionState) -> tuple[frozenset[str], tuple[str, ...]]:
     """Trials waived because a training criterion was met, and blocks that ended without theirs."""
     waived: list[str] = []
     untrained: list[str] = []
@@ -256,11 +210,11 @@ def _training_result(
             continue
         last: list[bool] = []
         met = False
-        for trial in (trial for trial in trials if trial.block == block.name):
+        for trial in (trial for trial in state.trials if trial.block == block.name):
             if met:
                 waived.append(trial.code)
-            elif trial.role == "test" and (given := answers.get((trial.code, block.questions[0]))):
-                last.append(given.answer == right_answer_of_trial(plan, trial, chosen, block.questions[0]))
+            elif trial.role == "test" and (given := state.answers.get((trial.code, block.questions[0]))):
+                last.append(given.answer == right_answer_of_trial(plan, trial, state.chosen, block.questions[0]))
                 recent = last[-block.criterion.last :]
                 met = len(recent) == block.criterion.last and sum(recent) >= block.criterion.right * len(recent)
         if last and not met:
@@ -383,7 +337,7 @@ def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out:
         "correct": int(given.answer == right) if right and not given.late else -1,
         "reaction_s": given.reaction_s,
         "reaction_by": given.by or "n/a",
-        "failed_plays": session.failed.get(trial.code, 0),
+        "failed_plays": session.failed[trial.code],
         "time": seconds_between(session.began.get(trial.session, given.time), given.time),
         "simulated": session.simulated,
     }
@@ -406,17 +360,9 @@ def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
     for session in sessions:
         trials = {trial.code: trial for trial in session.trials}
         for marker in session.markers:
-            trial = trials[marker.trial]
-            rows.append(
-                {
-                    "participant": f"sub-{trial.participant:02d}",
-                    "session": trial.session,
-                    "onset": seconds_between(session.began.get(trial.session, marker.time), marker.time),
-                    "duration": "n/a",
-                    "trial_type": marker.kind,
-                    "value": marker.code,
-                    "trial": trial.number,
-                    "clock": marker.clock_s,
-                }
-            )
+            trial, time = trials[marker["trial"]], marker["time"]
+            place = {"participant": f"sub-{trial.participant:02d}", "session": trial.session}
+            event = {"onset": seconds_between(session.began.get(trial.session, time), time), "duration": "n/a"}
+            event |= {"trial_type": marker["kind"], "value": marker["code"]}
+            rows.append(place | event | {"trial": trial.number, "clock": marker["clock_s"]})
     return DataFrame(rows)
