@@ -48,17 +48,6 @@ def test_is_one_memory_wherever_it_is():
     assert ring.ends
 
 
-def test_the_seconds_with_the_most_missing_frames_are_returned_in_order():
-    ring = TouchRing(*SHAPE)
-    assert ring.worst() == ()
-    for second, late, lost in ((3, 0, 1), (7, 5, 2), (9, 40, 0), (9000, 2, 2)):
-        for name, count in (("late", late), ("lost", lost)):
-            for number in range(count):
-                ring.miss(name, second + number / 100)
-    assert ring.worst(3) == ((7, 5, 2), (9, 40, 0), (4095, 2, 2))
-    assert (ring.count("late"), ring.count("lost")) == (47, 5)
-
-
 def test_misses_are_counted_in_tenths_of_the_run():
     ring = TouchRing(*SHAPE)
     for name, second in (("late", 0.5), ("late", 0.9), ("lost", 3.2), ("gaps", 19.9)):

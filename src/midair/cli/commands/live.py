@@ -166,8 +166,7 @@ def _statistics_lines(counts: LiveStatistics) -> list[Line]:
         names = ("half", "99 %", "99.9 %", "all")
         return ", ".join(f"{name} within {1e3 * each:.3g}" for name, each in zip(names, shares, strict=True)) + " ms"
 
-    late, worst = counts.late, "; ".join(f"second {at}: {late} late, {lost} lost" for at, late, lost in counts.worst)
-    first = sum(counts.over_time.get("late", ())[:1])
+    late, first = counts.late, sum(counts.over_time.get("late", ())[:1])
     lost = f"{counts.lost} of {counts.frames} frames missing from the sensor, in {counts.gaps} gaps of 20 ms or more"
     when = f", {first} of them in the first tenth" if first else ""
     return [
@@ -181,7 +180,6 @@ def _statistics_lines(counts: LiveStatistics) -> list[Line]:
                 ("hurried", f"{counts.hurried} frames solved in half the time, {counts.unanswered} without an answer"),
                 ("sent after they were taken", times(counts.left)),
                 ("work on a frame", times(counts.work)),
-                ("worst seconds", worst),
             ]
         ),
     ]

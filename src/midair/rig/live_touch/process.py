@@ -146,14 +146,6 @@ class LoopStarted:
     """Calibration of the array that is solved for, with its age; empty without one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopEnded:
-    """End of a run."""
-
-    error: MidairError | None
-    """Error that ended it; None for a normal end."""
-
-
 def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(known)
 
@@ -170,7 +162,8 @@ ForkingPickler.register(MappingProxyType, _as_dict)
 def play_live(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: LeaseToken, told: Connection) -> None:
     """Run the process: open the devices, check the exposure, report, play while lease and token hold, report the end.
 
-    `told` receives one `LoopStarted`, then a line for each begin and end of a pause or of following, and a `LoopEnded`.
+    `told` receives one `LoopStarted`, then a line for each begin and end of a pause or of following, and the error that
+    ended the run, or None.
     """
     # Ctrl-C also reaches the parent process, which ends this one in order; `midair stop` sends it too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -185,7 +178,7 @@ def play_live(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: Lea
     except Exception as wrong:  # noqa: BLE001  # reported to the parent process
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
     with suppress(OSError):  # the parent process may be gone
-        told.send(LoopEnded(error=error))
+        told.send(error)
 
 
 def _play(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: LeaseToken, told: Connection) -> None:

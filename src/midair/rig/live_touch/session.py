@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease
-from midair.errors import DeviceError, DeviceStateError
+from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.model import RATE, Placement
 from midair.processes import start_process
 from midair.rig.live_touch.live_settings import RISE, LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.process import LoopEnded, LoopStarted, live_rig, play_live
+from midair.rig.live_touch.process import LoopStarted, live_rig, play_live
 from midair.rig.live_touch.touch_ring import STEP, TouchRing
 from midair.rig.session import Session
 
@@ -63,8 +63,6 @@ class LiveStatistics:
     """
     work: tuple[float, ...]
     """Quantiles of the computing time of a frame in s, as for `left`."""
-    worst: tuple[tuple[int, int, int], ...]
-    """(second of the run, late, lost) of up to five seconds with the most missing frames, in order."""
     over_time: dict[str, tuple[int, ...]]
     """Late and lost frames, and gaps, in each tenth of the run so far."""
     stated_rate: float
@@ -96,7 +94,6 @@ class LiveStatistics:
             "latency_parts_ms": {name: round(1e3 * part, 3) for name, part in self.parts.items()},
             "left_ms": {name: _ms(each) for name, each in zip(names, self.left, strict=True)},
             "work_ms": {name: _ms(each) for name, each in zip(names, self.work, strict=True)},
-            "worst_seconds": [dict(zip(("second", "late", "lost"), each, strict=True)) for each in self.worst],
             "over_time": {name: list(counts) for name, counts in self.over_time.items()},
             "stated_rate_hz": self.stated_rate,
             "rate_hz": None if self.rate is None else round(self.rate, 3),
@@ -128,7 +125,8 @@ class LiveSession:
         self.lease, self._token = lease or (PlayLease(), None)
         self._process: Any = None
         self._told: Any = None
-        self._ended: LoopEnded | None = None
+        self._ended = False
+        self._error: MidairError | None = None
         self._opened: LoopStarted | None = None
         self._take: LiveTake | None = None
         self._over = threading.Event()
@@ -144,7 +142,7 @@ class LiveSession:
     @property
     def running(self) -> bool:
         """Whether it is playing."""
-        return self._process is not None and self._process.is_alive() and self._ended is None
+        return self._process is not None and self._process.is_alive() and not self._ended
 
     @property
     def statistics(self) -> LiveStatistics:
@@ -162,7 +160,6 @@ class LiveSession:
             parts=parts,
             left=_quantiles(ring.histogram("left")),
             work=_quantiles(ring.histogram("work")),
-            worst=ring.worst(),
             stated_rate=opened.rate,
             rate=ring.count("timed") / span if (span := 1e-6 * ring.count("span_us")) >= RATE_SPAN else None,
             over_time=ring.over_time(ring.count("frames") / (opened.schedule.formed * opened.rate)),
@@ -193,7 +190,7 @@ class LiveSession:
             self._process = start_process(play_live, *arguments, name="midair live")
             # The end of the process is then the end of the pipe.
             tells.close()
-            while self._opened is None and self._ended is None:
+            while self._opened is None and not self._ended:
                 self._receive(0.1)
             self._raise()
             if self._keep is not None:
@@ -227,11 +224,14 @@ class LiveSession:
             said = self._told.recv()
         except (EOFError, OSError):
             self._process.join(1)
-            lost = DeviceError(
-                f"live: the playing process ended with status {self._process.exitcode} without a report; the "
-                "array's own failsafe has silenced it; start again"
-            )
-            self._ended = self._ended or LoopEnded(error=lost)
+            if not self._ended:
+                self._ended, self._error = (
+                    True,
+                    DeviceError(
+                        f"live: the playing process ended with status {self._process.exitcode} without a report; the "
+                        "array's own failsafe has silenced it; start again"
+                    ),
+                )
             return
         if isinstance(said, LoopStarted):
             self._opened = said
@@ -239,18 +239,18 @@ class LiveSession:
             if self._report is not None:
                 self._report(said)
         else:
-            self._ended = said
+            self._ended, self._error = True, said
 
     def _raise(self) -> None:
-        if self._ended is not None and self._ended.error is not None:
-            raise self._ended.error
+        if self._error is not None:
+            raise self._error
 
     def _end(self) -> None:
         """End in order within a time limit, else at once."""
         self.ring.end()
         # A process that has not opened its devices emits no sound.
         until = time.monotonic() + (0 if self._opened is None else 5)
-        while self._process is not None and self._ended is None and time.monotonic() < until:
+        while self._process is not None and not self._ended and time.monotonic() < until:
             self._receive(0.1)
         self._over.set()
         with suppress(DeviceStateError):

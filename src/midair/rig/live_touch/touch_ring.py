@@ -87,15 +87,6 @@ class TouchRing:
         self.add(name)
         self._misses[_MISSES.index(name), min(int(seconds), _SECONDS - 1)] += 1
 
-    def worst(self, most: int = 5) -> tuple[tuple[int, int, int], ...]:
-        """Up to `most` seconds with the most missing frames, in order: (second, late, lost).
-
-        Seconds from 4095 on count as one.
-        """
-        late, lost = self._misses[:2]
-        worst = np.argsort(-(late + lost), kind="stable")[:most]
-        return tuple((at, int(late[at]), int(lost[at])) for at in np.sort(worst).tolist() if late[at] or lost[at])
-
     def over_time(self, seconds: float) -> dict[str, tuple[int, ...]]:
         """Late and lost frames and gaps in ten equal parts of a run of so many seconds, to whole seconds."""
         tenth = np.arange(_SECONDS) * 10 // max(1, math.ceil(min(seconds, _SECONDS)))
