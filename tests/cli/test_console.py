@@ -73,7 +73,7 @@ def test_stages_of_any_name(capsys):
 def test_finished_work_shows_its_mean_speed():
     task = Task(1, "solve", 5200, 0, _get_time=lambda: 380.0)  # other bars are open for longer
     task.start_time, task.completed, task.finished_time, task.finished_speed = 0.0, 5200, 38.0, 1301722.0
-    assert PerSecond("frames", 0).render(task).plain.split() == ["137", "frames/s"]
+    assert PerSecond("frames").render(task).plain.split() == ["137", "frames/s"]
 
 
 def test_verbosity_flags_are_removed_at_any_position():

@@ -92,29 +92,15 @@ class PlainConsole(Console):
 class PerSecond(ProgressColumn):
     """Column with the speed of the work."""
 
-    def __init__(self, items: str, digits: int) -> None:
+    def __init__(self, items: str) -> None:
         super().__init__()
-        self._items, self._digits = items, digits
+        self._items = items
 
     def render(self, task: Task) -> Text:
         """Items per second, once known."""
         # At the end the mean over the whole work: the last seconds may be a burst.
         speed = task.completed / task.finished_time if task.finished_time else task.speed
-        return Text("" if speed is None else f"{speed:6.{self._digits}f} {self._items}/s", style="cyan")
-
-
-def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: int = 0, period: float = 5) -> Progress:
-    """Progress bars on stderr: done, total, speed, time left."""
-    return Progress(
-        TextColumn(f"{{task.description:{name}}}", markup=False),
-        BarColumn(bar_width=width),
-        MofNCompleteColumn(),
-        PerSecond(items, digits),
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=err(),
-        speed_estimate_period=period,
-        disable=verbosity().quiet,
-    )
+        return Text("" if speed is None else f"{speed:6.0f} {self._items}/s", style="cyan")
 
 
 _waiting: ContextVar[Callable[[], None] | None] = ContextVar("waiting", default=None)
@@ -182,9 +168,18 @@ def confirmed(question: str) -> bool:
 
 
 @contextmanager
-def progress_bars() -> Generator[Callable[[str], "Report"]]:
-    """Progress bars on stderr: the function inside starts that of a stage."""
-    shown = bars()
+def progress_bars(items: str = "frames", *, period: float = 5) -> Generator[Callable[[str], "Report"]]:
+    """Progress bars on stderr: done, total, speed over a period in s, time left; one for each stage."""
+    shown = Progress(
+        TextColumn("{task.description:<27}", markup=False),
+        BarColumn(bar_width=16),
+        MofNCompleteColumn(),
+        PerSecond(items),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=err(),
+        speed_estimate_period=period,
+        disable=verbosity().quiet,
+    )
 
     def begin(name: str, /) -> "Report":
         # Not before: the end of bars that were never shown is an empty line.

@@ -12,8 +12,6 @@ from .design.session_state import answers_table as answers_table
 from .design.session_state import replay as replay
 from .design.session_state import unfinished_sessions as unfinished_sessions
 from .design.study_design import Design as Design
-from .design.study_design import Incomplete as Incomplete
-from .design.study_design import UnpresentedAnswers as UnpresentedAnswers
 from .drives import StudyDrive as StudyDrive
 from .drives import check_digests as check_digests
 from .drives import media_type as media_type

@@ -24,7 +24,7 @@ def test_this_machine_passes_all_checks(quick, tmp_path, monkeypatch):
     findings = run_checks()
     assert [finding.subject for finding in findings if finding.state == "broken"] == []
     assert all(finding.advice for finding in findings if finding.state != "ok")
-    expected = {"Python", "libraries", "field model", "solve", "this folder", "log of what played", "autd3", "numba"}
+    expected = {"Python", "libraries", "solve", "this folder", "log of what played", "autd3", "numba"}
     assert expected | {"lsl: sensors", "audio: sensors", "serial: sensors", "ni: sensors"} <= set(by_subject(findings))
     assert readiness(findings).startswith("ready for files, solving, ")
     assert list(tmp_path.iterdir()) == []

@@ -237,7 +237,7 @@ def test_options_and_questions_are_shuffled_by_the_seed_and_logged(tmp_path):
             session.answer(Reply(text="2"))
         session.stop("the studio was ended")
     assert len(set(orders)) > 3
-    assert standing(plan, tmp_path / "log").stops == ()
+    assert standing(plan, tmp_path / "log").stops == []
     logged = [event for event in read_events(tmp_path / "log") if event.get("question") == "which"]
     assert [tuple(event["options"]) for event in logged] == orders
     assert [event["answer"] for event in logged] == [order[1] for order in orders]

@@ -35,9 +35,6 @@ from midair.view import (
 ENDINGS = (".html", ".mp4", ".gif", ".wav")
 """Formats that `show` writes."""
 
-_PAGE_MARK = '<div class="midair-view" data-keys="page">'
-"""Text that occurs in every page of `show`, and in no other."""
-
 
 def show_command(
     source: Path,
@@ -90,7 +87,7 @@ def show_command(
     if again is not None and again.suffix.lower() in ENDINGS and not again.exists():
         raise InputError(f"{again}: expected a re-recording to show beside {source}; a file to write is --save {again}")
     path = save or source.with_name(f"{source.name.removesuffix('.h5')}.show.html")
-    may_write(path, force or (save is None and _made_by_show(path)), *ENDINGS)
+    may_write(path, force or save is None, *ENDINGS)
     if path.suffix.lower() == ".mp4":
         ffmpeg()
     began = time.monotonic()
@@ -147,14 +144,6 @@ def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
 
 
 _WRITERS = {".html": _page, ".mp4": _film, ".gif": _film, ".wav": _wave}
-
-
-def _made_by_show(path: Path) -> bool:
-    """Whether the file is a page of an earlier `show`, which may be overwritten."""
-    try:
-        return path.is_file() and _PAGE_MARK in path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return False
 
 
 def _has_browser() -> bool:

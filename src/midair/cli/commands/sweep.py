@@ -1,8 +1,7 @@
 """The commands `sweep patterns`, `sweep recordings` and `sweep report`: solve many targets in parallel."""
 
 import itertools
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,14 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.console import bars, err, out, print_answer, print_grid, print_json
+from midair.cli.console import err, out, print_answer, print_grid, print_json, progress_bars
 from midair.cli.exposure_options import AirOptions, print_air
 from midair.cli.help_text import add_command, epilogue
 from midair.cli.options import Json, OptionalTime, SolveOptions, Time, quantity
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import HEIGHT, Acoustics, Directivity, Medium, TransducerArray
-from midair.model import Progress as Advance
 from midair.pipeline import calibrated_pressure, with_fitted_gain
 from midair.sweep import (
     PatternSweep,
@@ -41,29 +39,14 @@ Workers = Annotated[int | None, Parameter(help="Processes on this computer. [def
 def solve_and_show(sweep: Sweep, folder: Path, *, scheduler: str | None, workers: int | None) -> int:
     """Run a sweep with a progress bar, print its report, and return the exit status."""
     try:
-        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
-            run_sweep(sweep, folder, scheduler=scheduler, workers=workers, progress=progress)
+        with progress_bars("patterns" if sweep.kind == "patterns" else "frames", period=120) as stage:
+            run_sweep(sweep, folder, scheduler=scheduler, workers=workers, progress=stage("sweep"))
     except KeyboardInterrupt:
         err().print("midair: stopped; the results so far are stored; run the same command again to resume")
         return 130
     show_report(load_sweep(folder))
     out().print(f"Next: midair sweep report {folder}", soft_wrap=True)
     return 0
-
-
-@contextmanager
-def sweep_bar(items: str) -> Generator[Advance]:
-    """A progress bar on stderr."""
-    with bars(items, width=24, name="", digits=1, period=120) as shown:
-        task = shown.add_task("sweep", total=None, start=False)
-
-        def report(done: int, total: int) -> None:
-            if shown.tasks[0].total is None:
-                shown.reset(task, total=total, completed=done)
-            else:
-                shown.update(task, completed=done)
-
-        yield report
 
 
 def show_report(results: SweepResults) -> None:

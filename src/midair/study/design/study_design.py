@@ -8,13 +8,6 @@ from midair.errors import InputError, MismatchError
 from midair.study.design.question import Question, Stimulus
 from midair.validation import one_of
 
-Incomplete = Literal["leave out", "refuse"]
-"""Participants who lack a cell of the analysis of variance: leave them out, or refuse the analysis."""
-
-UnpresentedAnswers = Literal["wrong", "leave out", "refuse"]
-"""Answers that name an object that was never presented: count them as wrong, leave them out, or refuse the analysis of
-choices."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analysis:
@@ -32,16 +25,12 @@ class Analysis:
     """Within-subject factors of the analysis of variance."""
     between: tuple[str, ...] = ()
     """Between-subject factors of the R script: questions of the form, or columns with one level per participant."""
-    incomplete: Incomplete = "leave out"
-    foils: UnpresentedAnswers = "wrong"
     lapse_most: float = 0.15
     """Largest lapse rate in the fits of thresholds."""
     margin: float = 0.1
     """Equivalence margin of the difference of macro F between conditions."""
 
     def __post_init__(self) -> None:
-        one_of(self.incomplete, Incomplete, "analysis: incomplete")
-        one_of(self.foils, UnpresentedAnswers, "analysis: foils")
         if not 0 <= self.lapse_most < 0.5:
             raise InputError(f"analysis: expected lapse_most from 0 to below 0.5, got {self.lapse_most:g}")
 

@@ -1,6 +1,5 @@
 """Analysis of a study: all findings in the order of the report, with the result of every question of the plan."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -48,39 +47,23 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
     if kind == "magnitude":
         return [_magnitude_finding(title, rows)]
     if kind in ("rating", "slider"):
-        rating = np.array(rows["answer"].tolist(), float)
-        people, person = levels(rows.loc[:, "participant"])
-        stimuli, stimulus = levels(rows.loc[:, "stimulus"])
-        shape = (len(people), len(stimuli))
-        count, total = np.zeros(shape), np.zeros(shape)
-        np.add.at(count, (person, stimulus), 1)
-        np.add.at(total, (person, stimulus), rating)
-        with np.errstate(invalid="ignore"):
-            mean = total / count  # NaN where a person has no answer to a stimulus
-        own = total.sum(axis=1) / count.sum(axis=1)
-        many = (count > 0).sum(axis=0)
-        spread = [np.nanstd(mean[:, i], ddof=1) if many[i] > 1 else np.nan for i in range(len(stimuli))]
-        table = DataFrame(
-            {
-                "stimulus": list(stimuli),
-                "mean_rating": np.nanmean(mean, axis=0),
-                "sd_people": spread,
-                "people": many,
-                "given": count.sum(axis=0).astype(int),
-            }
+        ratings = rows.assign(rating=rows["answer"].astype(float))
+        own = ratings.groupby("participant")["rating"].mean()
+        # A mean of each person first: some answer a stimulus more often than others.
+        means = (
+            ratings.groupby(["stimulus", "participant"], sort=False)["rating"].mean().groupby("stimulus", sort=False)
         )
-        limits = limits_words(lambda people: float(people.mean()), own, "plain")
-        words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(rating)} answers. {_UNTESTED}"
+        table = means.agg(mean_rating="mean", sd_people="std", people="count").reset_index()
+        table["given"] = table["stimulus"].map(ratings["stimulus"].value_counts())
+        limits = limits_words(lambda people: float(people.mean()), own.to_numpy(float), "plain")
+        words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(ratings)} answers. {_UNTESTED}"
         return [Finding(title=title, words=words, table=table)]
     judged = kind != "choice" and bool((rows["right"] != "n/a").any())
     return [_detection_finding(title, rows) if judged else _choice_finding(title, rows)]
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:
-    counts = Counter(zip(rows["stimulus"].tolist(), rows["answer"].tolist(), strict=True))
-    table = DataFrame(
-        [{"stimulus": name, "answer": answer, "given": many} for (name, answer), many in sorted(counts.items())]
-    )
+    table = rows.groupby(["stimulus", "answer"]).size().rename("given").reset_index()
     right = [answer == known for answer, known in zip(rows["answer"], rows["right"], strict=True) if known != "n/a"]
     words = (
         f"{sum(right)} of {len(right)} answers are correct."

@@ -44,8 +44,6 @@ class Choices:
     confusion: Confusion
     f_limits: Interval | None
     """Confidence interval of F of each object over participants; None with fewer than five."""
-    left_out: int = 0
-    """Number of answers left out because they name an object that was never presented."""
 
 
 def p_words(p: float) -> str:
@@ -104,24 +102,13 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
 
 
 def _confusion(name: str, rows: DataFrame, data: StudyData) -> Choices:
-    labels, policy = sorted(set(rows["presented"].tolist())), data.foils
-    foils = sorted(set(rows["answered"].tolist()) - set(labels))
-    if foils and policy == "refuse":
-        raise InputError(
-            f"objects: expected each to be presented, got answers {foils} without a trial; set the treatment of"
-            ' such answers in the plan (foils = "wrong" or "leave out")'
-        )
-    left_out = 0
-    if policy == "leave out":
-        counts = rows["answered"].isin(labels).to_numpy(bool)
-        left_out, rows, foils = int((~counts).sum()), rows.loc[counts], []
-    elif policy == "wrong":
-        # An option without answers was possible, too: the rate of guesses depends on it.
-        foils = sorted({*foils, *data.options} - set(labels))
+    labels = sorted(set(rows["presented"].tolist()))
+    # An option without answers was possible, too: the rate of guesses depends on it.
+    foils = sorted({*rows["answered"].tolist(), *data.options} - set(labels))
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
     limits = f_limits(confusion.by_person) if len(confusion.participants) >= 5 else None
-    return Choices(name=name, confusion=confusion, f_limits=limits, left_out=left_out)
+    return Choices(name=name, confusion=confusion, f_limits=limits)
 
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
@@ -144,8 +131,6 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
             "There are fewer wrong answers than people, too few to measure how people differ: the limits are at least"
             " as wide as those of independent answers."
         )
-    if one.left_out:
-        words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
     words = [*words, _chance_words(one.confusion, rng, draws), _sensitivity_words(one.confusion)]
     table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:

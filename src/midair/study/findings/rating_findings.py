@@ -16,12 +16,10 @@ from midair.study.statistics.paired import holm, order_rank, pairwise
 
 
 def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
-    """Ratings of participants with an answer in every cell, and a sentence on the others; all if the plan refuses."""
+    """Ratings of participants with an answer in every cell, and a sentence on the others."""
     ratings = data.ratings
     if ratings is None:
         raise InputError("ratings: expected a table of ratings, got none")
-    if data.incomplete == "refuse":
-        return ratings, ""
     filled = ratings.drop_duplicates(["participant", *data.within])
     cells = len(filled.drop_duplicates(list(data.within)))
     many = Counter(filled["participant"].tolist())
@@ -32,7 +30,7 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
     rest = ratings.loc[~ratings["participant"].isin(list(short))]
     if rest.empty:
         raise InputError(f"ratings: expected a participant with an answer in every cell, got none: {named}")
-    return rest, f" Left out, as planned, because cells have no answer: {named}."
+    return rest, f" Left out, because cells have no answer: {named}."
 
 
 def anova(data: StudyData) -> list[Finding]:
@@ -52,11 +50,6 @@ def anova(data: StudyData) -> list[Finding]:
         f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
         f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the"
         f" cumulative-link model of the exported R script does not. A missing effect is no proof of none.{left_out}"
-        + (
-            f" Factors between people ({', '.join(data.between)}) are tested by the R script only."
-            if data.between
-            else ""
-        )
     )
     if data.between:
         words += f" Factors between people ({', '.join(data.between)}) are tested by the R script only."

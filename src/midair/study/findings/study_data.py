@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series
 
 from midair.errors import InputError
-from midair.study.design.study_design import Analysis, Design, Incomplete, UnpresentedAnswers
+from midair.study.design.study_design import Analysis, Design
 from midair.study.statistics.columns import BLANK, any_column, column, frame_of, is_blank, typed
 from midair.validation import is_number
 
@@ -45,8 +45,6 @@ class StudyData:
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
     """Factors between people, which the R script tests."""
-    incomplete: Incomplete = "leave out"
-    foils: UnpresentedAnswers = "wrong"
     excluded: DataFrame | None = None
     """Participants excluded by the plan, see `left_out`: columns participant, rule, value, limit."""
     others: DataFrame | None = None
@@ -105,8 +103,6 @@ def data_of_answers(
         ratings=_ratings(rated, value="answer", factors=analysis.within) if len(rated) else None,
         within=analysis.within,
         between=analysis.between,
-        incomplete=analysis.incomplete,
-        foils=analysis.foils,
         excluded=excluded,
         others=rest if len(rest) else None,
         form=form if len(form) else None,
@@ -128,8 +124,6 @@ def data_of_columns(
     condition: str = "",
     rating: str = "",
     within: Sequence[str] = (),
-    incomplete: Incomplete = "leave out",
-    foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
     simulated: str = "",
     where: Sequence[tuple[str, str]] = (),
@@ -168,8 +162,6 @@ def data_of_columns(
         choices=choices,
         ratings=ratings,
         within=tuple(within),
-        incomplete=incomplete,
-        foils=foils,
         margin=margin,
         simulated=simulated,
         notes=tuple(dict.fromkeys(notes)),

@@ -11,10 +11,8 @@ from midair.cli.options import Json, Study
 from midair.errors import InputError
 from midair.study import (
     ExportFormat,
-    Incomplete,
     Program,
     StudyFolder,
-    UnpresentedAnswers,
     analyse,
     answers_table,
     columns_of,
@@ -45,8 +43,6 @@ def analyse_command(
     condition: str = "",
     rating: str = "",
     within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
-    incomplete: Incomplete = "leave out",
-    foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
     where: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     program: Annotated[Program | None, Parameter(name="--from")] = None,
@@ -76,12 +72,6 @@ def analyse_command(
         Column of the ratings.
     within
         Columns of the within-subject factors of the ratings.
-    incomplete
-        How to treat participants without a rating in every cell.
-        leave out: ignore them. refuse: skip the analysis of variance.
-    foils
-        How to treat answers that name an object that was never presented.
-        wrong: count them as wrong. leave out: ignore them. refuse: skip the analysis of choices.
     margin
         Largest difference of macro F between conditions that does not matter.
     where
@@ -114,8 +104,6 @@ def analyse_command(
             **(named if within else named | {"rating": ""}) if program else named,
             condition=condition,
             within=within,
-            incomplete=incomplete,
-            foils=foils,
             margin=margin,
             where=selected,
             simulated=simulation_of(table),
