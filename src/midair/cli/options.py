@@ -132,6 +132,9 @@ Source = Annotated[Path, Parameter(help="Recording to read.")]
 Output = Annotated[Path, Parameter(help="File to write, in any format that midair can write.")]
 Study = Annotated[Path, Parameter(help="Folder of the study.")]
 Seed = Annotated[int, Parameter(help="Random seed of the virtual rig.")]
+Device = Annotated[str, Parameter(help="virtual, or an array as in midair play.")]
+_SOLVED_FOR = "Array on which the drive will be played, as in midair play: its transducers and its stored calibration."
+SolvedFor = Annotated[str, Parameter(help=_SOLVED_FOR)]
 PART = Group("Part", sort_key=4)
 Sensitivity = Annotated[str | None, Parameter(help="Sensitivity of every channel, such as 20mV/Pa or 2count/Pa.")]
 _PEAK = "Pressure of the largest change of any channel, such as 30Pa."

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.comparisons import comparison_lines, palm_lines, plain, verdict_lines
 from midair.cli.console import print_note, progress_bars, verbosity
-from midair.cli.options import BandOptions, Force, Json, Reflection, Spread
+from midair.cli.options import BandOptions, Force, Json, Reflection, Seed, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
 from midair.evaluate import (
@@ -42,7 +42,7 @@ def compare_command(
     palm: Path | None = None,
     spread: Spread = "default",
     reflection: Reflection = 0.0,
-    seed: int = 0,
+    seed: Seed = 0,
     fixed_place: bool = False,
     report: Path | None = None,
     film: Path | None = None,
@@ -64,8 +64,6 @@ def compare_command(
         Its re-recording; or its drive, which is then played on a virtual rig with a sensor and a whole palm.
     palm
         TOML file with the outline of a palm, for a drive. [default: disc of 85 mm]
-    seed
-        Random seed of the virtual rig that plays a drive.
     fixed_place
         Count a shift and a turn of the pattern in the plane of the palm as distortion.
     report
@@ -73,8 +71,6 @@ def compare_command(
     film
         Write a slow-motion film of a drive to palm.gif or palm.mp4 (needs ffmpeg).
         It shows pressure on the palm and motion of soft skin, target beside reproduction.
-    force
-        Overwrite an existing report or film.
 
     Examples
     --------

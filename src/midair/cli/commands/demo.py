@@ -2,8 +2,7 @@
 
 import shutil
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,8 @@ from midair.cli.options import Force, Seed, SolveOptions, Time
 from midair.cli.output import print_table
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
-from midair.files import OpenedTake, check_not_recording, save, save_solution
-from midair.model import Palm, Progress
+from midair.files import check_not_recording, save, save_solution
+from midair.model import Progress
 from midair.rig import (
     Outcome,
     VirtualRig,
@@ -28,22 +27,11 @@ from midair.rig import (
     write_report,
 )
 from midair.rig import loop as go_round
-from midair.settings import Settings, paper_mode
+from midair.settings import paper_mode
 from midair.table import Details, Line
 
 _STROKE = 1.28
 """Duration of a virtual stroke over the whole sensor, in s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _StrokePart:
-    """Part of a virtual stroke, and the rig that records it."""
-
-    object_name: str
-    start_at: float
-    duration: float
-    rig: VirtualRig
-    palm: Palm
 
 
 def demo_command(
@@ -93,7 +81,6 @@ def demo_command(
         raise InputError(
             f"--start-at, --duration: expected a part within {_STROKE} s, got {duration:g} s from {start_at:g} s on"
         )
-    piece = _StrokePart(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
     check_not_recording(stroke := output / "stroke.h5")
     stroke.unlink(missing_ok=True)
@@ -105,22 +92,21 @@ def demo_command(
         ways["the paper's mode"] = paper_mode().but(method="glide", jobs=settings.solver.jobs, **like)
     with progress_bars() as stage:
         with touched_by as touched:
-            take = record(touched, _STROKE, path=stroke, notes={"object": object_name}, progress=stage("record"))
-        outcomes = [_outcome(take, name, each, piece, stage) for name, each in ways.items()]
+            notes = {"object": object_name}
+            take = record(touched, _STROKE, path=stroke, notes=notes, progress=stage("record"))
+        outcomes = list[Outcome]()
+        for name, each in ways.items():
+            original = pressure_of(take, each, start_at, duration)
+            with open_rig("virtual", height=rig.height, seed=seed) as opened:
+                # The model predicts the level of the first pass, except behind a rectifier.
+                corrections = each.target.mapping == "half-wave"
+                loop = go_round(original, each, opened, corrections=corrections, stage=stage)
+            palm = palm_of_loop(loop, rig, options.outline(), progress=stage("palm"))
+            outcomes.append(Outcome.of(loop, palm=palm, name=name))
         laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
         outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
-        _write_files(outcomes, output, piece.object_name, laboratory, stage("draw"))
+        _write_files(outcomes, output, object_name, laboratory, stage("draw"))
     _print(outcomes, output, laboratory)
-
-
-def _outcome(
-    take: OpenedTake, name: str, settings: Settings, piece: _StrokePart, stage: Callable[[str], Progress]
-) -> Outcome:
-    original = pressure_of(take, settings, piece.start_at, piece.duration)
-    with open_rig("virtual", height=piece.rig.height, seed=piece.rig.seed) as opened:
-        # The model predicts the level of the first pass, except behind a rectifier.
-        loop = go_round(original, settings, opened, corrections=settings.target.mapping == "half-wave", stage=stage)
-    return Outcome.of(loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=stage("palm")), name=name)
 
 
 def _write_files(

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from midair import files, rig
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions
-from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, quantity
+from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, SolvedFor, quantity
 from midair.cli.output import as_recording, may_write, parameter_values, print_table, reserved
 from midair.model import Calibration
 from midair.patterns import draw_file, load_pattern, wanted_pressure
@@ -25,7 +25,7 @@ def draw_command(
     pressure: Annotated[float, quantity("Pa")] = 50.0,
     wanted: Annotated[Path | None, Parameter(alias="-w")] = None,
     placement: Placement = None,
-    device: str = "virtual",
+    device: SolvedFor = "virtual",
     array_calibration: ArrayCalibration = None,
     air: AirOptions | None = None,
     force: Force = False,
@@ -49,8 +49,6 @@ def draw_command(
         Pressure of intensity 1 in an .adaptics file.
     wanted
         Write the wanted pressure on 4 x 4 cells too, a recording to compare with what is played.
-    device
-        Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
 
     Examples
     --------

@@ -213,15 +213,8 @@ def _edit(
     takes = [files.open_take(source) for source in sources]
     recording = change([take.recording for take in takes])
     calibrations = [take.calibration for take in takes]
-    first = calibrations[0]
-    same = first is not None and all(
-        other is not None
-        and np.array_equal(other.frequency, first.frequency)
-        and np.array_equal(other.response, first.response)
-        and other.unit == first.unit
-        for other in calibrations
-    )
-    calibration = first if same else None
+    same = len({each and each.identifier for each in calibrations}) == 1
+    calibration = calibrations[0] if same else None
     notes: list[str] = []
     if calibration is None and any(calibrations):
         notes.append("The calibration was left out: the recordings have different calibrations.")

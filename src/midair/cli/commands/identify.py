@@ -9,7 +9,7 @@ from rich.text import Text
 from midair import devices, files, rig
 from midair.cli.console import banner, err, out
 from midair.cli.keys import Keys
-from midair.cli.options import Json, OptionalTime, Time
+from midair.cli.options import Json, OptionalTime, Seed, Time
 from midair.cli.output import describe, print_table
 from midair.errors import InputError
 from midair.model import SensorWiring
@@ -24,7 +24,7 @@ def identify_command(
     every: OptionalTime = None,
     wait: Time = 10.0,
     json: Json = False,
-    seed: int = 0,
+    seed: Seed = 0,
 ) -> int:
     """Find out which channel belongs to which cell, by taps.
 
@@ -41,8 +41,6 @@ def identify_command(
         Tap in this rhythm instead of waiting for each tap; this also finds cells that do not respond.
     wait
         Skip a cell that does not respond within this time; the key s skips it at once.
-    seed
-        Random seed of a virtual sensor.
 
     Examples
     --------

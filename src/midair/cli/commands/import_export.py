@@ -69,7 +69,7 @@ def import_command(
     $ midair import gaps.csv --unit V --mend 20ms
     """
     options = options or FileOptions()
-    ways: dict[str, object] = {"--scale": options.scale, "--unit": options.unit}
+    ways: dict[str, object] = {f"--{name}": getattr(options, name) for name in ("scale", "unit")}
     ways |= {"--sensitivity": sensitivity, "--peak": peak}
     given = [name for name, value in ways.items() if value is not None]
     if options.felt is not None and given:

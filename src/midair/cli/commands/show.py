@@ -74,8 +74,6 @@ def show_command(
         Length of the part to show. [default: to the end]
     no_browser
         Do not open the page in a browser.
-    force
-        Overwrite existing files.
 
     Examples
     --------

@@ -6,7 +6,7 @@ from midair import files, rig
 from midair.cli.comparisons import with_array_calibration
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Force, Json, TakeOptions
+from midair.cli.options import Force, Json, Placement, SolvedFor, TakeOptions
 from midair.cli.output import describe_drive, may_write, print_table, reserved
 from midair.table import Line, Row, plain
 
@@ -17,8 +17,8 @@ def solve_command(
     /,
     *,
     options: TakeOptions | None = None,
-    placement: Path | None = None,
-    device: str = "virtual",
+    placement: Placement = None,
+    device: SolvedFor = "virtual",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -30,10 +30,6 @@ def solve_command(
         Recording with a calibration, NAME.h5.
     output
         Drive to write, NAME.drive.h5. [default: name of the source]
-    placement
-        TOML file with the places of AUTD3 units.
-    device
-        Array on which the drive will be played, as in midair play: its transducers and its stored calibration.
 
     Examples
     --------

@@ -7,12 +7,12 @@ from typing import NoReturn
 
 from midair import devices
 from midair.cli.console import err, print_json, print_rows
-from midair.cli.options import Json
+from midair.cli.options import Json, Placement
 from midair.errors import DeviceError, FileError, MidairError
 
 
 def stop_command(
-    *, device: str | None = None, placement: Path | None = None, watch: str | None = None, json: Json = False
+    *, device: str | None = None, placement: Placement = None, watch: str | None = None, json: Json = False
 ) -> int:
     """Silence all arrays that midair plays on.
 
@@ -25,8 +25,6 @@ def stop_command(
     ----------
     device
         Also open and silence this array: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE.
-    placement
-        TOML file with the units of that array. [default: two by two]
     watch
         Wait, and stop whenever a byte arrives from this input: serial:PORT, keyboard or evdev:PATH. Its loss stops too
         and ends the command with status 1. With Ctrl-C the watch ends.

@@ -18,7 +18,7 @@ from midair.calibration import (
     typical_uncertainty,
 )
 from midair.dsp import resample
-from midair.errors import BandError, FileError, InputError, MismatchError, UnitError, UnknownFormatError
+from midair.errors import FileError, InputError, MismatchError, UnitError, UnknownFormatError
 from midair.figures import Picture, calibration_figure, png_bytes, render_page
 from midair.files import open_take, save, write_file
 from midair.model import BAND, RATE, Calibration, Progress, Provenance, Recording, SensorGrid
@@ -153,8 +153,7 @@ def render_calibration(calibration: Calibration) -> str:
     """Render the page as HTML without external resources."""
     # The bin closest to 100 Hz.
     at = float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
-    sensitivity = "sensitivity (mV/Pa)" if calibration.unit == "V" else f"sensitivity ({calibration.unit}/Pa)"
-    others = ("delay (µs)", "noise-equivalent (mPa rms)", "gain", "intercept (Pa)", "bend (%)")
+    columns, channels = _channels(calibration, at)
     picture = Picture(
         title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
         data=png_bytes(calibration_figure(calibration), dpi=100),
@@ -166,8 +165,8 @@ def render_calibration(calibration: Calibration) -> str:
         rows=calibration_rows(calibration),
         picture=picture,
         frequency=f"{at:g} Hz",
-        columns=["channel", sensitivity, *others],
-        channels=[_channel(calibration, channel, at) for channel in range(calibration.sensor.count)],
+        columns=columns,
+        channels=channels,
         steps=[
             (step.stage, ", ".join(f"{name} {value}" for name, value in step.settings.items()))
             for step in calibration.provenance.steps
@@ -188,7 +187,7 @@ def calibration_rows(calibration: Calibration) -> Rows:
     ]
     if measured is not None:
         rows += [("method", measured.method), ("reference", measured.reference)]
-    low, high = max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1]))
+    low, high = _band(calibration)
     if measured is not None and low < high:
         hidden = 1e3 * noise_equivalent_pressure(calibration, (low, high))
         unsure = 200 * float(np.median(measured.noise_uncertainty))
@@ -212,53 +211,55 @@ def describe_uncertainty(calibration: Calibration) -> str:
     measured, frequency = calibration.measurement, calibration.frequency
     if measured is None:
         return "unknown: stated, not measured"
-    low, high = max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1]))
-    band = (low, high) if low < high else (float(frequency[0]), float(frequency[-1]))
+    low, high = band = _band(calibration)
+    band = band if low < high else (float(frequency[0]), float(frequency[-1]))
     typical = typical_uncertainty(calibration, band) or 0.0
     shared = 200 * measured.reference_uncertainty
     where = f"{band[0]:g} to {band[1]:g} Hz" if band[0] < band[1] else f"{band[0]:g} Hz"
     return f"± {100 * typical:.2g} % of the response (k = 2, median over {where}), {shared:.2g} % of it shared"
 
 
-def _channel(calibration: Calibration, channel: int, at: float) -> list[str]:
-    row, column = divmod(channel, calibration.sensor.columns)
-    factor = 1e3 if calibration.unit == "V" else 1.0
-    size = factor * abs(calibration.response_at(np.array([at]))[0, row, column])
+def _channels(calibration: Calibration, at: float) -> tuple[list[str], list[list[str]]]:
+    """Heads, and a row for each channel: its values at a frequency in Hz with their expanded uncertainties."""
     measured, line = calibration.measurement, calibration.linearity
-    relative = calibration.uncertainty_at(np.array([at]))
-    cells = [str(channel), _with_uncertainty(size, None if relative is None else 2 * size * relative[0, row, column])]
-    if measured is None or not measured.delay.any():
-        cells.append("-")
-    else:
-        cells.append(
-            _with_uncertainty(1e6 * measured.delay[row, column], 2e6 * measured.delay_uncertainty[row, column])
-        )
-    cells.append(_noise_pressure(calibration, row, column))
-    if line is None:
-        return [*cells, "-", "-", "-"]
-    for value, unsure, scale in (
-        (line.gain, line.gain_uncertainty, 1.0),
-        (line.intercept, line.intercept_uncertainty, 1.0),
-        (line.curvature, line.curvature_uncertainty, 100.0),
-    ):
-        cells.append(_with_uncertainty(scale * value[row, column], 2 * scale * unsure[row, column]))
-    return cells
+    factor, unit = (1e3, "mV") if calibration.unit == "V" else (1.0, calibration.unit)
+    size = factor * np.abs(calibration.response_at(np.array([at]))[0])
+    relative, (low, high) = calibration.uncertainty_at(np.array([at])), _band(calibration)
+    delay = hidden = (None, None)
+    if measured is not None and measured.delay.any():
+        delay = 1e6 * measured.delay, 1e6 * measured.delay_uncertainty
+    if measured is not None and low < high:
+        noise = 1e3 * noise_equivalent_pressure(calibration, (low, high))
+        unsure = np.median(measured.magnitude_uncertainty, axis=0)
+        hidden = noise, noise * np.hypot(measured.noise_uncertainty, unsure)
+    columns: dict[str, tuple[Array | None, Array | None]] = {
+        f"sensitivity ({unit}/Pa)": (size, None if relative is None else size * relative[0]),
+        "delay (µs)": delay,
+        "noise-equivalent (mPa rms)": hidden,
+    }
+    for name, part, scale in (("gain", "gain", 1), ("intercept (Pa)", "intercept", 1), ("bend (%)", "curvature", 100)):
+        parts = () if line is None else (scale * getattr(line, each) for each in (part, f"{part}_uncertainty"))
+        columns[name] = (*parts,) or (None, None)
+    texts = [
+        ["-"] * calibration.sensor.count
+        if values is None
+        else [
+            _with_uncertainty(value, None if sure is None else 2 * sure.flat[channel])
+            for channel, value in enumerate(values.flat)
+        ]
+        for values, sure in columns.values()
+    ]
+    return ["channel", *columns], [[str(channel), *row] for channel, row in enumerate(zip(*texts, strict=True))]
 
 
-def _noise_pressure(calibration: Calibration, row: int, column: int) -> str:
-    measured, frequency = calibration.measurement, calibration.frequency
-    band = (max(BAND[0], float(frequency[0])), min(BAND[1], float(frequency[-1])))
-    try:
-        hidden = 1e3 * noise_equivalent_pressure(calibration, band)[row, column]
-    except BandError:
-        return "-"
-    if measured is None or not np.isfinite(hidden):
-        return "-"
-    sure = np.hypot(measured.noise_uncertainty[row, column], np.median(measured.magnitude_uncertainty[:, row, column]))
-    return _with_uncertainty(hidden, 2 * hidden * sure)
+def _band(calibration: Calibration) -> tuple[float, float]:
+    """The part of the usual band that the calibration covers; its ends are in wrong order if there is none."""
+    return max(BAND[0], float(calibration.frequency[0])), min(BAND[1], float(calibration.frequency[-1]))
 
 
 def _with_uncertainty(value: float, unsure: float | None) -> str:
+    if not np.isfinite(value):
+        return "-"
     if unsure is None or not np.isfinite(unsure):
         return f"{value:.4g}"
     if unsure <= 0:

@@ -14,7 +14,19 @@ from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, calibrate
 from midair.cli.console import out, progress_bars
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.import_options import calibration_from_options, stated_sensitivity
-from midair.cli.options import BandOptions, Force, Frequency, Json, Length, Peak, Sensitivity, Time, quantity
+from midair.cli.options import (
+    BandOptions,
+    Device,
+    Force,
+    Frequency,
+    Json,
+    Length,
+    Peak,
+    Seed,
+    Sensitivity,
+    Time,
+    quantity,
+)
 from midair.cli.output import calibration_row, may_write, print_table
 from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
@@ -283,7 +295,7 @@ def beam_command(
     sensor: str = "virtual",
     /,
     *,
-    device: str = "virtual",
+    device: Device = "virtual",
     levels: int = 6,
     top: Annotated[float, quantity("Pa")] = 100.0,
     height: Length = HEIGHT,
@@ -291,7 +303,7 @@ def beam_command(
     spread: Length = 1e-3,
     pressure_uncertainty: float = 0.3,
     room: RoomOptions | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     options: OutputOptions | None = None,
 ) -> None:
     """Measure a calibration with a focused beam on every cell, without a reference (the paper's section 5.2).
@@ -303,8 +315,6 @@ def beam_command(
     ----------
     sensor
         virtual, or a sensor as in midair record, lying face down over the centre of the array.
-    device
-        virtual, or an array as in midair play.
     levels
         Number of pressure levels per cell, 5 or more.
     top
@@ -317,8 +327,6 @@ def beam_command(
         Standard deviation of the point spread in the gel.
     pressure_uncertainty
         Relative uncertainty (k = 2) of the array's radiation pressure.
-    seed
-        Random seed of a virtual rig.
 
     Examples
     --------
@@ -350,7 +358,7 @@ def beam_command(
 
 
 def bench_command(
-    folder: Path, /, *, kind: Literal["noise", "sweep"] = "noise", duration: Time = 15.0, seed: int = 0
+    folder: Path, /, *, kind: Literal["noise", "sweep"] = "noise", duration: Time = 15.0, seed: Seed = 0
 ) -> None:
     """Simulate recordings of a calibration bench, to practise midair calibrate measure; all are marked SIMULATED.
 
@@ -362,8 +370,6 @@ def bench_command(
         Signal on the sensor.
     duration
         Length of each recording.
-    seed
-        Random seed.
 
     Examples
     --------

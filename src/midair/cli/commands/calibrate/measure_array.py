@@ -10,7 +10,7 @@ from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.keys import Keys
-from midair.cli.options import Force, Json, Length, Placement, Reflection, Spread, Time, quantity
+from midair.cli.options import Device, Force, Json, Length, Placement, Reflection, Seed, Spread, Time, quantity
 from midair.cli.output import describe, may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
@@ -46,7 +46,7 @@ def array_command(
     output: Path | None = None,
     /,
     *,
-    device: str = "virtual",
+    device: Device = "virtual",
     calibration: Path | None = None,
     duration: Time = 8.0,
     top: Annotated[float, quantity("Pa")] = 100.0,
@@ -58,7 +58,7 @@ def array_command(
     room: RoomOptions | None = None,
     spread: Spread = "default",
     reflection: Reflection = 0.0,
-    seed: int = 0,
+    seed: Seed = 0,
     force: Force = False,
     json: Json = False,
 ) -> int | None:
@@ -74,8 +74,6 @@ def array_command(
         virtual, or a sensor as in midair record, lying face down over the centre of the array.
     output
         File to write, NAME.array.h5; with --check the file to check. [default: the array's name and the date]
-    device
-        virtual, or an array as in midair play.
     calibration
         Calibration of the sensor. [default: that of the virtual sensor]
     duration
@@ -91,10 +89,6 @@ def array_command(
         Date of the measurement, ISO 8601. [default: today]
     check
         Do not measure: check by two seconds of codes that the calibration still holds. Status 1 if not.
-    placement
-        TOML file with position and rotation of the units of a real array.
-    seed
-        Random seed of a virtual rig.
 
     Examples
     --------
@@ -189,7 +183,7 @@ def tracker_command(
     output: Path,
     /,
     *,
-    device: str = "virtual",
+    device: Device = "virtual",
     top: Annotated[float, quantity("Pa")] = 100.0,
     placement: Placement = None,
     room: RoomOptions | None = None,
@@ -207,12 +201,8 @@ def tracker_command(
         leap:, lsl:NAME, osc:PORT or replay:FILE.
     output
         TOML file to write.
-    device
-        virtual, or an array as in midair play.
     top
         Highest pressure in the centre of the focus.
-    placement
-        TOML file with position and rotation of the units of a real array.
 
     Examples
     --------
