@@ -17,18 +17,12 @@ import midair
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS
 from midair.settings import CHOICES, MODES, Settings
-from midair.study import (
-    Design,
-    SilentPresenter,
-    StudyFolder,
-    draw_plan,
-    read_design,
-    read_events,
-    replay,
-    template_text,
-)
+from midair.study import Design, SilentPresenter, StudyFolder, read_design, template_text
+from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
+from midair.study.design.session_state import replay
 from midair.study.design.study_design import Block, Exclusions
+from midair.study.session.event_log import read_events
 
 
 def commands(page):

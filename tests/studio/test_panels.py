@@ -13,7 +13,8 @@ from tests.study.every_kind import QUESTIONS, plan_text
 
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
-from midair.study import StudyFolder, answers_table, prepare_media, read_design, read_events
+from midair.study import StudyFolder, answers_table, prepare_media, read_design
+from midair.study.session.event_log import read_events
 
 pytestmark = pytest.mark.browser
 

@@ -13,12 +13,12 @@ from midair.study import (
     SilentPresenter,
     StudyFolder,
     answers_table,
-    data_of_study,
     read_bids,
     read_csv,
     read_design,
-    thresholds_of,
 )
+from midair.study.design.adaptive_block import thresholds_of
+from midair.study.folder import data_of_study
 
 PLAN = """
 name = "felt"

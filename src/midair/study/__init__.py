@@ -1,15 +1,11 @@
 """Perception studies: design, sessions, statistics, findings and report."""
 
 from .design.adaptive_block import threshold_cautions as threshold_cautions
-from .design.adaptive_block import thresholds_of as thresholds_of
 from .design.plan import Plan as Plan
-from .design.plan import Staircase as Staircase
 from .design.plan import balanced_latin_square as balanced_latin_square
 from .design.plan import block_order as block_order
-from .design.plan import draw_plan as draw_plan
 from .design.question import Stimulus as Stimulus
 from .design.session_state import answers_table as answers_table
-from .design.session_state import replay as replay
 from .design.session_state import unfinished_sessions as unfinished_sessions
 from .design.study_design import Design as Design
 from .drives import StudyDrive as StudyDrive
@@ -21,15 +17,12 @@ from .drives import sound_duration as sound_duration
 from .findings.analysis import analyse as analyse
 from .findings.study_data import NO_PERSON as NO_PERSON
 from .findings.study_data import NO_TOUCH as NO_TOUCH
-from .findings.study_data import data_of_answers as data_of_answers
 from .findings.study_data import data_of_columns as data_of_columns
 from .findings.study_data import simulation_of as simulation_of
 from .folder import StudyFolder as StudyFolder
 from .folder import Template as Template
-from .folder import data_of_study as data_of_study
 from .folder import read_design as read_design
 from .folder import template_text as template_text
-from .session.event_log import read_events as read_events
 from .session.participant import SimulatedParticipant as SimulatedParticipant
 from .session.participant import SimulatedScreen as SimulatedScreen
 from .session.presenters import Headphones as Headphones
@@ -58,9 +51,7 @@ from .statistics.paired import pairwise as pairwise
 from .statistics.power import PowerTest as PowerTest
 from .statistics.power import participants_for as participants_for
 from .statistics.power import power_paired as power_paired
-from .statistics.psychometric import Psychometric as Psychometric
 from .statistics.psychometric import fit_psychometric as fit_psychometric
-from .statistics.psychometric import next_level as next_level
 from .stimulus_rig import TerminalScreen as TerminalScreen
 from .stimulus_rig import keyboard_of_terminal as keyboard_of_terminal
 from .stimulus_rig import open_markers as open_markers
@@ -73,7 +64,6 @@ from .tables import Program as Program
 from .tables import columns_of as columns_of
 from .tables import read_bids as read_bids
 from .tables import read_csv as read_csv
-from .tables import write_csv as write_csv
 from .withdrawal import ExportFormat as ExportFormat
 from .withdrawal import check_not_withdrawn as check_not_withdrawn
 from .withdrawal import export as export

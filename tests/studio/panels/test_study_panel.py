@@ -14,7 +14,8 @@ from tests.drives import plan_of, save_drive
 
 from midair.studio import Studio, StudioPlan
 from midair.studio.panels.study_panel import PagePresenter
-from midair.study import Stimulus, StudyFolder, read_design, read_events
+from midair.study import Stimulus, StudyFolder, read_design
+from midair.study.session.event_log import read_events
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

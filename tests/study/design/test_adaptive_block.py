@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import Staircase, proportion_correct
+from midair.study import proportion_correct
 from midair.study.design.adaptive_block import next_stimulus, scored_history, thresholds_of
-from midair.study.design.plan import draw_plan, stimulus_levels
+from midair.study.design.plan import Staircase, draw_plan, stimulus_levels
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.session_state import GivenAnswer, SessionState, answers_table, excluded_participants, replay
 from midair.study.design.study_design import Block, Design, Exclusions, Extra

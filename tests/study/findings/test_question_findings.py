@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from midair.errors import InputError
-from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, draw_plan, replay, run
+from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, run
+from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, QuestionKind, Stimulus
+from midair.study.design.session_state import replay
 from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
 from midair.study.findings.analysis import question_findings
 from midair.study.findings.rating_findings import adaptive

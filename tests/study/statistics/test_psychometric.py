@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.study import Psychometric, fit_psychometric, next_level
+from midair.study import fit_psychometric
+from midair.study.statistics.psychometric import Psychometric, next_level
 
 LEVELS = np.array([1.0, 2, 4, 8, 16, 32])
 

@@ -28,7 +28,7 @@ from midair.cli.options import (
     quantity,
 )
 from midair.cli.output import calibration_row, may_write, print_table
-from midair.errors import InputError, MismatchError, MissingFileError
+from midair.errors import InputError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, SensorGrid
 from midair.rig import (
@@ -57,8 +57,6 @@ class OutputOptions:
     """File to write, NAME.calibration.h5. [default: the sensor's name and the date]"""
     date: str | None = None
     """Date of the measurement, ISO 8601. [default: today]"""
-    supersedes: Path | None = None
-    """Earlier calibration of the same sensor: the new one gets the next version and is compared with it."""
     figure: Path | None = None
     """Write figures of the calibration to NAME.png or NAME.html."""
     force: Force = False
@@ -77,46 +75,11 @@ class OutputOptions:
         prepare_page(self.figure, self.force)
         return target
 
-    def version(self, sensor: SensorGrid) -> int:
-        """Version of the superseded calibration plus one, or 1."""
-        if self.supersedes is None:
-            return 1
-        old = require_calibration(self.supersedes)
-        if old.sensor != sensor:
-            raise MismatchError(
-                f"{self.supersedes}: expected a calibration of {sensor.name!r}, got one of {old.sensor.name!r}"
-            )
-        return old.version + 1
-
     def write(self, calibration: Calibration, notes: list[str]) -> None:
-        """Write calibration and page, and print the difference from the superseded one."""
+        """Write calibration and page, and print it."""
         target = self.path(calibration.sensor)
-        if self.supersedes is not None:
-            notes = [*notes, drift(require_calibration(self.supersedes), calibration)]
         save_calibration(calibration, target)
         print_calibration(calibration, written=target, page=self.figure, json=self.json, notes=notes)
-
-
-def drift(old: Calibration, new: Calibration) -> str:
-    """Difference between two calibrations of a sensor, and whether their uncertainties explain it."""
-    low, high = max(old.frequency[0], new.frequency[0]), min(old.frequency[-1], new.frequency[-1])
-    if low > high:
-        return "no comparison: it has no frequency in common with the superseded calibration"
-    frequency = np.linspace(low, high, 64)
-    was, now = np.abs(old.response_at(frequency)), np.abs(new.response_at(frequency))
-    heard = (was > 0) & (now > 0)
-    change = np.divide(now, was, out=np.ones_like(was), where=heard) - 1
-    worst = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
-    channel = int(worst[1]) * old.sensor.columns + int(worst[2])
-    told = f"since {old.identifier} (version {old.version}, {old.date}) the response has changed by "
-    told += f"{100 * np.median(change):.2g} % (median), at most {100 * change[worst]:.2g} % (channel {channel}"
-    told += f", {frequency[worst[0]]:.0f} Hz)"
-    before, after = old.uncertainty_at(frequency), new.uncertainty_at(frequency)
-    if before is None or after is None:
-        return told
-    # E_n of ISO 13528, 9.7: difference over the root of the sum of squares of both expanded uncertainties.
-    score = np.abs(change) / np.maximum(2 * np.hypot(before, after), 1e-12)
-    return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"
 
 
 def require_calibration(path: Path) -> Calibration:
@@ -286,7 +249,6 @@ def measure_command(
         quiet=None if quiet is None else read_silence(quiet),
         settings=MeasureSettings(resolution=resolution, coherence=coherence),
         date=options.day,
-        version=options.version(sensor),
     )
     options.write(calibration, notes)
 
@@ -351,7 +313,6 @@ def beam_command(
             acoustics=Acoustics(medium=medium),
             exposure=room.limits(),
             date=options.day,
-            version=options.version(source.grid),
             progress=stage("beam on each cell"),
         )
     options.write(calibration, [])
