@@ -82,17 +82,14 @@ def parse_quantity(text: str, unit: str) -> float:
         if written not in _BY_HAND[unit]:
             raise ValueError(f"{advice}; possible units: {', '.join(_BY_HAND[unit])}")
         factor, offset = _BY_HAND[unit][written]
-        value = factor * float(parts[1]) + offset
-        if not math.isfinite(value):
-            raise ValueError(f"{advice}; it must be finite")
-        return value
-    try:
-        measured, factor = _in_si(written)
-    except KeyError:
-        raise ValueError(f"{advice}; unknown unit") from None
-    if measured != unit:
-        raise ValueError(f"{advice}; the unit measures another quantity")
-    value = float(parts[1]) * factor
+    else:
+        try:
+            (measured, factor), offset = _in_si(written), 0.0
+        except KeyError:
+            raise ValueError(f"{advice}; unknown unit") from None
+        if measured != unit:
+            raise ValueError(f"{advice}; the unit measures another quantity")
+    value = factor * float(parts[1]) + offset
     if not math.isfinite(value):
         raise ValueError(f"{advice}; it must be finite")
     return value

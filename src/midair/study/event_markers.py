@@ -6,7 +6,8 @@ from contextlib import ExitStack
 from datetime import UTC, datetime
 from typing import Any, Literal, Self
 
-from midair.errors import DeviceError, MissingExtraError
+from midair.errors import DeviceError
+from midair.registry import load_object
 from midair.study.design.study_design import MarkerOutputs
 
 MarkerKind = Literal["trial", "stimulus", "answer", "late"]
@@ -37,7 +38,7 @@ class EventMarkers:
             if self.outputs.serial:
                 self.port = hold.enter_context(_serial_port(self.outputs.serial, self.outputs.baud))
             if self.outputs.lsl:
-                pylsl = lsl_library()
+                pylsl = load_object("markers", "pylsl [lsl]")
                 name = self.outputs.lsl
                 self._outlet = pylsl.StreamOutlet(
                     pylsl.StreamInfo(name, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, f"midair {name}")
@@ -77,26 +78,10 @@ class EventMarkers:
 
 
 def _serial_port(name: str, baud: int) -> Any:
-    try:
-        import serial
-    except ImportError as wrong:
-        raise MissingExtraError("markers: expected the extra serial; pip install 'midair[serial]'") from wrong
+    serial = load_object("markers", "serial [serial]")
     try:
         return serial.Serial(name, baud, timeout=1, write_timeout=1, exclusive=True)
     except (OSError, ValueError) as wrong:
         raise DeviceError(
             f"markers: expected the serial port {name}, got: {wrong}; connect it, or name another with --serial"
         ) from wrong
-
-
-def lsl_library() -> Any:
-    """The package pylsl; raises MissingExtraError or DeviceError if it cannot be used."""
-    try:
-        import pylsl
-    except ImportError as wrong:
-        raise MissingExtraError("markers: expected the extra lsl; pip install 'midair[lsl]'") from wrong
-    except (OSError, RuntimeError) as wrong:
-        raise DeviceError(
-            f"markers: expected the library liblsl, which comes with the package pylsl, got: {str(wrong)[:120]}"
-        ) from wrong
-    return pylsl

@@ -8,7 +8,8 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import DeviceError, MissingExtraError, SilentFramesError, StoppedError, UnknownDeviceError
+from midair.errors import DeviceError, SilentFramesError, StoppedError, UnknownDeviceError
+from midair.registry import load_object
 from midair.rig import Cleared, Session
 from midair.study.design.question import Stimulus
 from midair.study.design.study_design import MaskingNoise
@@ -24,7 +25,6 @@ class Headphones:
     def __init__(self, noise: MaskingNoise, *, device: str = "default", seed: int | None = None) -> None:
         self.noise = noise
         self.rate = 0.0
-        self.underflows = 0
         self._device = None if device == "default" else device
         self._rng = np.random.default_rng(seed)
         # Full scale is 1; the rms of a full-scale sine is 1/sqrt 2, of uniform noise its bound/sqrt 3.
@@ -36,12 +36,7 @@ class Headphones:
         self._stream: Any = None
 
     def __enter__(self) -> Self:
-        try:
-            import sounddevice
-        except ImportError as wrong:
-            raise MissingExtraError("headphones: expected the extra audio; pip install 'midair[audio]'") from wrong
-        except OSError as wrong:
-            raise DeviceError("headphones: expected PortAudio; apt-get install libportaudio2") from wrong
+        sounddevice = load_object("headphones", "sounddevice [audio]")
         try:
             self._stream = sounddevice.OutputStream(
                 device=self._device, channels=2, dtype="float32", callback=self._fill
@@ -81,9 +76,8 @@ class Headphones:
                 "headphones: expected the sound card to accept samples, it accepted none for 2 s; check the output"
             )
 
-    def _fill(self, out: NDArray[np.float32], frames: int, _time: Any, status: Any) -> None:
+    def _fill(self, out: NDArray[np.float32], frames: int, _time: Any, _status: Any) -> None:
         """Callback of the sound card, in its own thread: fill the next frames."""
-        self.underflows += bool(status)
         wanted = self._target
         step = 1 / (self.noise.ramp_s * self.rate)
         path = self._gain + np.sign(wanted - self._gain) * step * np.arange(1, frames + 1)
