@@ -2,24 +2,10 @@ import json
 
 import pytest
 
-from midair.cli.output import may_write, print_table, reserved
-from midair.errors import DeviceStateError, InputError
+from midair.cli.output import may_write, print_table
+from midair.errors import InputError
 from midair.files import FormatLoss
 from midair.table import Details, Row, printed
-
-
-def test_a_second_program_is_refused_before_its_work(tmp_path, monkeypatch):
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    with (
-        reserved(tmp_path / "a.drive.h5"),
-        reserved(tmp_path / "b.drive.h5"),
-        pytest.raises(DeviceStateError, match=r"another program computes this file; wait for it"),
-        reserved(tmp_path / "a.drive.h5"),
-    ):
-        pass
-    with reserved(tmp_path / "a.drive.h5"):
-        pass
-    assert list((tmp_path / "state").iterdir()) == []
 
 
 def test_a_table_is_printed_or_json(capsys):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import singledispatch
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -84,24 +82,6 @@ def parameter_values(given: Iterable[str]) -> dict[str, float]:
         except ValueError:
             raise InputError(f"--parameter: expected NAME=NUMBER such as size=20, got {text!r}") from None
     return values
-
-
-@contextmanager
-def reserved(path: Path) -> Generator[None]:
-    """Reserve an output for this program; a second one that computes it is refused before its work."""
-    from midair.devices import state_folder
-
-    folder = state_folder()
-    lock = folder / f"writing-{sha256(str(path.resolve()).encode()).hexdigest()[:16]}.lock"
-    with ExitStack() as held:
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            handle = held.enter_context(lock.open("w"))
-            files.lock_or_raise(
-                handle.fileno(), f"{path}: another program computes this file; wait for it, or name another"
-            )
-            held.callback(lock.unlink, missing_ok=True)
-        yield
 
 
 def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:

@@ -64,21 +64,12 @@ def test_the_strongest_answer_alone_would_have_been_wrong():
     assert identify(answer, NOISE, GRID).channel == tuple(range(16))
 
 
-@pytest.mark.parametrize(
-    ("turned", "words"),
-    [
-        (lambda cells: np.rot90(cells), "turned by 90 degrees"),
-        (lambda cells: np.rot90(cells, 2), "turned by 180 degrees"),
-        (lambda cells: np.rot90(cells, 3), "turned by 270 degrees"),
-        (lambda cells: cells[:, ::-1], "mirrored, left for right"),
-        (lambda cells: cells[::-1], "mirrored, top for bottom"),
-        (lambda cells: cells.T, "transposed, rows for columns"),
-    ],
-)
-def test_a_rotated_or_mirrored_sensor_is_recognised(turned, words):
-    order = turned(np.arange(16).reshape(4, 4)).ravel()
-    (said,) = assignment_problems(found(order))
-    assert words in said
+def test_a_turned_sensor_is_recognised_and_other_orders_are_listed():
+    cells = np.arange(16).reshape(4, 4)
+    (said,) = assignment_problems(found(cells[::-1, ::-1].ravel()))
+    assert "turned by 180 degrees" in said
+    (said,) = assignment_problems(found(cells.T.ravel()))
+    assert "12 channels are in another place (cell: channel that responds): 1: 4, 2: 8" in said
 
 
 @given(

@@ -9,7 +9,7 @@ from midair import files, rig
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, SolvedFor, quantity
-from midair.cli.output import as_recording, may_write, parameter_values, print_table, reserved
+from midair.cli.output import as_recording, may_write, parameter_values, print_table
 from midair.model import Calibration
 from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.table import Line, Row
@@ -67,7 +67,7 @@ def draw_command(
     known = rig.array_calibration_for(device, array_calibration)
     transducers = transducers if known is None else known.known.applied(transducers)
     medium = (air or AirOptions()).assumed()
-    with reserved(target), progress_bars() as stage:
+    with progress_bars() as stage:
         used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))
     solution, stored = files.load_solution(target, streamed=True), files.load_target(target, streamed=True)
     if wanted is not None and stored is not None:

@@ -1,7 +1,6 @@
 """The command `play`: play a drive, a recording or a pattern."""
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import replace
 from math import log10
 from pathlib import Path
@@ -12,7 +11,7 @@ from midair import devices, files, rig
 from midair.cli.console import print_answer, print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
-from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, print_table, reserved
+from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, print_table
 from midair.errors import ExposureError, InputError
 from midair.evaluate import Felt, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
@@ -146,8 +145,7 @@ def play_command(
             print_air(solving.acoustics.medium, stated=medium is not None)
             shown.simulated = pressure.provenance.simulated
             how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
-            with nullcontext() if drive is None else reserved(drive):
-                played = rig.play_pressure(pressure, solving, rig.open_rig(settings=settings), **how)
+            played = rig.play_pressure(pressure, solving, rig.open_rig(settings=settings), **how)
     part = played.report.duration if played.report else played.drive.frames / played.drive.rate
     found, table = played.exposure, list[Line]()
     answer, ears = f"played {part:.4g} s on {device}", ("ears", found.verdict())

@@ -7,7 +7,7 @@ from midair.cli.comparisons import with_array_calibration
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, Placement, SolvedFor, TakeOptions
-from midair.cli.output import describe_drive, may_write, print_table, reserved
+from midair.cli.output import describe_drive, may_write, print_table
 from midair.table import Line, Row, plain
 
 
@@ -47,7 +47,7 @@ def solve_command(
         options.array_calibration, transducers, settings, pressure, device=device
     )
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    with reserved(target), progress_bars() as stage:
+    with progress_bars() as stage:
         rig.solve_to_file(pressure, transducers, settings, target, progress=stage("solve"))
     about, (feeling, *lines) = describe_drive(target)
     row = Row("drive", str(target), text=f"{target}, {about}")

@@ -138,31 +138,12 @@ def _duplicates(signals: Array, heard: NDArray[np.bool_]) -> tuple[tuple[int, in
 
 def _permutation(identity: Identity) -> str:
     moved = [(cell, c) for cell, c in enumerate(identity.channel) if c is not None and c != cell]
-    for name, order in _orientations(identity.grid).items():
-        if all(c in (None, order[cell]) for cell, c in enumerate(identity.channel)):
-            return f"the sensor is {name}: {len(moved)} channels are in another place"
     if len(moved) == 2 and moved[0] == moved[1][::-1]:
         return f"channels {moved[0][0]} and {moved[0][1]} are swapped"
+    if all(c in (None, identity.grid.count - 1 - cell) for cell, c in enumerate(identity.channel)):
+        return f"the sensor is turned by 180 degrees: {len(moved)} channels are in another place"
     pairs = ", ".join(f"{cell}: {c}" for cell, c in moved)
     return f"{len(moved)} channels are in another place (cell: channel that responds): {pairs}"
-
-
-def _orientations(grid: SensorGrid) -> dict[str, list[int]]:
-    """Channel orders of a sensor that is rotated or mirrored as a whole."""
-    cells = np.arange(grid.count).reshape(grid.shape)
-    turns = {
-        "turned by 180 degrees": cells[::-1, ::-1],
-        "mirrored, left for right": cells[:, ::-1],
-        "mirrored, top for bottom": cells[::-1],
-    }
-    if grid.rows == grid.columns:
-        turns |= {
-            "turned by 90 degrees": np.rot90(cells),
-            "turned by 270 degrees": np.rot90(cells, 3),
-            "transposed, rows for columns": cells.T,
-            "transposed along the other diagonal": np.rot90(cells, 2).T,
-        }
-    return {name: turned.ravel().tolist() for name, turned in turns.items()}
 
 
 Prompt = Callable[[int], None]
