@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from midair import rig
 from midair.cli.comparisons import comparison_lines, palm_lines, plain, verdict_lines
 from midair.cli.console import print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Reflection, Seed, Spread
@@ -18,16 +19,6 @@ from midair.evaluate import (
 )
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
 from midair.model import Palm, PressureFrames
-from midair.rig import (
-    VirtualRig,
-    aligned_pair,
-    next_step,
-    original_of_drive,
-    palm_frames_of_drive,
-    pressure_of,
-    rerecord_drive,
-    settings_of_rerecording,
-)
 from midair.settings import Settings
 from midair.table import Details, Line
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
@@ -90,8 +81,8 @@ def compare_command(
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         if options not in (None, BandOptions()):
             raise InputError("--band, --rate: expected a recording as second file, got a drive, which has them")
-        rig = VirtualRig(seed=seed, spread=spread, reflection=reflection)
-        settings, take, told = _played(original, reproduced, palm, rig, film)
+        virtual = rig.VirtualRig(seed=seed, spread=spread, reflection=reflection)
+        settings, take, told = _played(original, reproduced, palm, virtual, film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
@@ -99,18 +90,18 @@ def compare_command(
         if seed or reflection or spread != "default":
             raise InputError(f"--seed, --spread, --reflection: expected a drive, got the recording {reproduced.name}")
         take = open_take(reproduced)
-        settings = settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
+        settings = rig.settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with progress_bars() as stage:
         done = stage("compare")
         done(0, 3)
-        pair = aligned_pair(pressure_of(original, settings), take, settings)
+        pair = rig.aligned_pair(rig.pressure_of(original, settings), take, settings)
         before, after = pair.original, pair.piece
         done(1, 3)
         comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)
         done(2, 3)
         card = metrics_or_none(before, after)
         done(3, 3)
-    option = next_step(comparison.gain, Settings.of(take.recording.provenance))
+    option = rig.next_step(comparison.gain, Settings.of(take.recording.provenance))
     verdict = Verdict.of(comparison, after, card, option=option)
     if report is not None:
         _write_report(report, before, after, comparison, verdict, card, told)
@@ -161,7 +152,7 @@ def _write_report(
 
 
 def _played(
-    original: Path, drive_file: Path, palm: Path | None, rig: VirtualRig, film: Path | None
+    original: Path, drive_file: Path, palm: Path | None, virtual: rig.VirtualRig, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
     """Settings of a drive, its re-recording by a virtual sensor, and its fidelity on a whole palm."""
     drive = load_solution(drive_file).drive
@@ -170,21 +161,21 @@ def _played(
         raise InputError(
             f"{drive_file.name}: expected a drive with stored settings, got one without; make it with midair solve"
         )
-    felt = pressure_of(original, settings)
-    piece, asked = original_of_drive(drive.provenance, felt)
+    felt = rig.pressure_of(original, settings)
+    piece, asked = rig.original_of_drive(drive.provenance, felt)
     if asked.frames != drive.frames:
         raise InputError(
             f"{drive_file.name}: expected the drive of {original.name}, {asked.frames} frames, got {drive.frames}; "
             "name the recording that it was solved for"
         )
     band = settings.calibration.band
-    rig = replace(rig, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
+    virtual = replace(virtual, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
     with progress_bars() as stage:
         if film is not None:
             lead = (asked.frames - piece.frames) // 2 / piece.rate
-            judged, chain = (lead, piece.frames / piece.rate), rig.array_device().chain
-            frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
+            judged, chain = (lead, piece.frames / piece.rate), virtual.array_device().chain
+            frames = rig.palm_frames_of_drive(asked, drive, outline, chain=chain, rig=virtual, judged=judged, band=band)
             # Write pressure and displacement, target beside reproduction, as a film.
             progress = stage("film")
             pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
@@ -196,5 +187,5 @@ def _played(
             made = film_of_palm(groups, rate=frames.rate)
             with atomic_file(film) as partial:
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-        heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=stage)
+        heard = rig.rerecord_drive(drive, piece, asked, virtual, palm=outline, band=band, stage=stage)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from midair import rig
 from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory
 from midair.cli.console import confirmed, print_answer, print_grid, progress_bars, verbosity
 from midair.cli.exposure_options import print_air
@@ -15,17 +16,6 @@ from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
 from midair.files import check_not_recording, save, save_solution
 from midair.model import Progress
-from midair.rig import (
-    Outcome,
-    VirtualRig,
-    comparison_rows,
-    laboratory_of_loop,
-    open_rig,
-    palm_of_loop,
-    pressure_of,
-    record,
-    write_report,
-)
 from midair.rig import loop as go_round
 from midair.settings import paper_mode
 from midair.table import Details, Line
@@ -75,8 +65,8 @@ def demo_command(
     replaces = (output / "report.html").exists() and not force
     if replaces and not confirmed(f"{output} contains an earlier demo. Overwrite it?"):
         raise InputError(f"{output}: contains an earlier demo; give another folder, or --force to overwrite it")
-    rig = VirtualRig(seed=seed, height=settings.target.grid.height)
-    touched_by = rig.touched_by(object_name)
+    virtual = rig.VirtualRig(seed=seed, height=settings.target.grid.height)
+    touched_by = virtual.touched_by(object_name)
     if not (0 <= start_at < start_at + duration <= _STROKE):
         raise InputError(
             f"--start-at, --duration: expected a part within {_STROKE} s, got {duration:g} s from {start_at:g} s on"
@@ -93,24 +83,24 @@ def demo_command(
     with progress_bars() as stage:
         with touched_by as touched:
             notes = {"object": object_name}
-            take = record(touched, _STROKE, path=stroke, notes=notes, progress=stage("record"))
-        outcomes = list[Outcome]()
+            take = rig.record(touched, _STROKE, path=stroke, notes=notes, progress=stage("record"))
+        outcomes = list[rig.Outcome]()
         for name, each in ways.items():
-            original = pressure_of(take, each, start_at, duration)
-            with open_rig("virtual", height=rig.height, seed=seed) as opened:
+            original = rig.pressure_of(take, each, start_at, duration)
+            with rig.open_rig("virtual", height=virtual.height, seed=seed) as opened:
                 # The model predicts the level of the first pass, except behind a rectifier.
                 corrections = each.target.mapping == "half-wave"
                 loop = go_round(original, each, opened, corrections=corrections, stage=stage)
-            palm = palm_of_loop(loop, rig, options.outline(), progress=stage("palm"))
-            outcomes.append(Outcome.of(loop, palm=palm, name=name))
-        laboratory = laboratory_of_loop(outcomes[0].loop, rig, progress=stage("laboratory"))
+            palm = rig.palm_of_loop(loop, virtual, options.outline(), progress=stage("palm"))
+            outcomes.append(rig.Outcome.of(loop, palm=palm, name=name))
+        laboratory = rig.laboratory_of_loop(outcomes[0].loop, virtual, progress=stage("laboratory"))
         outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
         _write_files(outcomes, output, object_name, laboratory, stage("draw"))
     _print(outcomes, output, laboratory)
 
 
 def _write_files(
-    outcomes: list[Outcome], output: Path, object_name: str, laboratory: LaboratoryLoss, progress: Progress
+    outcomes: list[rig.Outcome], output: Path, object_name: str, laboratory: LaboratoryLoss, progress: Progress
 ) -> None:
     """Write drive and re-recording of the first mode, and the report, into the folder."""
     loop = outcomes[0].loop
@@ -118,10 +108,12 @@ def _write_files(
     save_solution(last.reproduction.solution, output / f"{object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
     how: Any = {"beside": outcomes, "laboratory": laboratory, "progress": progress}
-    write_report(loop, output / "report.html", source=str(output / "stroke.h5"), commands=(verbosity().line,), **how)
+    rig.write_report(
+        loop, output / "report.html", source=str(output / "stroke.h5"), commands=(verbosity().line,), **how
+    )
 
 
-def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) -> None:
+def _print(outcomes: list[rig.Outcome], output: Path, laboratory: LaboratoryLoss) -> None:
     # By its path where it is not on the path.
     command = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
     print_answer("a touch, recorded, played in midair and recorded again", simulated=True)
@@ -133,7 +125,9 @@ def _print(outcomes: list[Outcome], output: Path, laboratory: LaboratoryLoss) ->
     print_grid(("", *(each.name for each in outcomes)), rows)
     table: list[Line] = [
         *laboratory_lines(laboratory),
-        Details([(row[0], ", ".join(f"{value} {row[1]}" for value in row[2:])) for row in comparison_rows(outcomes)]),
+        Details(
+            [(row[0], ", ".join(f"{value} {row[1]}" for value in row[2:])) for row in rig.comparison_rows(outcomes)]
+        ),
         *([] if outcomes[0].palm is None else palm_lines(outcomes[0].palm)[1:]),
         ("report", str(output / "report.html")),
         ("next", f"{command} studio {output}"),

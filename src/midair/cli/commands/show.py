@@ -10,27 +10,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair import files, rig
+from midair import files, rig, view
 from midair.cli.console import banner, out, print_rows, progress_bars
 from midair.cli.options import BandOptions, Force, OptionalTime, Time
 from midair.cli.output import may_write
 from midair.errors import InputError
 from midair.pipeline import target_amplitude
-from midair.view import (
-    Film,
-    Part,
-    ViewData,
-    channel_sound,
-    check_size,
-    ffmpeg,
-    show_comparison,
-    show_drive,
-    show_page,
-    show_recording,
-    show_target,
-    write_gif,
-    write_mp4,
-)
 
 ENDINGS = (".html", ".mp4", ".gif", ".wav")
 """Formats that `show` writes."""
@@ -87,7 +72,7 @@ def show_command(
     path = save or source.with_name(f"{source.name.removesuffix('.h5')}.show.html")
     may_write(path, force or save is None, *ENDINGS)
     if path.suffix.lower() == ".mp4":
-        ffmpeg()
+        view.ffmpeg()
     began = time.monotonic()
     shown = _shown(source, again, (start_at, duration), target=target, options=options or BandOptions())
     shown = replace(shown, chosen=channel)
@@ -101,42 +86,42 @@ def show_command(
         webbrowser.open(path.resolve().as_uri())
 
 
-def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> ViewData:
+def _shown(source: Path, again: Path | None, part: view.Part, *, target: bool, options: BandOptions) -> view.ViewData:
     if again is not None:
         take = files.open_take(again)
         settings = rig.settings_of_rerecording(take.recording.provenance, options.settings())
         pair = rig.aligned_pair(rig.pressure_of(source, settings), take, settings)
-        return show_comparison(pair.original, pair.piece, part=part)
+        return view.show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5")) and files.contents(source).kind == "drive":
-        return show_drive(
+        return view.show_drive(
             files.load_solution(source, streamed=True), target=files.load_target(source, streamed=True), part=part
         )
     settings = options.settings()
     if target:
-        return show_target(target_amplitude(rig.pressure_of(source, settings), settings), part=part)
+        return view.show_target(target_amplitude(rig.pressure_of(source, settings), settings), part=part)
     take = files.open_take(source)
     felt = None if take.calibration is None else rig.pressure_of(source, settings)
-    return show_recording(take.recording, pressure=felt, part=part)
+    return view.show_recording(take.recording, pressure=felt, part=part)
 
 
-def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
-    check_size(shown)
-    files.write_file(path, show_page(shown))
+def _page(shown: view.ViewData, path: Path) -> list[tuple[str, str]]:
+    view.check_size(shown)
+    files.write_file(path, view.show_page(shown))
     return []
 
 
-def _film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
-    film, kind = Film(shown), path.suffix.lower()
+def _film(shown: view.ViewData, path: Path) -> list[tuple[str, str]]:
+    film, kind = view.Film(shown), path.suffix.lower()
     out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
     with progress_bars() as stage, files.atomic_file(path) as partial:
-        (write_mp4 if kind == ".mp4" else write_gif)(film, partial, progress=stage("film"))
+        (view.write_mp4 if kind == ".mp4" else view.write_gif)(film, partial, progress=stage("film"))
     return []
 
 
-def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
+def _wave(shown: view.ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
         raise InputError(f"{path}: expected a recording for a sound file, got a drive; save a page or a film")
-    heard = channel_sound(shown.samples, shown.channel, shown.rate)
+    heard = view.channel_sound(shown.samples, shown.channel, shown.rate)
     files.write_file(path, heard.data)
     return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
 

@@ -75,6 +75,7 @@ def calibrate_by_beam(
     acoustics: Acoustics | None = None,
     exposure: ExposureChoices | None = None,
     date: str = "",
+    version: int = 1,
     progress: Progress | None = None,
 ) -> Calibration:
     """Calibrate an open sensor with an open array.
@@ -125,7 +126,7 @@ def calibrate_by_beam(
         "beam", {"array": array.name, "tones_hz": tuple(float(tone) for tone in plan.tones), "rate_hz": plan.rate}
     )
     told = replace(recordings[0], provenance=life)
-    return measure_beam(reading, sensor=told, quiet=record_silence(sensor), date=date)
+    return measure_beam(reading, sensor=told, quiet=record_silence(sensor), date=date, version=version)
 
 
 def _command(plan: BeamPlan, strongest: float, played: Array) -> tuple[Array, Complex, Array]:

@@ -360,7 +360,8 @@ def markers_table(sessions: Sequence[SessionState]) -> DataFrame:
     for session in sessions:
         trials = {trial.code: trial for trial in session.trials}
         for marker in session.markers:
-            trial, time = trials[marker["trial"]], marker["time"]
+            trial = trials[marker["trial"]]
+            time: str = marker["time"]
             place = {"participant": f"sub-{trial.participant:02d}", "session": trial.session}
             event = {"onset": seconds_between(session.began.get(trial.session, time), time), "duration": "n/a"}
             event |= {"trial_type": marker["kind"], "value": marker["code"]}

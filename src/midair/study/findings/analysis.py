@@ -48,13 +48,11 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
         return [_magnitude_finding(title, rows)]
     if kind in ("rating", "slider"):
         ratings = rows.assign(rating=rows["answer"].astype(float))
-        own = ratings.groupby("participant")["rating"].mean()
         # A mean of each person first: some answer a stimulus more often than others.
-        means = (
-            ratings.groupby(["stimulus", "participant"], sort=False)["rating"].mean().groupby("stimulus", sort=False)
-        )
-        table = means.agg(mean_rating="mean", sd_people="std", people="count").reset_index()
-        table["given"] = table["stimulus"].map(ratings["stimulus"].value_counts())
+        means = ratings.pivot_table(values="rating", index="participant", columns="stimulus", sort=False)
+        table = DataFrame({"mean_rating": means.mean(), "sd_people": means.std(), "people": means.count()})
+        table = table.assign(given=rows["stimulus"].value_counts()).reset_index()
+        own = ratings.pivot_table(values="rating", index="participant")["rating"]
         limits = limits_words(lambda people: float(people.mean()), own.to_numpy(float), "plain")
         words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(ratings)} answers. {_UNTESTED}"
         return [Finding(title=title, words=words, table=table)]
@@ -63,7 +61,7 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
 
 
 def _choice_finding(title: str, rows: DataFrame) -> Finding:
-    table = rows.groupby(["stimulus", "answer"]).size().rename("given").reset_index()
+    table = rows[["stimulus", "answer"]].value_counts().sort_index().reset_index(name="given")
     right = [answer == known for answer, known in zip(rows["answer"], rows["right"], strict=True) if known != "n/a"]
     words = (
         f"{sum(right)} of {len(right)} answers are correct."

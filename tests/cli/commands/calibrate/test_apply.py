@@ -79,6 +79,14 @@ def test_each_cell_alone_gives_the_crosstalk(bench):
 
 
 @pytest.mark.long
+def test_a_new_one_takes_the_place_of_an_old_one(bench, known, capsys):
+    takes = ["all-a.h5", "--reference", "all-a-ref.h5", *MEASURE, "--supersedes", "palm.calibration.h5"]
+    assert run(["calibrate", "measure", *takes, "--output", "new.calibration.h5"]) == 0
+    assert load_calibration("new.calibration.h5").version == 2
+    assert "E_n" in capsys.readouterr().out
+
+
+@pytest.mark.long
 def test_a_force_cell_has_a_face(bench):
     """50 mV/Pa on a face of 2 mm are 15.9 kV/N: absurd, but the same pressure."""
     area = np.pi * 1e-6

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
+from midair import rig
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, calibrate, measure_calibration
 from midair.cli.console import out, progress_bars
 from midair.cli.exposure_options import RoomOptions
@@ -28,23 +29,9 @@ from midair.cli.options import (
     quantity,
 )
 from midair.cli.output import calibration_row, may_write, print_table
-from midair.errors import InputError, MissingFileError
+from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, SensorGrid
-from midair.rig import (
-    ReferenceChoice,
-    VirtualRig,
-    array_named,
-    calibrate_by_beam,
-    calibration_rows,
-    check_page_name,
-    describe_uncertainty,
-    read_silence,
-    read_takes,
-    sensor_named,
-    write_calibration_page,
-    write_practice_recordings,
-)
 from midair.table import Line, Row
 
 
@@ -57,6 +44,8 @@ class OutputOptions:
     """File to write, NAME.calibration.h5. [default: the sensor's name and the date]"""
     date: str | None = None
     """Date of the measurement, ISO 8601. [default: today]"""
+    supersedes: Path | None = None
+    """Earlier calibration of the same sensor: the new one gets the next version and is compared with it."""
     figure: Path | None = None
     """Write figures of the calibration to NAME.png or NAME.html."""
     force: Force = False
@@ -75,11 +64,46 @@ class OutputOptions:
         prepare_page(self.figure, self.force)
         return target
 
+    def version(self, sensor: SensorGrid) -> int:
+        """Version of the superseded calibration plus one, or 1."""
+        if self.supersedes is None:
+            return 1
+        old = require_calibration(self.supersedes)
+        if old.sensor != sensor:
+            raise MismatchError(
+                f"{self.supersedes}: expected a calibration of {sensor.name!r}, got one of {old.sensor.name!r}"
+            )
+        return old.version + 1
+
     def write(self, calibration: Calibration, notes: list[str]) -> None:
-        """Write calibration and page, and print it."""
+        """Write calibration and page, and print the difference from the superseded one."""
         target = self.path(calibration.sensor)
+        if self.supersedes is not None:
+            notes = [*notes, drift(require_calibration(self.supersedes), calibration)]
         save_calibration(calibration, target)
         print_calibration(calibration, written=target, page=self.figure, json=self.json, notes=notes)
+
+
+def drift(old: Calibration, new: Calibration) -> str:
+    """Difference between two calibrations of a sensor, and whether their uncertainties explain it."""
+    low, high = max(old.frequency[0], new.frequency[0]), min(old.frequency[-1], new.frequency[-1])
+    if low > high:
+        return "no comparison: it has no frequency in common with the superseded calibration"
+    frequency = np.linspace(low, high, 64)
+    was, now = np.abs(old.response_at(frequency)), np.abs(new.response_at(frequency))
+    heard = (was > 0) & (now > 0)
+    change = np.divide(now, was, out=np.ones_like(was), where=heard) - 1
+    worst = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
+    channel = int(worst[1]) * old.sensor.columns + int(worst[2])
+    told = f"since {old.identifier} (version {old.version}, {old.date}) the response has changed by "
+    told += f"{100 * np.median(change):.2g} % (median), at most {100 * change[worst]:.2g} % (channel {channel}"
+    told += f", {frequency[worst[0]]:.0f} Hz)"
+    before, after = old.uncertainty_at(frequency), new.uncertainty_at(frequency)
+    if before is None or after is None:
+        return told
+    # E_n of ISO 13528, 9.7: difference over the root of the sum of squares of both expanded uncertainties.
+    score = np.abs(change) / np.maximum(2 * np.hypot(before, after), 1e-12)
+    return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"
 
 
 def require_calibration(path: Path) -> Calibration:
@@ -93,7 +117,7 @@ def require_calibration(path: Path) -> Calibration:
 def prepare_page(page: Path | None, force: bool) -> None:
     """Refuse a page that cannot be written, before the work begins."""
     if page is not None:
-        check_page_name(page)
+        rig.check_page_name(page)
         may_write(page, force)
 
 
@@ -102,9 +126,9 @@ def print_calibration(
 ) -> None:
     """Print a calibration, and write its page if requested."""
     if page is not None:
-        write_calibration_page(calibration, page)
+        rig.write_calibration_page(calibration, page)
     files = {"written": written, "page": page}
-    table: list[Line] = [Row(name, text) for name, text in calibration_rows(calibration)]
+    table: list[Line] = [Row(name, text) for name, text in rig.calibration_rows(calibration)]
     table += [Row(name, str(file)) for name, file in files.items() if file is not None]
     table += [*(("note", note) for note in notes), {"notes": notes}]
     print_table(table, simulated=calibration.provenance.simulated, json=json)
@@ -154,7 +178,7 @@ def apply_command(
         ("file", str(source)),
         ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
         calibration_row(known),
-        ("uncertainty", "" if known is None else describe_uncertainty(known)),
+        ("uncertainty", "" if known is None else rig.describe_uncertainty(known)),
         ("crosstalk", "" if crosstalk == "keep" else f"undone, damping {damping:g}"),
         ("next", f"midair solve {source}"),
     ]
@@ -235,20 +259,21 @@ def measure_command(
     options = options or OutputOptions()
     if not recordings:
         raise InputError("recordings: expected one or more, got none; see midair calibrate measure --help")
-    choice = ReferenceChoice(
+    choice = rig.ReferenceChoice(
         sensitivity=_sensitivity(reference_sensitivity, reference_diameter),
         uncertainty=reference_uncertainty / 2,
         name=reference_name,
         channel=reference_channel,
     )
-    takes, notes = read_takes(recordings, reference, choice, cells=_cells(cell) if cell else None)
+    takes, notes = rig.read_takes(recordings, reference, choice, cells=_cells(cell) if cell else None)
     sensor = takes[0].recording.sensor
     options.path(sensor)
     calibration = measure_calibration(
         takes,
-        quiet=None if quiet is None else read_silence(quiet),
+        quiet=None if quiet is None else rig.read_silence(quiet),
         settings=MeasureSettings(resolution=resolution, coherence=coherence),
         date=options.day,
+        version=options.version(sensor),
     )
     options.write(calibration, notes)
 
@@ -295,17 +320,21 @@ def beam_command(
     $ midair calibrate beam
     """
     options, room = options or OutputOptions(), room or RoomOptions()
-    rig = VirtualRig(seed=seed, height=height)
-    skin = rig.skin() if device == "virtual" else None
+    virtual = rig.VirtualRig(seed=seed, height=height)
+    skin = virtual.skin() if device == "virtual" else None
     setting = BeamSetting(
         height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
     )
-    source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
-    array = rig.array_device(skin) if device == "virtual" else array_named(device)
+    source = (
+        virtual.sensor(virtual.skin() if skin is None else skin)
+        if sensor == "virtual"
+        else rig.sensor_named(sensor, virtual)
+    )
+    array = virtual.array_device(skin) if device == "virtual" else rig.array_named(device)
     medium = room.assumed()
     with progress_bars() as stage, array, source:
         options.path(source.grid)
-        calibration = calibrate_by_beam(
+        calibration = rig.calibrate_by_beam(
             array,
             source,
             BeamPlan(levels=levels, top=top),
@@ -313,6 +342,7 @@ def beam_command(
             acoustics=Acoustics(medium=medium),
             exposure=room.limits(),
             date=options.day,
+            version=options.version(source.grid),
             progress=stage("beam on each cell"),
         )
     options.write(calibration, [])
@@ -338,7 +368,7 @@ def bench_command(
     """
     with progress_bars() as stage:
         progress = stage("simulate")
-        command = write_practice_recordings(folder, kind=kind, duration=duration, seed=seed, progress=progress)
+        command = rig.write_practice_recordings(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")
 
 

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
+from midair import files, rig
 from midair.calibration import ArrayPlan
 from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import RoomOptions
@@ -14,30 +15,8 @@ from midair.cli.options import Device, Force, Json, Length, Placement, Reflectio
 from midair.cli.output import describe, may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
-from midair.files import (
-    ARRAY_SUFFIX,
-    load_array_calibration,
-    load_calibration,
-    load_placement,
-    save_array_calibration,
-    save_tracker,
-)
 from midair.model import HEIGHT, RATE, Acoustics
 from midair.model import Placement as UnitPlacement
-from midair.rig import (
-    PLACES,
-    ArraySession,
-    VirtualRig,
-    array_named,
-    calibrate_array,
-    calibrate_tracker,
-    check_array_calibration,
-    keep_array_calibration,
-    keep_array_check,
-    kept_array_calibration,
-    open_tracker,
-    sensor_named,
-)
 from midair.table import Row
 
 
@@ -97,10 +76,10 @@ def array_command(
     $ midair calibrate array lsl:Skin --device autd3 --calibration palm.calibration.h5 --check
     """
     room = room or RoomOptions()
-    rig = VirtualRig(seed=seed, height=height, spread=spread, reflection=reflection)
-    units = None if placement is None else load_placement(placement)
-    source, array = _devices(sensor, device, calibration, rig, units)
-    session = ArraySession(
+    virtual = rig.VirtualRig(seed=seed, height=height, spread=spread, reflection=reflection)
+    units = None if placement is None else files.load_placement(placement)
+    source, array = _devices(sensor, device, calibration, virtual, units)
+    session = rig.ArraySession(
         height=height,
         plate=plate,
         acoustics=Acoustics(medium=room.assumed()),
@@ -111,7 +90,7 @@ def array_command(
         return _check(array, source, device, output, session, json=json)
     day = date or datetime.now(UTC).date().isoformat()
     name = re.sub(r"[^\w.-]+", "-", array.array.name).strip("-") or "array"
-    target = output or Path(f"{name}-{day}{ARRAY_SUFFIX}")
+    target = output or Path(f"{name}-{day}{files.ARRAY_SUFFIX}")
     may_write(target, force)
     count, frames = array.array.count, round(duration * RATE)
     work = WORK * count * frames
@@ -119,12 +98,12 @@ def array_command(
     print_note(f"{count} transducers: {duration + 2:.0f} s of silence and codes, then {cpu}")
     with progress_bars() as stage, array, source:
         plan, session = ArrayPlan(duration=duration, top=top), replace(session, stage=stage)
-        found = calibrate_array(array, source, plan, session=session, date=day)
-    save_array_calibration(found, target)
+        found = rig.calibrate_array(array, source, plan, session=session, date=day)
+    files.save_array_calibration(found, target)
     simulated = found.provenance.simulated
     table = [*describe(found), Row("written", str(target))]
     if not simulated:
-        table.append(Row("used by default", f"for --device {device}: {keep_array_calibration(device, found)}"))
+        table.append(Row("used by default", f"for --device {device}: {rig.keep_array_calibration(device, found)}"))
     return print_table(table, simulated=simulated, json=json)
 
 
@@ -133,22 +112,22 @@ WORK = 9e-6
 
 
 def _check(
-    array: ArrayDevice, source: SensorDevice, device: str, path: Path | None, session: ArraySession, *, json: bool
+    array: ArrayDevice, source: SensorDevice, device: str, path: Path | None, session: rig.ArraySession, *, json: bool
 ) -> int:
     """Check a calibration, print what changed, store the result; status 1 if it no longer holds."""
-    kept = kept_array_calibration(device) if path is None else None
+    kept = rig.kept_array_calibration(device) if path is None else None
     if path is not None:
-        known = load_array_calibration(path)
+        known = files.load_array_calibration(path)
     elif kept is not None:
         known = kept.known
     else:
         raise InputError(f"--check: expected a calibration of {device}, got none; measure the array, or name its file")
     with progress_bars() as stage, array, source:
-        found = check_array_calibration(array, source, known, session=replace(session, stage=stage))
+        found = rig.check_array_calibration(array, source, known, session=replace(session, stage=stage))
     problems = found.problems()
     result = "; ".join(problems) or "holds"
     if kept is not None:
-        keep_array_check(device, result)
+        rig.keep_array_check(device, result)
     offsets = ", ".join(f"{1e9 * each:+.0f}" for each in found.offset)
     table = [
         Row("calibration", f"{known.identifier}, {known.date or 'no date'}: {result}"),
@@ -162,18 +141,18 @@ def _check(
 
 
 def _devices(
-    sensor: str, device: str, calibration: Path | None, rig: VirtualRig, placement: UnitPlacement | None
+    sensor: str, device: str, calibration: Path | None, virtual: rig.VirtualRig, placement: UnitPlacement | None
 ) -> tuple[SensorDevice, ArrayDevice]:
     """Sensor and array, not yet open, with the silencer off."""
-    skin = rig.skin()
-    source = rig.sensor(skin) if sensor == "virtual" else sensor_named(sensor, rig)
+    skin = virtual.skin()
+    source = virtual.sensor(skin) if sensor == "virtual" else rig.sensor_named(sensor, virtual)
     if calibration is not None:
-        source.calibration = load_calibration(calibration)
+        source.calibration = files.load_calibration(calibration)
         if source.calibration is None:
             raise MissingFileError(f"{calibration}: expected a calibration in it, found none")
     if device != "virtual":
-        return source, array_named(device, placement, silencer="off")
-    array = rig.array_device(skin)
+        return source, rig.array_named(device, placement, silencer="off")
+    array = virtual.array_device(skin)
     array.silencer = "off"
     return source, array
 
@@ -210,17 +189,19 @@ def tracker_command(
     """
     may_write(output, force)
     room = room or RoomOptions()
-    units = None if placement is None else load_placement(placement)
-    rig = VirtualRig()
-    array = rig.array_device(rig.skin()) if device == "virtual" else array_named(device, units)
+    units = None if placement is None else files.load_placement(placement)
+    virtual = rig.VirtualRig()
+    array = virtual.array_device(virtual.skin()) if device == "virtual" else rig.array_named(device, units)
     medium = room.assumed()
 
     def say(at: int) -> None:
-        x, y, z = (1e3 * PLACES[at]).round()
-        print_note(f"place {at + 1} of {len(PLACES)}: hold the palm still at ({x:g}, {y:g}, {z:g}) mm, or press Enter")
+        x, y, z = (1e3 * rig.PLACES[at]).round()
+        print_note(
+            f"place {at + 1} of {len(rig.PLACES)}: hold the palm still at ({x:g}, {y:g}, {z:g}) mm, or press Enter"
+        )
 
-    with open_tracker(tracker) as opened, array, Keys() as keys:
-        found = calibrate_tracker(
+    with rig.open_tracker(tracker) as opened, array, Keys() as keys:
+        found = rig.calibrate_tracker(
             opened,
             array,
             top=top,
@@ -229,7 +210,7 @@ def tracker_command(
             say=say,
             entered=lambda: "\n" in keys.pressed(),
         )
-    save_tracker(found, output)
+    files.save_tracker(found, output)
     uncertainty = f"{2e3 * found.uncertainty:.1f} mm (k = 2)"
     offset = ", ".join(f"{1e3 * each:.1f}" for each in found.offset) + " mm"
     table = [Row("offset", offset), Row("uncertainty", uncertainty), Row("written", str(output))]
