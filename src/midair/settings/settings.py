@@ -331,7 +331,7 @@ def best_mode() -> Settings:
         precompensate=True,
         interpolate="pressure",
         decouple=True,
-        guard=Guard(margin=25e-3, pitch=5e-3, ceiling=0.3),
+        guard=Guard(margin=25e-3, pitch=5.5e-3, ceiling=0.3),
         acoustics=Acoustics(medium=Medium.at()),
     )
 
