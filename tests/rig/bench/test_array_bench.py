@@ -196,7 +196,7 @@ def bench(monkeypatch):
 def test_the_command_writes_the_placement_of_a_hand_that_goes_where_it_says(bench, monkeypatch, tmp_path, capsys):
     hand, path = Hand(), str(tmp_path / "palm.toml")
     made = Tracker(hand, name="hand", options=Options(), clock=hand.clock)
-    monkeypatch.setattr(command, "open_tracker", lambda _: made)
+    monkeypatch.setattr(command.rig, "open_tracker", lambda _: made)
     monkeypatch.setattr(command, "print_note", lambda text: hand.go(int(text.split()[1]) - 1))
     assert run(["calibrate", "tracker", "leap:", path]) == 0
     out, err = capsys.readouterr()
