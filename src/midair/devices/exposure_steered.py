@@ -13,7 +13,7 @@ from midair.model import Drive, PalmPath
 from midair.physics import PoseBox, exposure_excess
 
 UNSAMPLED = 1.5
-"""Level in dB that is added to that of sampled poses of a palm, since others are louder (decision 0047)."""
+"""Level in dB that is added to that of sampled poses of a palm or jumps, since others are louder (decision 0047)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,10 +90,10 @@ def check_exposure_steered(
     others = check.measured_on(samples, device, choices, 1, alone=True)
     if jumps:
         alone, moments = (each.above.max(axis=1) for each in (others, check.measured_on(samples, device, choices, 1)))
-        louder = max(louder, float((moments - np.maximum(alone, np.append(alone[:1], alone[:-1]))).max()))
+        louder = max(louder, float((moments - np.maximum(alone, np.append(alone[:1], alone[:-1]))).max()) + UNSAMPLED)
     found = replace(
         own,
-        level=np.concatenate([own.level, others.level + UNSAMPLED + louder]),
+        level=np.concatenate([own.level, others.level + louder + (0 if jumps else UNSAMPLED)]),
         air=np.concatenate([own.air, others.air]),
         pressure=max(own.pressure, others.pressure),
     )
