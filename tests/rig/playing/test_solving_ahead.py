@@ -33,6 +33,7 @@ QUICK = Settings().but(
 )
 """With 20 frames in a second, the first part of 257 frames lasts longer than everything else takes to solve."""
 SURE = ExposureChoices(profile=profile_named("occupational-110"), override="A Person")
+QUIET_ENOUGH = ExposureChoices(profile=SURE.profile.under(200.0))
 FAILSAFE = 0x80
 """Bit of the state of a unit that its failsafe silenced."""
 
@@ -128,6 +129,16 @@ def test_an_inadmissible_later_part_ends_the_play_in_silence_and_leaves_no_file(
 
 
 @pytest.mark.long
+def test_a_person_who_overrides_answers_for_all_parts_before_the_first_sound(monkeypatch):
+    """A louder part came in while the first one sounded, and no bound held it."""
+    sounds = []
+    solver_that(lambda _: sounds.append(Path("state/played.jsonl").exists()), monkeypatch)
+    played = play_pressure(pressure(), QUICK, loud(SURE))
+    assert sounds == [False, False]
+    assert played.outcome == "overridden"
+
+
+@pytest.mark.long
 def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     def fail(number):
         if number:
@@ -137,7 +148,7 @@ def test_an_error_of_the_solver_silences_the_array(monkeypatch):
     solver_that(fail, monkeypatch)
     device = Loud(ARRAY)
     with pytest.raises(InputError, match="expected to go on"):
-        play_pressure(pressure(), QUICK, loud(SURE, device), path="b.drive.h5")
+        play_pressure(pressure(), QUICK, loud(QUIET_ENOUGH, device), path="b.drive.h5")
     assert not device.emitting
     assert (log()[-1]["outcome"], log()[-1]["checked"]["frames"]) == ("failed", 257)
     assert list(Path().glob("*drive*")) == []
@@ -178,7 +189,7 @@ def test_a_play_that_waits_for_frames_is_silent_and_goes_on(monkeypatch):
     """Frames that come too late on emulated units: a gap, no repeated frame, and all frames are played."""
     pytest.importorskip("autd3")
     solver_that(lambda part: part and wait_until(Path("state/played.jsonl").exists) and time.sleep(1.0), monkeypatch)
-    rig = open_rig("autd3:emulator", exposure=SURE)
+    rig = open_rig("autd3:emulator", exposure=QUIET_ENOUGH)
     report = play_pressure(pressure(rate=1000.0), QUICK.but(rate=1000.0), rig).report
     assert (report.frames, report.repeated) == (800, 0)
     assert report.gap > 0.5

@@ -55,6 +55,8 @@ class SolvedAhead:
         self._settings, self._playing, self._frames, self.rate = settings, playing, 0, settings.target.rate
         self._news, self._ends, self._open = SimpleQueue[None](), Event(), ExitStack()
         self._stream: ExposureStream | None = None
+        # A person answers for what was measured: with an override all of it, before the first sound.
+        self._whole = playing.exposure.override is not None
         self._arrived = [(time.monotonic(), 0)]
         self.error: list[Array] = []
         """E of each part."""
@@ -111,10 +113,13 @@ class SolvedAhead:
             yield part
 
     def first_part(self) -> ExposureClearance:
-        """Wait until the first part is checked, and return its clearance; raises the solver's error."""
-        while len(self._arrived) == 1 and not self._solved.done():
+        """Wait until the first part is checked, with an override all parts, and return the clearance.
+
+        Raises the solver's error.
+        """
+        while (self._whole or len(self._arrived) == 1) and not self._solved.done():
             self._news.get()
-        return self.finish() if self._stream is None else self._stream.clearance()
+        return self.finish() if self._stream is None or self._whole else self._stream.clearance()
 
     def in_time(self, report: Callable[[str], object], check: Callable[[], object] = bool) -> ExposureClearance:
         """Wait until the play can begin without a gap, and return its clearance; report if this takes long.
@@ -129,7 +134,7 @@ class SolvedAhead:
             check()
             if self._solved.done():
                 break
-            if len(self._arrived) == 1:
+            if self._whole or len(self._arrived) == 1:
                 continue
             lacks, speed = self._lacks()
             if lacks > 0 and speed < 1:
