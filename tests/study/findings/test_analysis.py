@@ -315,6 +315,17 @@ def test_rows_of_other_programs_that_are_no_trials_are_left_out_and_counted(tmp_
     assert words.startswith("4 participants, 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
 
 
+@pytest.mark.parametrize("blank", ["null", "nan", "NaN", "undefined", "None", " ", ""])
+def test_rows_whose_fields_say_that_there_is_no_value_are_no_trials(blank, tmp_path):
+    """Presented null and answered null was an object that everybody recognised."""
+    rows = "1,low,low\n1,high,low\n" + f"1,{blank},{blank}\n1,low,{blank}\n"
+    (tmp_path / "a.csv").write_text("who,object,answer\n" + rows)
+    data = data_of_columns(read_csv(tmp_path / "a.csv"), participant="who", presented="object", answered="answer")
+    answers = ["low", "low", *(["None"] if blank == "None" else [])]
+    assert data.choices["answered"].tolist() == answers
+    assert f"{4 - len(answers) - (blank != 'None')} of 4 rows are left out, since object is empty there." in data.notes
+
+
 def test_usual_columns_of_other_programs_are_found(tmp_path):
     (tmp_path / "a.csv").write_text(PSYCHOPY.replace("keys,slider", "key_resp.keys,slider.response"))
     named = columns_of(read_csv(tmp_path / "a.csv"), "psychopy", {"participant": "participant", "answered": ""})

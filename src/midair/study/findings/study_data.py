@@ -142,7 +142,7 @@ def data_of_columns(
     choices = ratings = None
     if presented and answered:
         named = (participant, presented, answered, *([condition] if condition else []))
-        rows = _filled_rows(data, named, notes)
+        rows = _filled_rows(data, named, notes, presented=presented)
         texts = [name for name in (presented, answered) if all(isinstance(label, str) for label in rows[name])]
         numbers = {name: typed(rows.loc[:, name]) for name in texts}
         # Without the empty fields all labels may be numbers.
@@ -178,10 +178,12 @@ def _equals(values: Series, text: str) -> NDArray[np.bool_]:
     return (values == float(text) if number else values.astype(str) == text).to_numpy(bool)
 
 
-def _filled_rows(data: DataFrame, names: Sequence[str], notes: list[str]) -> DataFrame:
+def _filled_rows(data: DataFrame, names: Sequence[str], notes: list[str], *, presented: str = "") -> DataFrame:
     """Rows with a value in each of these columns: other programs write rows for instructions, breaks and loops."""
     for name in names:
-        blank = is_blank(any_column(data, name))
+        values = any_column(data, name)
+        # An answer None, as PsychoPy writes it, came too late; a thing that was presented has a name.
+        blank = is_blank(values) | (values.astype(str) == "None").to_numpy(bool) & (name == presented)
         data = _kept_rows(data, ~blank, f"{name} is empty", notes)
     return data
 

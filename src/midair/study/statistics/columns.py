@@ -23,13 +23,13 @@ def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
     return DataFrame({str(name): Series(table[name]).to_numpy() for name in table})
 
 
-BLANK = ("", "n/a", "NA")
-"""Fields of a table without a value: empty, as in BIDS, as in R."""
+BLANK = ("", "n/a", "NA", "nan", "NaN", "null", "undefined")
+"""Fields of a table without a value: empty, as in BIDS, as in R, and as Python and JavaScript write them."""
 
 
 def is_blank(values: Series) -> NDArray[np.bool_]:
     """Whether each value is missing or a field of `BLANK`."""
-    return (values.isna() | values.isin(BLANK)).to_numpy(bool)
+    return (values.isna() | values.astype(str).str.strip().isin(BLANK)).to_numpy(bool)
 
 
 def typed(column: Series) -> Series:
