@@ -50,6 +50,12 @@ def test_training_ends_and_thresholds_are_those_of_the_observer(done):
     assert found == pytest.approx(middle * 0.95 / 1.2, rel=0.4)
 
 
+def test_who_feels_nothing_has_a_threshold_above_the_levels():
+    """Rules on right answers left out the insensitive: of six people the median of three."""
+    design = read_design(template_text("detection"))
+    assert (design.exclusions.attention, design.exclusions.training) == (0.0, False)
+
+
 @pytest.mark.parametrize("template", ["detection", "intervals", "paired"])
 def test_all_orders_of_a_pair_come_equally_often(template):
     plan = draw_plan(read_design(template_text(template), participants=PEOPLE))
