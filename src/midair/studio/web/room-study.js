@@ -669,16 +669,11 @@ export default class Study {
       this._stop();
       return;
     }
-    // Keys are ignored while they repeat, and for 0.2 s after a step appears.
-    if (
-      !event.target.closest?.("input") &&
-      event.key !== "Tab" &&
-      (event.repeat || performance.now() - this.asked < 200)
-    ) {
-      event.preventDefault();
-      return;
-    }
-    if (event.target.closest?.("input")) return;
+    // Keys are ignored for 0.2 s after a step appears, and outside of its fields while they repeat.
+    const field = event.target.closest?.("input"),
+      early = performance.now() - this.asked < 200 || (event.repeat && !field);
+    if (early && event.key !== "Tab") event.preventDefault();
+    if (early || field) return;
     const numbers = this.answers?.every(each => /^\d+$/.test(each.textContent)),
       wanted = this.answers?.find((each, i) =>
         numbers ? each.textContent === event.key : String(i + 1) === event.key,
