@@ -100,6 +100,24 @@ def test_uses_the_stated_rate_when_it_fits():
         to_fixed_rate(time, np.zeros((5, 1)), rate=40)
 
 
+@pytest.mark.parametrize("jitter", [1e-4, 3e-4, 1e-3])
+def test_a_true_rate_is_not_refused_for_the_jitter_of_stamps(jitter):
+    """Rows 1 ms apart with stamps that are off by .3 ms were taken for 1,099 Hz."""
+    rng, tone = np.random.default_rng(1), np.sin(2 * np.pi * 180 * np.arange(3000) / 1000)
+    time = np.maximum.accumulate(np.arange(3000) / 1000 + jitter * rng.normal(size=3000))
+    even = to_fixed_rate(time, tone[:, None], rate=1000)
+    assert (even.rate, even.missing) == (1000, 0)
+    np.testing.assert_array_equal(even.samples[:, 0], tone)
+
+
+def test_a_true_rate_is_not_refused_for_packets_of_unlike_sizes():
+    """Stamped at their ends, in 6 s: 1,003 Hz."""
+    sizes = np.random.default_rng(1).integers(5, 25, 400)
+    time = np.repeat(np.cumsum(sizes) / 1000, sizes)[:3000]
+    even = to_fixed_rate(time, np.arange(3000.0)[:, None], rate=1000)
+    assert (even.rate, len(even.samples)) == (1000, 3000)
+
+
 def test_stamps_that_say_nothing_leave_a_stated_rate():
     even = to_fixed_rate(np.full(100, 1.696e9), np.arange(100.0)[:, None], rate=1000)
     assert (even.rate, len(even.samples)) == (1000, 100)

@@ -117,7 +117,9 @@ def to_fixed_rate(time: Array, samples: Array, *, rate: float | None = None, nom
         text = f"{shared} of {rows} rows have the time stamp of the row before: they were spread evenly."
         report = (*report, text)
     report = (*report, *repeated_rows(samples))
-    if rate is not None and (nominal is not None or shared > len(time) / 2):
+    if rate is not None and (
+        nominal is not None or shared > len(time) / 2 or abs(len(time) / time[-1] / rate - 1) < 0.02
+    ):
         nominal = rate
     numbers, period, off, tolerance = _numbers(time, starts, nominal)
     if nominal is not None:
@@ -172,7 +174,8 @@ def _numbers(
         if (np.abs(steps * nominal - 1) < 0.05).mean() > 0.5:
             period, width = float(np.median(steps)), 0
         else:  # so much jitter that losses may be missed: the rate must then agree
-            period, width, least, tolerance = 1 / nominal, len(points) // 20, 1.5, 2e-3
+            edge = 2 * float(np.quantile(np.diff(stamps), 0.9)) / float(np.ptp(stamps))
+            period, width, least, tolerance = 1 / nominal, len(points) // 20, 1.5, min(0.02, max(2e-3, edge))
     width, least = min(max(8, width), 300), max(least, 1.5 * shared)
     lost = _lost(stamps, points, width, period=period, least=least)
     if nominal is None:
