@@ -41,6 +41,15 @@ def test_takes_the_common_unit_of_all_names(write):
         load(write("time [s],a [mV],b (V)\n0,1,2\n1,2,3\n"), sensor=PAIR, scale=2)
 
 
+@pytest.mark.parametrize("name", ["U/mV", "CH1 mV", "ch1_mV", "mV", "a {mV}", "a <mV>"])
+def test_a_unit_without_brackets_is_read_too(name, write):
+    """Who obeyed the message and stated V got a thousand times the voltage."""
+    path = write(f"time_s;{name}\n0;1\n1;2\n")
+    assert load(path).samples[1, 0, 0] == pytest.approx(2e-3)
+    with pytest.raises(MismatchError):
+        load(write(f"time_s;{name.replace('mV', 'kPa')}\n0;1\n1;2\n"), unit="V")
+
+
 def test_a_unit_that_is_not_known_is_no_other(write):
     path = write("time [s],a [N]\n0,1\n1,2\n")
     with pytest.raises(UnitError, match="expected V, Pa or count, the file states N; give scale"):

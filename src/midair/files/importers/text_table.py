@@ -45,8 +45,10 @@ _TIME = re.compile(
 _MONITOR = re.compile(r"\[?(?:[\d-]{10} )?(\d\d:\d\d:\d\d[.,]\d+)(?:\]| ->) ")
 """Time of a line of a serial monitor: ``12:34:56.789 -> `` of Arduino, ``[2025-05-01 12:34:56.789] `` of Tera Term."""
 _LABEL = re.compile(r"([A-Za-z_][\w .]*)[:=]\s*([^\s:=]+)")
-_UNIT = re.compile(r"[\[(]\s*(?![\dxyzXYZ]?\s*[\])])([^\[\]()]*?)\s*[\])]\s*$|\bin (\S{1,5})$")
+_UNIT = re.compile(r"[\[({<]\s*(?![\dxyzXYZ]?\s*[\])}>])([^\[\](){}<>]*?)\s*[\])}>]\s*$|\bin (\S{1,5})$")
 """A unit in brackets, or after "in", at the end of a name; a digit or an axis is none."""
+_SUFFIX = re.compile(r"(?:^|[/_, ])([a-zA-Zµ]?(?:V|Pa))$")
+"""A unit of voltage or pressure at the end of a name."""
 _STATED = r"(?:\s*[\[(](?:hz|s)[\])])?[ \t\"':=,;]+((?>\d[\d.]*(?:e[+-]?\d+)?))(?!,?\d)"
 _FACTOR = r"(?:[ \t]*([kmgunµ])?(?:hz|sa?/s|sps|s)\b|(?![ \t]*[a-zµ]))"
 _RATE = re.compile(
@@ -108,7 +110,9 @@ def read_table(text: str, given: ImportOptions | None = None, *, encoding: str =
     if any(_PER_SAMPLE.match(row.fields[0]) for row in head) and str(len(body) - 1) in body[0].fields:
         body = body[1:]  # AcqKnowledge counts the rows in the first of them
     named = list(names) or [""] * len(columns)
-    own = [(found[1] or found[2] or "") if (found := _UNIT.search(name)) else unit for name in named]
+    ends = (_UNIT, _SUFFIX) if given.unit_row is None else (_UNIT,)
+    found = [next(filter(None, (end.search(name) for end in ends)), None) for name in named]
+    own = [unit if one is None else next(filter(None, one.groups()), "") for one in found]
     units = units or own
     for name, one, two in zip(named, own, units, strict=True) if given.unit_row is None else ():
         if known_unit(one)[0] and known_unit(two)[0] and known_unit(one) != known_unit(two):
