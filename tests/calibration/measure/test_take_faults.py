@@ -6,7 +6,7 @@ import pytest
 from midair.calibration import MeasureSettings, Reference, ReferencedTake, measure_calibration, noise_signal
 from midair.calibration.measure.frequency_response import clock_drift
 from midair.calibration.measure.referenced_take import sweep_signal
-from midair.errors import BandError
+from midair.errors import InputError
 from midair.model import Recording, SensorGrid
 
 RATE = 1000.0
@@ -51,10 +51,23 @@ def test_a_drift_is_found_by_its_sign_in_noise_and_not_in_a_sweep():
     assert clock_drift(swept, np.convolve(swept, [0.5, 0.3, 0.1])[: len(swept), None], RATE) == (0.0, np.inf)
 
 
-def test_clipped_takes_are_named_also_where_nothing_else_is_left():
-    found = measure_calibration([take(seed=1), take(clip=0.4, rms=15.0)], settings=SETTINGS)
-    assert found.measurement.method.endswith(
-        "clipped, which lowers the response: take 2 (all channels); press less hard there"
-    )
-    with pytest.raises(BandError, match=r"got 0; clipped, which lowers the response: take 1 \(all channels\)"):
-        measure_calibration([take(clip=0.005)], settings=SETTINGS)
+def test_one_sweep_shows_no_two_clocks_so_that_its_phase_is_uncertain():
+    """20 ppm: the phase was off by .35 rad at a stated uncertainty of .0002."""
+    signal, times = sweep_signal(10.0, 13.2, rate=RATE), 100 + np.arange(13_000)
+    volts = 0.02 * signal[times][:, None] + 2e-4 * np.random.default_rng(0).standard_normal((len(times), 2))
+    sensor = SensorGrid(rows=1, columns=2, pitch=0.01)
+    recording = Recording(samples=volts[:, None], rate=RATE, sensor=sensor)
+    for drift, own_clock in ((20e-6, True), (0.0, False)):
+        pressure = at(signal, 100 + np.arange(13_000) * (1 + drift))
+        reference = Reference(pressure=pressure, rate=RATE, own_clock=own_clock)
+        found = measure_calibration([ReferencedTake(recording=recording, reference=reference)], settings=SETTINGS)
+        off, stated = np.abs(np.angle(found.response)), found.measurement.phase_uncertainty
+        assert (off <= 2 * stated).mean() > 0.9
+        assert (np.median(stated) > 0.1) == own_clock
+        assert ("clocks of sensor and reference may differ" in found.measurement.method) == own_clock
+
+
+def test_clipped_takes_are_refused():
+    """At 1.5 standard deviations the response was 20 % too low, at a stated uncertainty of 3.5 %."""
+    with pytest.raises(InputError, match="got take 2; press less hard there, or leave it out"):
+        measure_calibration([take(seed=1), take(clip=0.4, rms=15.0)], settings=SETTINGS)

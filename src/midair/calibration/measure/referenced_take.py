@@ -25,6 +25,8 @@ class Reference:
     """Relative standard uncertainty (k = 1) of the sensitivity: half of the value on a certificate with k = 2."""
     name: str = "reference"
     """Name of the instrument."""
+    own_clock: bool = True
+    """False for a channel of the device that records the sensor."""
     simulated: bool = False
 
     def __post_init__(self) -> None:
@@ -34,11 +36,18 @@ class Reference:
 
     @classmethod
     def read(
-        cls, recording: Recording, *, sensitivity: float, channel: int = 0, uncertainty: float = 0.0, name: str = ""
+        cls,
+        recording: Recording,
+        *,
+        sensitivity: float,
+        channel: int = 0,
+        uncertainty: float = 0.0,
+        name: str = "",
+        own_clock: bool = True,
     ) -> "Reference":
         """Read the pressure from one channel of a recording; `sensitivity` is in the recording's unit per Pa.
 
-        A force cell of S unit/N with a contact area of A m2 has a sensitivity of S A.
+        A force cell of S unit/N with a contact area of A m2 has a sensitivity of S A. The others are fields.
         """
         if not 0 <= channel < recording.sensor.count:
             raise ShapeError(f"reference channel: expected 0 to {recording.sensor.count - 1}, got {channel}")
@@ -49,6 +58,7 @@ class Reference:
             rate=recording.rate,
             uncertainty=uncertainty,
             name=name or recording.sensor.name,
+            own_clock=own_clock,
             simulated=recording.provenance.simulated,
         )
 

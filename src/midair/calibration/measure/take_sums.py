@@ -26,7 +26,7 @@ from midair.calibration.measure.frequency_response import (
     widened,
 )
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike, source_of, spelled
-from midair.errors import BandError, MismatchError
+from midair.errors import BandError, InputError, MismatchError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, Setting
 from midair.progress import report_progress
 from midair.recordings import clipped_channels, dead_channels
@@ -68,8 +68,6 @@ class TakeSums:
     """Relative standard uncertainty."""
     delay_uncertainty: float = 0.0
     """Standard uncertainty of the delay between sensor and reference whose clocks drift apart, in s."""
-    clipped: str = ""
-    """Takes that are clipped, and their channels, as text."""
 
     def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
         """Compute the calibration."""
@@ -143,7 +141,7 @@ class TakeSums:
             found = counts.sum() if alive.any() else 0
             raise BandError(
                 f"response: expected two bins or more with a coherence of {self.settings.coherence:g} on every live "
-                f"channel, got {found}; " + (self.clipped or "press harder, longer, or with a wider band")
+                f"channel, got {found}; press harder, longer, or with a wider band"
             )
         return counts
 
@@ -278,10 +276,11 @@ def measure_calibration(
     at once, or one or more press on each cell alone, which also gives the crosstalk (takes on all cells are then used
     for linearity only). Five different levels give the linearity. `quiet` is a recording without any pressure, for the
     noise; without it, the noise is the residual of the fit. `date` and `version` are as in `Calibration`. Raises
-    MismatchError if the takes are not of one sensor, or only some cells were pressed alone; BandError if the takes are
-    too short, or fewer than two bins are valid.
+    MismatchError if the takes are not of one sensor, or only some cells were pressed alone; InputError if one is
+    clipped; BandError if the takes are too short, or fewer than two bins are valid.
     """
     check_alike(takes)
+    _check_unclipped(takes)
     settings = settings or MeasureSettings()
     first = takes[0].recording
     if quiet is not None and source_of(quiet) != source_of(first):
@@ -319,7 +318,6 @@ def measure_calibration(
         # For several references, use the largest uncertainty.
         reference_uncertainty=max(take.reference.uncertainty for take in takes),
         delay_uncertainty=late,
-        clipped=_clipped(takes),
     )
     where = "each cell alone" if alone else "all cells at once"
     levels = len(distinct(np.array([take.level for take in takes])))
@@ -327,8 +325,8 @@ def measure_calibration(
     if np.sum([part.points > 0 for part in own], axis=0).min() < 2:
         method += "; one take on a cell, so that repeatability is not known"
     if late:
-        method += f"; the clocks of sensor and reference are {1e6 * drift:.2g} ppm apart, so that phases are uncertain"
-    method += f"; {found.clipped}" if found.clipped else ""
+        clocks = f"are {1e6 * drift:.2g} ppm apart" if drift else "may differ, which no sweep shows"
+        method += f"; the clocks of sensor and reference {clocks}, so that phases are uncertain"
     simulated = first.provenance.simulated or any(take.reference.simulated for take in takes)
     history = Provenance(
         source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes
@@ -348,32 +346,33 @@ def measure_calibration(
     return found.calibration(date=date, version=version, provenance=history, method=method)
 
 
+UNKNOWN = 50e-6
+"""Relative difference of two clocks that a take does not show: usual quartz crystals are within 50 ppm."""
+
+
 def _drift(takes: Sequence[ReferencedTake]) -> tuple[float, float]:
     """Largest drift between the clocks of sensor and reference, and the delay that it adds to half of its take, in s.
 
-    Both are 0 if no drift is above four times its standard error.
+    Both are 0 if no drift is above four times its standard error, and for one clock.
     """
     found = [(0.0, 0.0)]
-    for take in takes:
+    for take in (each for each in takes if each.reference.own_clock):
         flat = take.recording.samples.reshape(take.recording.frames, -1)
         drift, error = clock_drift(take.reference.pressure, flat[:, take.presses()], take.recording.rate)
-        if abs(drift) > 4 * error:
+        if not np.isfinite(error):
+            found.append((0.0, UNKNOWN * take.recording.duration / 2))
+        elif abs(drift) > 4 * error:
             found.append((abs(drift), abs(drift) * take.recording.duration / 2))
     return max(found, key=lambda one: one[1])
 
 
-def _clipped(takes: Sequence[ReferencedTake]) -> str:
-    """Names of the takes that are clipped, with their channels and advice; empty if none is."""
-    named: list[str] = []
-    for number, take in enumerate(takes, 1):
-        if (channels := clipped_channels(take.recording)).size:
-            which = (
-                "all channels"
-                if channels.size == take.recording.sensor.count
-                else f"channel {', '.join(map(str, channels))}"
-            )
-            named.append(f"take {number} ({which})")
-    return f"clipped, which lowers the response: {'; '.join(named)}; press less hard there" if named else ""
+def _check_unclipped(takes: Sequence[ReferencedTake]) -> None:
+    """Raise InputError with the numbers of the takes that are clipped, by an amount that nobody knows."""
+    if found := [str(number) for number, take in enumerate(takes, 1) if clipped_channels(take.recording).size]:
+        raise InputError(
+            f"takes: expected none that is clipped, which lowers the response, got take {', '.join(found)}; press "
+            "less hard there, or leave it out"
+        )
 
 
 def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -76,9 +76,8 @@ def read_takes(
         recording, said, changed = _match_frames(recording, said, path)
         notes += changed
         cell = _pressed_cell(recording, path) if cells is None else cells[index]
-        reference = Reference.read(
-            said, sensitivity=_sensitivity(said, choice), uncertainty=choice.uncertainty, name=choice.name
-        )
+        how: Any = {"uncertainty": choice.uncertainty, "name": choice.name, "own_clock": choice.channel is None}
+        reference = Reference.read(said, sensitivity=_sensitivity(said, choice), **how)
         takes.append(ReferencedTake(recording=_with_source(recording, path), reference=reference, cell=cell))
     return takes, notes
 
@@ -292,9 +291,8 @@ class CalibrationBench:
     def take(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> ReferencedTake:
         """Record a take of `pressure`, shape (frame,), in Pa, on all cells or on one; `number` seeds its noise."""
         recording, said = self.recordings(pressure, cell=cell, number=number)
-        reference = Reference.read(
-            said, sensitivity=self.reference_sensitivity, uncertainty=self.reference_uncertainty, name=said.sensor.name
-        )
+        how: Any = {"uncertainty": self.reference_uncertainty, "name": said.sensor.name, "own_clock": False}
+        reference = Reference.read(said, sensitivity=self.reference_sensitivity, **how)
         return ReferencedTake(recording=recording, reference=reference, cell=cell)
 
     def recordings(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> tuple[Recording, Recording]:
