@@ -100,6 +100,15 @@ def test_uses_the_stated_rate_when_it_fits():
         to_fixed_rate(time, np.zeros((5, 1)), rate=40)
 
 
+@pytest.mark.parametrize("jitter", [1e-3, 2e-3])
+def test_losses_that_jitter_hides_are_refused(jitter):
+    """Each fiftieth row lost: the amplitude of a tone was 12 to 20 % too low."""
+    number = np.delete(np.arange(10_000), slice(49, None, 50))
+    time = number / 1000 + np.abs(jitter * np.random.default_rng(1).normal(size=len(number)))
+    with pytest.raises(RateError, match="losses that can be placed"):
+        to_fixed_rate(np.sort(time), np.zeros((len(number), 1)), nominal=1000)
+
+
 @pytest.mark.parametrize("jitter", [1e-4, 3e-4, 1e-3])
 def test_a_true_rate_is_not_refused_for_the_jitter_of_stamps(jitter):
     """Rows 1 ms apart with stamps that are off by .3 ms were taken for 1,099 Hz."""

@@ -123,7 +123,12 @@ def to_fixed_rate(time: Array, samples: Array, *, rate: float | None = None, nom
         nominal = rate
     numbers, period, off, tolerance = _numbers(time, starts, nominal)
     if nominal is not None:
-        measured = _rate(1 / period, nominal, tolerance)
+        measured, losses = _rate(1 / period, nominal, tolerance), np.count_nonzero(np.diff(numbers) > 1)
+        if off > period and losses * off > FILLED * len(time) * period:
+            raise RateError(
+                f"time stamps: expected losses that can be placed, got {losses} under stamps that deviate by "
+                f"{off * 1e3:.3g} ms; record it again with fewer losses"
+            )
         if abs(measured / nominal - 1) > 1e-3:
             report = (*report, f"The stated rate is {nominal:g} Hz, the time stamps give {measured:.6g} Hz.")
         return _even(numbers, samples, rate or measured, rows, report)

@@ -50,3 +50,10 @@ def test_the_array_has_the_name_of_its_file(tmp_path):
     taken = open_take(tmp_path / "wave.npy", **SAID)
     assert taken.report[0] == "Array wave (9,) was taken as one channel of 9 frames."
     assert taken.recording.provenance.steps[0].settings["format"] == "NPY"
+
+
+def test_times_of_numpy_are_stamps(tmp_path):
+    """They were "a damaged or foreign file"."""
+    times = np.datetime64("2026-01-01") + (1000 * np.arange(400)).astype("timedelta64[us]")
+    np.savez(tmp_path / "a.npz", time=times, x=np.arange(400.0))
+    assert load(tmp_path / "a.npz", unit="V").rate == 1000

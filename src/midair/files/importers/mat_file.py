@@ -42,6 +42,8 @@ def from_arrays(arrays: Mapping[str, Any], form: str, given: ImportOptions) -> I
     rate = next(iter(rates), None)
     clocks = {key: each for key, each in near.items() if is_clock(key) and each.size == len(samples)}
     clock, stamps = next(iter(clocks.items()), ("time [s]", None))
+    if stamps is not None and stamps.dtype.kind in "mM":
+        clock, stamps = "time [s]", (stamps - stamps[0]) / np.timedelta64(1, "s")
     units = [str(facts[key][0]) for key in ("unit", "units") if key in facts and facts[key].dtype.kind == "U"]
     return ImportedData(
         samples=samples,
