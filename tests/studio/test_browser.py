@@ -609,6 +609,13 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     before = page.page.evaluate("studio.acts")
     compared("Corduroy.h5")
     picture("compared")
+    judged = page.page.locator(".compare .verdict").inner_text()
+    page.go("#reproduce/Corduroy.h5")
+    page.until("document.querySelector('.reproduce .verdict')?.hidden === false")
+    assert page.page.locator(".reproduce .verdict").inner_text() == judged
+    picture("judged")
+    page.go("#compare/Corduroy.h5")
+    page.until("!!studio.room.found")
     gain = page.page.evaluate("studio.room.found.measured_gain")
     button("Apply").click()
     page.until("document.querySelector('#replace').open")

@@ -19,6 +19,7 @@ import {
   sections,
   takeOf,
   takesList,
+  verdictOf,
 } from "/web/take.js";
 
 export default class Compare {
@@ -311,12 +312,7 @@ export default class Compare {
       ),
     );
     this.verdict.hidden = false;
-    this.verdict.replaceChildren(
-      ...found.verdict.map(([name, text]) =>
-        make("div", {}, make("small.quiet", {}, name), make("strong", {}, text)),
-      ),
-      ...(found.simulated ? [make("strong.simulated", {}, "SIMULATED")] : []),
-    );
+    this.verdict.replaceChildren(...verdictOf(this.link, this.name));
     this.suggested.replaceChildren(
       rows([
         ["gain", found.gain.toPrecision(3)],

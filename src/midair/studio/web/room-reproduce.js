@@ -28,6 +28,7 @@ import {
   rowOf,
   takeOf,
   takesList,
+  verdictOf,
 } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 import { otherAir, warningBox } from "/web/warnings.js";
@@ -99,6 +100,7 @@ export default class Reproduce {
       this.link.on("jobs", () => this.control()),
       this.link.on("air", () => this.control()),
       this.link.on("palms", () => this.control()),
+      this.link.on("comparisons", () => this.control()),
       this.link.on("edits", () => this.control()),
       this.link.on("exported", name => this._exported(name)),
     ];
@@ -220,6 +222,7 @@ export default class Reproduce {
       "Simulate the palm",
     );
     this.pressed = make("div");
+    this.verdict = make("section.panel.verdict", { "aria-label": "Verdict", hidden: true });
     this.drives = make("div", { id: "drives" });
     this.frame = make("div");
     this.about = make("div.quiet");
@@ -279,6 +282,7 @@ export default class Reproduce {
         this.otherAir,
         make("div.buttons", {}, this.solve, this.play),
       ),
+      this.verdict,
       panel("Current frame", null, this.frame, this.about),
       this.listen.shown,
       panel("Palm", null, make("div.buttons", {}, this.palm), this.pressed),
@@ -359,6 +363,8 @@ export default class Reproduce {
     this.solve.disabled = !controls || !this.take;
     this.palm.disabled = !controls || !row?.solved;
     this.pressed.replaceChildren(...palmFound(this.link, this.take?.name));
+    this.verdict.replaceChildren(...verdictOf(this.link, this.take?.name));
+    this.verdict.hidden = !this.verdict.childElementCount;
     this.listen.tell(this.take?.name);
     const facts = this.take?.facts,
       settings = facts?.drive?.settings,
