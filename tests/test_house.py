@@ -25,16 +25,16 @@ LINES = {
     "settings streaming .": 2760,
     "physics": 3375,
     "recordings targets correct evaluate": 4151,
-    "calibration": 3177,
+    "calibration": 3095,
     "solvers": 4382,
-    "files": 4295,
+    "files": 4298,
     "devices": 7930,
     "rig": 8851,
     "patterns datasets": 1776,
     "view figures": 2045,
     "cli": 6439,
     "study": 6047,
-    "studio": 6055,
+    "studio": 6049,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 49_960, "benchmarks": 4_500}
+BESIDE = {"tests": 49_963, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

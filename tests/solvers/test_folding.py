@@ -121,13 +121,16 @@ def test_mirror_images_are_in_order_and_share_places_on_a_mirror():
 
 @pytest.mark.long
 @pytest.mark.parametrize("array", [ARRAY, MEASURED, SQUARE], ids=["alike", "measured", "square"])
-def test_the_error_is_that_of_the_array_as_a_whole(array):
-    target = wave(300, array=array)
+def test_the_error_is_that_of_the_array_as_a_whole(array, monkeypatch):
+    """Under the same guard; phases that differ by 1 rad cost 3 % of the mean, and the worst frame is better."""
+    target, middle, points = wave(300, array=array), Lattice.of(array).middle, Guard.points
     plan = SolvePlan.of(target, array, SETTINGS)
     assert plan.scene.lattice is not None
-    folded, whole = (each.solve(target, None, None)[0].error for each in (plan, replace(plan, scene=plan.own)))
-    assert folded.mean() < 1.02 * whole.mean()
-    assert folded.max() < 1.02 * whole.max()
+    folded = plan.solve(target, None, None)[0].error
+    monkeypatch.setattr(Guard, "points", lambda ring, grid, own=None: points(ring, grid, own or middle))
+    whole = replace(plan, scene=plan.own).solve(target, None, None)[0].error
+    assert folded.mean() < (1.03 if array is MEASURED else 1.02) * whole.mean()
+    assert folded.max() < 0.9 * whole.max()
 
 
 @pytest.mark.long

@@ -53,13 +53,13 @@ def test_a_part_is_cut_out(files):
 
 
 @pytest.mark.long
-def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
+def test_its_own_page_is_made_again_and_others_are_kept(files, capsys):
     for _ in range(2):
         assert run(["show", "take.h5"]) == 0
-    (files / "take.show.html").write_text("a page of mine")
-    assert run(["show", "take.h5"]) == 1
+    (files / "mine.html").write_text("a page of mine")
+    assert run(["show", "take.h5", "--save", "mine.html"]) == 1
     assert "--force" in capsys.readouterr().err
-    assert (files / "take.show.html").read_text() == "a page of mine"
+    assert (files / "mine.html").read_text() == "a page of mine"
 
 
 @pytest.mark.long

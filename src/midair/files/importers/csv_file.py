@@ -19,6 +19,7 @@ from midair.files.importers.text_table import decoded, read_table
 from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOptions
 from midair.files.text_files import read_text
 from midair.model import PalmPath, Recording, SensorGrid
+from midair.progress import report_progress
 
 
 def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
@@ -29,9 +30,11 @@ def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
     ]
     head = ("# SIMULATED\n" if recording.provenance.simulated else "") + ",".join(["time [s]", *cells])
     table = np.column_stack([recording.time, recording.samples.reshape(recording.frames, -1)])
-    with atomic_file(path) as partial:
-        # %s is the shortest text that is read back as the same number.
-        np.savetxt(partial, table, "%s", ",", header=head, comments="")
+    with atomic_file(path) as partial, partial.open("w", encoding="utf-8") as file:
+        file.write(f"{head}\n")
+        for part in report_progress(np.array_split(table, len(table) // 1000 + 1), len(table) // 1000 + 1):
+            # %s is the shortest text that is read back as the same number.
+            np.savetxt(file, part, "%s", ",")
     return ()
 
 
