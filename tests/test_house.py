@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2045,
     "cli": 6439,
     "study": 6047,
-    "studio": 6049,
+    "studio": 6051,
     "sweep": 502,
     "paper": 425,
 }

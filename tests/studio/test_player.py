@@ -76,13 +76,13 @@ def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
     player = _Player(StudioPipe(Pipe()[1]), lease, device, 0)
     play = {"do": "play", "masked": False, "output": "", "token": lease.arm(lasts=10.0)}
     with player.held, player.solver:
-        found = player.act(admit | CHECKED | {"override": "a test"})
+        found = player.act(admit | CHECKED | {"protection": 40.0})
         assert "each part is checked before it sounds" in found["verdict"]
         lease.stop()
         with pytest.raises(StoppedError):
             player.act(play | {"clearance": found["number"]})
         assert not path.exists()
-        found = player.act(admit | CHECKED | {"override": "a test"})
+        found = player.act(admit | CHECKED | {"protection": 40.0})
         report = player.act(play | {"clearance": found["number"], "token": lease.arm(lasts=10.0)})
     solve_take(SolveRequest(take=str(take), drive=str(apart), **how), lambda *_: None)
     assert np.array_equal(load_solution(path).drive.phase, load_solution(apart).drive.phase)
