@@ -137,7 +137,7 @@ def test_a_pattern_is_drawn_changed_played_and_saved(studio_at, look):
     page.until(f"{said} === 'saved grainy.toml and grainy.drive.h5'", timeout=60)
     saved = tomllib.loads((studio.folder / "grainy.toml").read_text(encoding="utf-8"))
     click("#draw-save")
-    page.page.locator("dialog[open]").get_by_role("button", name="Cancel").click()
+    page.page.locator("dialog[open]").get_by_role("button", name="Cancel", exact=True).click()
     page.until(f"{said} === 'not saved'")
     page.page.get_by_role("button", name="pulse").click()
     page.page.locator("#draw-open").select_option("grainy.toml")
