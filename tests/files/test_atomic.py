@@ -245,7 +245,7 @@ main(sys.argv[1:])
 @pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64", reason="refuses system calls of 64-bit Linux by number"
 )
-def test_a_disk_without_locks_is_not_refused(tmp_path):
+def test_a_disk_without_locks_is_reported_once_and_not_refused(tmp_path):
     def run(*words):
         done = subprocess.run(
             [sys.executable, "-c", WITHOUT_LOCKS, *words], capture_output=True, text=True, check=False, cwd=tmp_path
@@ -258,11 +258,17 @@ def test_a_disk_without_locks_is_not_refused(tmp_path):
     save(Recording(samples=samples, rate=1000.0), tmp_path / "source.h5")
     done = run("record", "replay:source.h5", "n.h5", "-q")
     assert done.returncode == 0, done.stderr
+    told = [line for line in done.stderr.splitlines() if "lock" in line]
+    assert told == [
+        "midair: this disk has no locks (No locks available): make sure that no two programs write to the same file"
+    ]
     done = run("calibrate", "n.h5", "--sensitivity", "1V/Pa")
     assert done.returncode == 0, done.stderr
+    assert done.stderr.count("no locks") == 1
     assert "another program" not in done.stderr
     assert "damaged" not in done.stderr
     done = run("study", "new", "s", "--drives", "none")
     assert done.returncode == 0, done.stderr
     done = run("study", "run", "s", "--simulate", "--participant", "1")
     assert done.returncode == 0, done.stderr
+    assert done.stderr.count("no locks") == 1

@@ -223,9 +223,13 @@ def _report_unexpected(wrong: Exception) -> int:
 
 
 def _print_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
-    """Print a warning as Python does."""
-    # Without the source line; the console escapes control characters, which texts of files may contain.
-    err().print(warnings.formatwarning(message, category, *where[:2], line=""), end="")
+    """Print a midair warning as one line, others as Python does."""
+    # A warning may arrive before midair.files is imported.
+    if issubclass(category, getattr(sys.modules.get("midair.files"), "NoLocksWarning", ())):
+        _print_line(str(message), 0)
+    else:
+        # Without the source line; the console escapes control characters, which texts of files may contain.
+        err().print(warnings.formatwarning(message, category, *where[:2], line=""), end="")
 
 
 def _print_line(message: str, status: int) -> int:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from midair.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from .atomic import NoLocksWarning as NoLocksWarning
     from .atomic import atomic_file as atomic_file
     from .atomic import atomic_folder as atomic_folder
     from .atomic import check_not_recording as check_not_recording

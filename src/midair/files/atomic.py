@@ -3,10 +3,12 @@
 import os
 import secrets
 import shutil
+import warnings
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from errno import EACCES, EAGAIN, EINVAL, ENOLCK, ENOSYS, ENOTSUP, EOPNOTSUPP
+from functools import cache
 from pathlib import Path
 
 from midair.errors import BrokenFileError, DeviceStateError, FileError, MidairError, MissingFileError, did_you_mean
@@ -16,14 +18,19 @@ try:
 except ImportError:  # Windows, where an open file cannot be replaced anyway
     fcntl = None
 
+
+class NoLocksWarning(UserWarning):
+    """A file system without locks, on which two programs could write to the same file unnoticed."""
+
+
 _NO_LOCKS = (ENOLCK, ENOTSUP, EOPNOTSUPP, ENOSYS, EINVAL)
 
 
 def lock_or_raise(handle: int, refusal: str) -> None:
     """Lock an open file or folder until the handle is closed or the process ends.
 
-    On a disk without locks it does nothing. Raises DeviceStateError with the message `refusal` if another program holds
-    the lock, and FileError if the lock fails for any other reason.
+    On a disk without locks it issues a `NoLocksWarning` and continues. Raises DeviceStateError with the message
+    `refusal` if another program holds the lock, and FileError if the lock fails for any other reason.
     """
     if not _locked(handle, refusal.partition(":")[0]):
         raise DeviceStateError(refusal)
@@ -53,8 +60,18 @@ def _locked(handle: int, what: Path | str, *, shared: bool = False) -> bool:
         except OSError as wrong:
             if wrong.errno not in (EAGAIN, EACCES, *_NO_LOCKS):
                 raise
-            return wrong.errno in _NO_LOCKS
+            if wrong.errno not in _NO_LOCKS:
+                return False
+            _warn_once(
+                f"this disk has no locks ({wrong.strerror}): make sure that no two programs write to the same file"
+            )
     return True
+
+
+@cache
+def _warn_once(text: str) -> None:
+    # Python's own "once" starts again whenever a library changes the warning filters.
+    warnings.warn(text, NoLocksWarning, stacklevel=1)
 
 
 @contextmanager
