@@ -6,7 +6,7 @@ import pytest
 from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
-from midair.solvers import METHODS, Cells, Guard, solve, takes
+from midair.solvers import METHODS, Cells, Fast, Guard, solve, takes
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -122,17 +122,17 @@ def test_a_guard_makes_the_ring_quieter(method):
     assert kept.drive.provenance.steps[-1].settings["guard_margin"] == 15e-3
 
 
-def test_cells_read_the_target_pressure():
-    """In Pa: the sensor's weights times the radiation pressure of the drive's propagated field."""
-    grid = ControlGrid(height=0.1)
-    asked = np.random.default_rng(1).uniform(2, 6, (2, 4, 4))
+@pytest.mark.parametrize(("precision", "rounding"), [("double", 1e-13), ("single", 4 * np.finfo(np.float32).eps)])
+def test_cells_read_the_target_pressure(precision, rounding):
+    """In Pa: the sensor's weights times the pressure of the propagated field, whose rounding is absolute in E."""
+    grid, asked = ControlGrid(height=0.1), np.random.default_rng(1).uniform(2, 6, (2, 4, 4))
     pressure = PressureFrames(pressure=asked, rate=500.0)
-    amplitude = np.full((2, grid.count), 1000.0)
-    solution = solve(target(amplitude, grid), UNIT, method="fast", fit=Cells(pressure=pressure))
+    wanted = target(np.full((2, grid.count), 1000.0), grid)
+    solution = solve(wanted, UNIT, method=Fast(precision=precision), fit=Cells(pressure=pressure))
     pushed = radiation_pressure(propagate(solution.drive, grid), Medium())
     read = pushed @ cell_weights(SensorModel(), grid, between="waves").T
     missed = np.linalg.norm(read - asked.reshape(2, 16), axis=1) / np.linalg.norm(asked.reshape(2, 16), axis=1)
-    np.testing.assert_allclose(solution.error, missed, rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(solution.error, missed, rtol=0, atol=rounding)
     assert missed.max() < 0.05
 
 
