@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+import shutil
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import singledispatch
@@ -60,6 +63,12 @@ def print_table(
         print_answer(answer, simulated=simulated)
     more = [*(("note", note) for note in notes or ()), *(("lost", str(loss)) for loss in lost)]
     return print_rows([*printed(table, all=verbosity().all), *more])
+
+
+def next_row(*words: object) -> tuple[str, str]:
+    """The command to type next: by its path where it is not on the path, names quoted where a shell needs that."""
+    typed = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
+    return "next", shlex.join([typed, *map(str, words)])
 
 
 def may_write(path: Path, force: bool, *endings: str) -> None:
@@ -143,7 +152,7 @@ def sensor_text(sensor: SensorGrid) -> str:
 def calibration_row(calibration: Calibration | None, file: Path | None = None, *, hidden: bool = False) -> Row:
     """Identity of a calibration, or advice without one for a file; `hidden` rows are in JSON only."""
     if calibration is None:
-        advice = f"none: state one with midair calibrate {file or 'FILE'} --sensitivity 20mV/Pa"
+        advice = f"none: state one with midair calibrate {shlex.quote(str(file or 'FILE'))} --sensitivity 20mV/Pa"
         return Row("calibration", None, text="" if hidden else advice)
     source, date = calibration.provenance.source, calibration.date
     known = {"source": source, "id": calibration.identifier, "version": calibration.version, "date": date or None}

@@ -1,7 +1,5 @@
 """The command `demo`: record, solve, play and compare on a virtual rig in two modes, and write a report."""
 
-import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,7 @@ from midair.cli.comparisons import laboratory_lines, palm_lines, print_laborator
 from midair.cli.console import confirmed, print_answer, print_grid, progress_bars, verbosity
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Seed, SolveOptions, Time
-from midair.cli.output import print_table
+from midair.cli.output import next_row, print_table
 from midair.errors import InputError
 from midair.evaluate import LaboratoryLoss
 from midair.files import check_not_recording, save, save_solution
@@ -114,8 +112,6 @@ def _write_files(
 
 
 def _print(outcomes: list[rig.Outcome], output: Path, laboratory: LaboratoryLoss) -> None:
-    # By its path where it is not on the path.
-    command = sys.argv[0] if shutil.which("midair") is None and Path(sys.argv[0]).stem == "midair" else "midair"
     print_answer("a touch, recorded, played in midair and recorded again", simulated=True)
     columns = [dict(each.verdict.rows()) for each in outcomes]
     rows = [
@@ -130,7 +126,7 @@ def _print(outcomes: list[rig.Outcome], output: Path, laboratory: LaboratoryLoss
         ),
         *([] if outcomes[0].palm is None else palm_lines(outcomes[0].palm)[1:]),
         ("report", str(output / "report.html")),
-        ("next", f"{command} studio {output}"),
+        next_row("studio", output),
     ]
     print_table(table, json=False)
     if verbosity().all:

@@ -9,7 +9,7 @@ from midair import files, rig
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, SolvedFor, quantity
-from midair.cli.output import as_recording, may_write, parameter_values, print_table
+from midair.cli.output import as_recording, may_write, next_row, parameter_values, print_table
 from midair.model import Calibration
 from midair.patterns import draw_file, load_pattern, wanted_pressure
 from midair.table import Line, Row
@@ -84,7 +84,7 @@ def draw_command(
         {"pressure_pa": loudest, "reach_used": used},
         Row("E", error, key="error", text=of_foci),
         ("wanted", "" if wanted is None else f"{wanted}, pressure on 4 x 4 cells"),
-        ("next", f"midair play {target}"),
+        next_row("play", target),
     ]
     answer = f"{seconds:.4g} s at {foci.rate:g} Hz, foci of up to {loudest:.4g} Pa"
     print_table(table, answer=answer, json=json)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from midair.cli.console import print_json, print_rows
 from midair.cli.options import Force, Json
-from midair.cli.output import may_write, print_table
+from midair.cli.output import may_write, next_row, print_table
 from midair.datasets import TOUCHES
 from midair.evaluate import too_loud
 from midair.table import Row
@@ -58,6 +58,6 @@ def gallery_command(
         touch.facts,
         ("felt", f"by about {touch.felt} of 10 people; ears: {too_loud(touch.ears)}"),
         Row("written", str(target), text=f"{target}, licence {touch.licence}"),
-        Row("next", f"midair {'solve' if touch.pattern is None else 'draw'} {target}"),
+        next_row("solve" if touch.pattern is None else "draw", target),
     ]
     return print_table(rows, answer=touch.says, json=json)

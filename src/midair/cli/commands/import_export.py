@@ -17,7 +17,7 @@ from midair.cli.import_options import (
     channel_numbers,
 )
 from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
-from midair.cli.output import as_recording, calibration_row, describe, may_write, print_table, recording_text
+from midair.cli.output import as_recording, calibration_row, describe, may_write, next_row, print_table, recording_text
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.recordings import GapFill, Mending, select
@@ -84,6 +84,8 @@ def import_command(
     else:
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
+    if output is None and target.exists() and file.resolve() == target.resolve():
+        raise InputError(f"{file}: is a file of midair already; name the result to write another one")
     may_write(target, force)
     asked = {"ask": not json, "counts": peak is not None}
     imported = files.OpenedTake(recording=sample(name)) if ready else ask_missing(file, options, mending, **asked)
@@ -100,9 +102,9 @@ def import_command(
     lost = files.save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
     stated_by = calibration_row(known, target, hidden=recording.unit == "Pa" and not known)
     ready = recording.unit == "Pa" or known is not None
-    next_row = ("next", f"midair solve {target}" if ready else "")
+    then = [next_row("solve", target)] if ready else []
     file_row = Row("file", str(target), key="recording")
-    table: list[Line] = [file_row, *describe(recording), *credits, stated_by, next_row]
+    table: list[Line] = [file_row, *describe(recording), *credits, stated_by, *then]
     notes = imported.report
     if recording.duration < SHORT:
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")

@@ -1,5 +1,6 @@
 """The command `play`: play a drive, a recording or a pattern."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from math import log10
@@ -11,7 +12,7 @@ from midair import devices, files, rig
 from midair.cli.console import print_answer, print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
-from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, print_table
+from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, next_row, print_table
 from midair.errors import ExposureError, InputError
 from midair.evaluate import Felt, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
@@ -142,10 +143,11 @@ def play_command(
             if device == "virtual":
                 height, band = solving.target.grid.height, solving.calibration.band
                 settings = settings.but(height=height, band=band, cells=pressure.sensor)
+            player = rig.open_rig(settings=settings)
             print_air(solving.acoustics.medium, stated=medium is not None)
             shown.simulated = pressure.provenance.simulated
             how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
-            played = rig.play_pressure(pressure, solving, rig.open_rig(settings=settings), **how)
+            played = rig.play_pressure(pressure, solving, player, **how)
     part = played.report.duration if played.report else played.drive.frames / played.drive.rate
     found, table = played.exposure, list[Line]()
     answer, ears = f"played {part:.4g} s on {device}", ("ears", found.verdict())
@@ -173,7 +175,7 @@ def play_command(
         ]
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
     original = original if original.exists() else "RECORDING"
-    table.append(("next", "" if target is None else f"midair compare {original} {target}"))
+    table += [] if target is None else [next_row("compare", original, target)]
     print_table(table, answer=answer, simulated=shown.simulated, json=False)
     return int(played.report is not None and bool(played.report.broken))
 
@@ -230,7 +232,7 @@ def _print_ways(source: Path, excess: float) -> bool:
         return False
     whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
-    ways = ways_to_play(whole, excess, source=original if original.exists() else "RECORDING")
+    ways = ways_to_play(whole, excess, source=shlex.quote(str(original)) if original.exists() else "RECORDING")
     print_grid(_WAYS, [way.row for way in ways])
     return True
 
@@ -263,7 +265,8 @@ def _print_plan(source: Path, solve: PlayTakeOptions, settings: rig.PlaySettings
                 answer, loud = f"nothing was played; {sound.verdict()}", sound.excess
     print_answer(answer, simulated=True)
     if loud > 0:
-        print_grid(_WAYS, [way.row for way in ways_to_play(found[0], loud, source=source, quiet=found[1])])
+        ways = ways_to_play(found[0], loud, source=shlex.quote(str(source)), quiet=found[1])
+        print_grid(_WAYS, [way.row for way in ways])
 
 
 def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:

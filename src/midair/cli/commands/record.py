@@ -18,7 +18,7 @@ from midair import devices, files, rig
 from midair.cli.console import err, print_json, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
 from midair.cli.options import Json, options_from, parse_quantity, settings_from
-from midair.cli.output import calibration_row, describe_strokes, duration_text, print_table, sensor_text
+from midair.cli.output import calibration_row, describe_strokes, duration_text, next_row, print_table, sensor_text
 from midair.cli.stage_options import Drawing, StageOptions
 from midair.errors import DeviceError, InputError
 from midair.model import Event, Provenance
@@ -56,8 +56,6 @@ class MeterScreen(rig.TakeObserver):
         self._title, self._shown = title, -np.inf
         self._clipped.clear()
         if not (self._console.is_terminal and not self._quiet):
-            if not self._quiet:
-                self._say(title)
             yield
             return
         with Live(console=self._console, auto_refresh=False, transient=True) as self._live:
@@ -95,8 +93,8 @@ class MeterScreen(rig.TakeObserver):
             self._shown = now
             self._live.update(meters(view, self._sensor, self._title, keys=self._keys.active), refresh=True)
         elif self._live is None and not self._quiet and now - self._shown >= self._every:
-            if self._shown > 0:
-                self._say(f"{state_line(view, self._sensor.rate)}, lost {view.lost} frames")
+            state = f"{state_line(view, self._sensor.rate)}, lost {view.lost} frames"
+            self._say(state if self._shown > 0 else self._title)
             self._shown = now
 
     def tell(self, event: Event, drift: rig.Drift | None = None) -> None:
@@ -373,6 +371,6 @@ def describe_take(take: rig.Take, device: devices.SensorDevice) -> list[Line]:
         },
         *rig.take_problems(take, rate),
         calibration_row(device.calibration, take.path),
-        ("next", "" if device.calibration is None else f"midair solve {take.path}"),
+        *([] if device.calibration is None else [next_row("solve", take.path)]),
         Details([("sensor", sensor_text(device.grid)), *describe_strokes(life, rate)]),
     ]

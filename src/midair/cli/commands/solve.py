@@ -7,7 +7,7 @@ from midair.cli.comparisons import with_array_calibration
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, Placement, SolvedFor, TakeOptions
-from midair.cli.output import describe_drive, may_write, print_table
+from midair.cli.output import describe_drive, may_write, next_row, print_table
 from midair.table import Line, Row, plain
 
 
@@ -52,5 +52,5 @@ def solve_command(
     about, (feeling, *lines) = describe_drive(target)
     row = Row("drive", str(target), text=f"{target}, {about}")
     answer = f"felt {feeling.text}" if isinstance(feeling, Row) else "nothing plays"
-    table: list[Line] = [plain([feeling]), row, *lines, ("next", f"midair play {target}")]
+    table: list[Line] = [plain([feeling]), row, *lines, next_row("play", target)]
     print_table(table, answer=answer, simulated=pressure.provenance.simulated, json=json)

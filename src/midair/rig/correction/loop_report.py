@@ -3,6 +3,7 @@
 import importlib.metadata
 import platform
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -84,8 +85,8 @@ def write_report(
         trace=_trace(loop),
         laboratory=None if laboratory is None else _laboratory(laboratory),
         bands=[0.0, 0.0] if laboratory is None else [_scale(laboratory) * each for each in (SIMILAR, SAME)],
-        ways=() if loud is None else ways_to_play(own.verdict.felt, loud, source=source),
-        todo=_todo(own.verdict, laboratory, source),
+        ways=() if loud is None else ways_to_play(own.verdict.felt, loud, source=shlex.quote(source)),
+        todo=_todo(own.verdict, laboratory, shlex.quote(source)),
         ways_beside=[each.name for each in outcomes] if len(outcomes) > 1 else [],
         side_by_side=[(name, *values, unit) for name, unit, *values in comparison_rows(outcomes)],
         pictures=drawn(loop, own.card, progress),
@@ -163,9 +164,7 @@ def _todo(verdict: Verdict, laboratory: LaboratoryLoss | None, source: str) -> l
     if laboratory is not None:
         rows.append((f"{laboratory.advice[0].upper()}{laboratory.advice[1:]}.", ""))
     if verdict.excess is not None and verdict.excess > 0:
-        rows.append(
-            ("Choose one of the four ways before it is played on a real array.", f"midair play --plan {source}")
-        )
+        rows.append(("Choose one of four ways before it is played on a real array.", f"midair play --plan {source}"))
     return [*rows, ("Open it in the browser: listen, change it, play it again.", "midair studio")]
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.devices import FrameBlock, GapFiller, SensorDevice, make_state_folder, state_folder
 from midair.errors import DeviceError, FileError, InputError, MidairError, MissingFileError
-from midair.files import RecordingBuffer, RecordingWriter, write_file
+from midair.files import RecordingBuffer, RecordingWriter, writable_path, write_file
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.meters import Meters, PreRoll, Trigger
 from midair.rig.takes.take_state import (
@@ -381,6 +381,7 @@ def take_path(output: Path | None, subject: Subject, *, repeats: int) -> Path:
         return take_name(output.parent, output.stem)
     if output.exists():
         raise InputError(f"{output}: already exists; give another name, or a folder for a new name")
+    writable_path(output)
     return output
 
 

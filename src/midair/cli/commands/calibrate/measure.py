@@ -28,7 +28,7 @@ from midair.cli.options import (
     Time,
     quantity,
 )
-from midair.cli.output import calibration_row, may_write, print_table
+from midair.cli.output import calibration_row, may_write, next_row, print_table
 from midair.errors import InputError, MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, open_take, save, save_calibration
 from midair.model import HEIGHT, Acoustics, Calibration, SensorGrid
@@ -180,7 +180,7 @@ def apply_command(
         calibration_row(known),
         ("uncertainty", "" if known is None else rig.describe_uncertainty(known)),
         ("crosstalk", "" if crosstalk == "keep" else f"undone, damping {damping:g}"),
-        ("next", f"midair solve {source}"),
+        next_row("solve", source),
     ]
     answer = f"pressure up to {largest:.3g} Pa, {rms:.3g} Pa rms in the strongest cell"
     print_table(table, answer=answer, simulated=pressure.provenance.simulated, json=False)
