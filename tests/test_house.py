@@ -32,7 +32,7 @@ LINES = {
     "rig": 8851,
     "patterns datasets": 1776,
     "view figures": 2045,
-    "cli": 6443,
+    "cli": 6493,
     "study": 6047,
     "studio": 6051,
     "sweep": 502,

@@ -27,7 +27,7 @@ def check_band(band: Band, rate: float) -> Band:
         fits = BAND if nyquist >= 500 else (0.01 * nyquist, 0.9 * nyquist)
         raise BandError(
             f"band: expected 0 <= low < high <= {nyquist:g} Hz, half the recording's rate of {rate:g} Hz, "
-            f"got {low:g} to {high:g} Hz; give one that fits, such as ({fits[0]:.2g}, {fits[1]:.3g})"
+            f"got {low:g} to {high:g} Hz; give one that fits, such as {fits[0]:.2g} to {fits[1]:.3g} Hz"
         )
     return low, high
 

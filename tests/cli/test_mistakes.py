@@ -31,19 +31,19 @@ def files(tmp_path_factory):
         small = SensorGrid(rows=2, columns=2)
         save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
+        soundfile.write("silent.wav", [], 8000)
         Path("text.csv").write_text("this is\nno recording\n")
         Path("empty.h5").touch()
         Path("truncated.h5").write_bytes(Path("take.h5").read_bytes()[:2000])
-        Path("broken.toml").write_text("a = = 3\n")
         np.savetxt("five.csv", rng.normal(size=(50, 5)), delimiter=",", header="a,b,c,d,e", comments="")
         gaps = rng.normal(size=(50, 16))
         gaps[3, 3] = np.nan
         np.savetxt("gaps.csv", gaps, delimiter=",")
         Path("ticks.csv").write_text("time,a\n" + "".join(f"{at},{at % 7}\n" for at in range(5, 400)))
-        Path("x.m4a").write_text("x")
         Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n')
         Path("there").mkdir()
-        Path("there/report.html").write_text("x")
+        for name, text in (("broken.toml", "a = = 3"), ("x.m4a", "x"), ("there/report.html", "x")):
+            Path(name).write_text(text)
     return folder
 
 

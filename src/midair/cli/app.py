@@ -4,6 +4,7 @@ import io
 import itertools
 import os
 import re
+import shlex
 import signal
 import sys
 import time
@@ -16,6 +17,7 @@ from typing import Any, Literal
 
 from cyclopts import (
     App,
+    CoercionError,
     CycloptsError,
     MissingArgumentError,
     Parameter,
@@ -146,7 +148,8 @@ def _status(tokens: Sequence[str]) -> int:
             with nullcontext() if begins.startswith(_UNTIL_STOPPED) else elapsed_time(begins.partition(" ")[0]):
                 status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as wrong:
-            return _print_line(f"{_usage(wrong, tokens)} (see midair --help)", 2)
+            chain = " ".join(["midair", *(wrong.command_chain or ()), "--help"])
+            return _print_line(f"{_usage(wrong, tokens)} (see {chain})", 2)
         except MidairError as wrong:
             return _print_line(_message(wrong), 2 if isinstance(wrong, UnknownDeviceError) else 1)
         except KeyboardInterrupt:
@@ -165,7 +168,7 @@ def _message(wrong: MidairError) -> str:
     from midair.cli.import_options import TYPED
 
     named = wrong.args[0].partition(":")[0]
-    file = named if Path(named).is_file() else "FILE"
+    file = shlex.quote(named) if Path(named).is_file() else "FILE"
     return wrong.message(TYPED).replace("; give ", f"; import it first, midair import {file}, and give ")
 
 
@@ -183,18 +186,38 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
         what = f"{count if count > 1 else 'a'} value{'s' * (count > 1)} of {name}" if name in tokens else name
         first = re.split(r"[.;] |[.;]?$|\n", about)[0]
         return f"{' '.join(wrong.command_chain)}: expected {what}: {first}"
-    word = wrong.token.keyword or wrong.token.value if isinstance(wrong, UnknownOptionError) else ""
-    if isinstance(wrong, UnknownOptionError) and re.fullmatch("-[a-z]", word):
-        names = [name for each in wrong.argument_collection for name in each.names if name.startswith(f"-{word}")]
-        near = f"; did you mean {' or '.join(names[:3])}?" if names else ""
-        return f'unknown option "{word}"{near}'
+    if isinstance(wrong, UnknownOptionError):
+        word = (wrong.token.keyword or wrong.token.value).partition("=")[0]
+        return f'unknown option "{word}"{_advice(word, wrong)}'
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
-        return f"unexpected: {' '.join(wrong.unused_tokens)}; options begin with --, a value with a space needs quotes"
+        before = next((a for a, b in itertools.pairwise(tokens) if b == wrong.unused_tokens[0]), "")
+        advice = "options begin with --, a value with a space needs quotes"
+        about = f"{before} takes no value" if before.startswith("--") else advice
+        return f"unexpected: {' '.join(wrong.unused_tokens)}; {about}"
     if isinstance(wrong, UnknownCommandError) and wrong.unused_tokens and wrong.app is app:
         # The message of cyclopts imports every command.
         word = wrong.unused_tokens[0]
         return f'unknown command "{word}"{did_you_mean(word, [*COMMANDS, *FOLDERS, "--version", "--help"])}'
-    return str(wrong).strip()
+    said = re.sub(r"unable to convert (.*) into (float|int)\.", r"expected a number, got \1", str(wrong).strip())
+    named = getattr(wrong.argument, "name", "") if isinstance(wrong, CoercionError) else ""
+    return said if not named or named in said else f"{named}: {said}"
+
+
+def _advice(word: str, wrong: UnknownOptionError) -> str:
+    """End of the message for an unknown option: one that is alike, or the command that has it."""
+    names = [name for each in wrong.argument_collection for name in each.names]
+    if near := [name for name in names if re.fullmatch("-[a-z]", word) and name.startswith(f"-{word}")]:
+        return f"; did you mean {' or '.join(near[:3])}?"
+    if word in ("-o", "--out", "--output") and "OUTPUT" in names:
+        return "; name the output after the other files, without an option"
+    return did_you_mean(word, [name for name in names if name.startswith("--")]) or _elsewhere(word)
+
+
+def _elsewhere(option: str) -> str:
+    named = [(name, app[name]) for name in (*COMMANDS, *FOLDERS)]
+    described = [(name, each.assemble_argument_collection()) for name, each in named if each.default_command]
+    there = [name for name, known in described if any(option in each.names for each in known)]
+    return f"; it is an option of midair {' and '.join(there[:3])}" if there else ""
 
 
 def _kept_files(files: Sequence[Path]) -> str:

@@ -1,14 +1,15 @@
 """Help of a command: its group and the examples below it."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from inspect import cleandoc
 from textwrap import wrap
 from types import MappingProxyType
 from typing import Any
 
-from cyclopts import App, ArgumentCollection, Group
+from cyclopts import App, ArgumentCollection, Group, Parameter, Token
+from cyclopts.annotations import resolve_optional
 
 _NAMES = ("Get started", "Record", "Edit", "Calibrate", "Reproduce", "Evaluate", "Research", "Help")
 GROUPS: Mapping[str, Group] = MappingProxyType({name: Group(name, sort_key=at) for at, name in enumerate(_NAMES)})
@@ -24,6 +25,17 @@ def add_command(app: App, command: Callable[..., Any], name: str, *, group: str 
     # In the order of the calls, not alphabetical.
     order = len(tuple(app))
     app.command(app_of_command(command, name, sort_key=order, **placed))
+
+
+_NUMBERS = {int: "a whole number such as 3", float: "a number such as 1.5"}
+
+
+def _number(kind: type, tokens: Sequence[Token]) -> object:
+    """A typed number; cyclopts would round 2.5 to a whole one."""
+    try:
+        return kind(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"expected {_NUMBERS[kind]}, got {tokens[0].value!r}") from None
 
 
 class _Imported(App):
@@ -45,6 +57,9 @@ class _Imported(App):
         """Describe the options once, since that is slow and cyclopts asks up to three times for a line."""
         if parse_docstring not in self._described:
             made = super().assemble_argument_collection(parse_docstring=parse_docstring, **how)
+            for each in made:
+                if resolve_optional(each.hint) in _NUMBERS and each.parameter.converter is None:
+                    each.parameter = Parameter.combine(each.parameter, Parameter(converter=_number))
             self._described[parse_docstring] = made
         first = self._described[parse_docstring]
         copies = {id(old): new for old, new in zip(first, first.copy(reset_tokens=True), strict=True)}

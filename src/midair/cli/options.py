@@ -252,6 +252,9 @@ class _SettingsOptions:
             raise InputError(
                 f"--height: expected {low} to {high} of a palm above the array, got {format_quantity(height, 'm')}"
             )
+        low, high = given.get("band", (0.0, math.inf))
+        if low >= high:
+            raise InputError(f"--band: expected the low end first, got {low:g} Hz; give --band {high:g}Hz {low:g}Hz")
         made = MODES[mode or self.otherwise]() if path is None else _settings_of_file(path)
         if lines := getattr(self, "set", ()):
             made = made.with_lines(lines)

@@ -238,10 +238,8 @@ def parse_errors(path: str | os.PathLike[str], expected: str) -> Generator[None]
 
 def reason(wrong: BaseException) -> str:
     """First line of an exception's message, or its type if it has none."""
-    if isinstance(wrong, OSError) and wrong.strerror:
-        return wrong.strerror.splitlines()[0][:160]
-    lines = str(wrong).strip().splitlines()
-    return lines[0][:160] if lines else type(wrong).__name__
+    said = wrong.strerror if isinstance(wrong, OSError) and wrong.strerror else str(wrong)
+    return (said.strip().splitlines() or [type(wrong).__name__])[0][:160]
 
 
 def _sync(path: Path) -> None:

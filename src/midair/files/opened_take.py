@@ -119,6 +119,8 @@ class ImportedData:
 
     def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or a stated assumption, or raise."""
+        if not len(self.samples):
+            raise InputError("expected one frame or more, got none; is the file complete?")
         found = self if self.rate is not None else self._at_fixed_rate(given)
         found = found if given.channels is None else found._select(given.channels)
         return found._recording(given, path)

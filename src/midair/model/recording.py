@@ -235,7 +235,7 @@ class PressureFrames(Shown):
         first, whole = round(start * self.rate), self.frames / self.rate
         last = self.frames if duration is None else min(self.frames, first + round(duration * self.rate))
         if not 0 <= first < last:
-            wanted = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
+            wanted = f"one that begins at {start:g} s" if duration is None else f"{start:g} to {start + duration:g} s"
             raise InputError(f"cut: expected a part of 0 to {whole:g} s, got {wanted}")
         step = self.provenance.then("cut", {"start_s": first / self.rate, "duration_s": (last - first) / self.rate})
         return replace(self, pressure=self.pressure[first:last], provenance=step)

@@ -33,7 +33,7 @@ def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> R
     stop = recording.duration if end is None else end
     first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, stop))
     if not 0 <= first < last <= recording.frames:
-        wanted = f"{start:g} s on" if end is None else f"{start:g} to {end:g} s"
+        wanted = f"one that begins at {start:g} s" if end is None else f"{start:g} to {end:g} s"
         raise InputError(f"cut: expected a part of 0 to {recording.duration:g} s, got {wanted}")
     return _part(recording, "cut", first, last)
 

@@ -270,7 +270,7 @@ def frame_range(part: Part, frames: int, rate: float) -> tuple[int, int]:
     first = round(start * rate)
     last = frames if duration is None else min(frames, first + round(duration * rate))
     if not 0 <= first < last:
-        asked = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
+        asked = f"one that begins at {start:g} s" if duration is None else f"{start:g} to {start + duration:g} s"
         raise InputError(f"part: expected a part of 0 to {frames / rate:.4g} s, got {asked}")
     return first, last
 

@@ -163,6 +163,6 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     file = existing_file(path)
     with parse_errors(file, "an HDF5 file of midair"):
         if not h5py.is_hdf5(file):
-            raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
+            raise BrokenFileError(f"{file}: expected an HDF5 file of midair record, import or solve, got other bytes")
         with open_hdf5(file) as opened:
             yield opened
