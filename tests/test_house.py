@@ -32,7 +32,7 @@ LINES = {
     "rig": 8851,
     "patterns datasets": 1776,
     "view figures": 2045,
-    "cli": 6493,
+    "cli": 6492,
     "study": 6047,
     "studio": 6051,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 49_969, "benchmarks": 4_500}
+BESIDE = {"tests": 49_979, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -113,6 +113,7 @@ def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_w
 
 
 @pytest.mark.slow
+@pytest.mark.clock
 def test_a_command_that_waits_for_hot_units_is_silent_and_ends_with_status_0(tmp_path, tap, request):
     line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
     line += ["--override-exposure", "a test", "--duration", "12s", "--when-hot", "wait"]
