@@ -1,29 +1,28 @@
 """``python -m tests.regression``: see there."""
 
-import os
+import argparse
+import json
 import sys
+import tempfile
+from pathlib import Path
 
-KERNEL = "Haswell"
-"""Kernel of OpenBLAS if the environment names none: every x86 processor with AVX2 can run it."""
+from tests.regression import HERE, differences, record
 
-ENVIRONMENT = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "PYTHONHASHSEED": "0",
-    "COLUMNS": "200",
-    "TZ": "UTC",
-}
-
-
-def main() -> int:
-    """Start again with the environment that the figures depend on, then record."""
-    wanted = {"OPENBLAS_CORETYPE": os.environ.get("OPENBLAS_CORETYPE", KERNEL), **ENVIRONMENT}
-    if any(os.environ.get(name) != value for name, value in wanted.items()):
-        os.execve(sys.executable, [sys.executable, "-m", "tests.regression", *sys.argv[1:]], os.environ | wanted)
-    from tests.regression.recorder import command_line
-
-    return command_line()
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+parser = argparse.ArgumentParser(prog="python -m tests.regression", description="Record every figure of midair.")
+parser.add_argument("--write", type=Path, metavar="FILE", help="JSON file for the figures, outside of the repository")
+parser.add_argument("--against", type=Path, metavar="FILE", help="file of an earlier --write on the same machine")
+parser.add_argument("--rows", nargs="+", metavar="NAME", help="only these rows, and none that they need")
+given = parser.parse_args()
+table = (HERE / "commands.txt").read_text(encoding="utf-8").splitlines()
+table = [row for row in table if not given.rows or row.partition("|")[0].strip() in given.rows]
+with tempfile.TemporaryDirectory() as work:
+    folder = Path(work) / "folder"
+    folder.mkdir()
+    figures = record("\n".join(table), folder)
+failed = [name for name, value in figures.items() if name.endswith("| exit status") and value != "0"]
+print(f"{len(figures)} figures, {len(failed)} commands failed")
+if given.write:
+    given.write.write_text(json.dumps(figures, indent=0, sort_keys=True) + "\n", encoding="utf-8")
+found = differences(json.loads(given.against.read_text(encoding="utf-8")), figures) if given.against else []
+print(*found, f"{len(found)} figures differ", sep="\n") if given.against else None
+sys.exit(bool(failed or found))
