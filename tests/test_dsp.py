@@ -6,6 +6,7 @@ from scipy.signal import firwin, freqz, resample_poly, welch
 
 from midair import dsp
 from midair.errors import BandError, InputError, ShapeError
+from midair.streaming import LazyFrames
 
 RATE = 1000.0
 PAPER = (20.0, 470.0)
@@ -52,6 +53,16 @@ def test_a_unit_response_changes_nothing(seed):
     one = np.zeros((21, 1))
     one[10] = 1
     assert dsp.filter_fir(x, one) == pytest.approx(x, abs=1e-12)
+
+
+@pytest.mark.parametrize("frames", [1, 30, 20_000])
+def test_lazy_frames_are_filtered_as_an_array_is(frames):
+    x = 3 + np.random.default_rng(0).standard_normal((frames, 2)).cumsum(axis=0)
+    window = lambda f: dsp.band_window(f, (5.0, 400.0), edges=(5.0, 20.0))[:, None]  # noqa: E731
+    lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
+    made = np.asarray(dsp.filter_response(lazy, RATE, window, reach=0.8))
+    wanted = dsp.filter_response(x, RATE, window, reach=0.8)
+    assert np.abs(made - wanted).max() <= 3e-5 * np.abs(wanted).max() + 1e-12
 
 
 def test_a_delay_is_a_delay():

@@ -11,9 +11,9 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array, Complex
-from midair.errors import BandError, InputError
+from midair.errors import BandError, InputError, ShapeError
 from midair.model import BAND
-from midair.streaming import LazyFrames, extend, filter_lazily
+from midair.streaming import BYTES, LazyFrames, cached_blocks
 from midair.validation import positive
 
 Band = tuple[float, float]
@@ -67,11 +67,19 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
 
     `x` has the shape (frame, ...) and any unit. `response` takes frequencies (bin,) from 0 to half the rate in Hz, and
     returns factors (bin, ...). `reach` is its duration in s, by which the signal is extended on both sides. A target
-    that is computed when it is read is also filtered then.
+    that is computed when it is read is also filtered then, block by block; what of the impulse response lies beyond
+    twice the reach or `LEAST` frames is cut off.
     """
-    if isinstance(x, LazyFrames):
-        return cast("Array", filter_lazily(x, rate, response, reach=reach))
     pad = int(np.ceil(reach * rate)) + 1
+    if isinstance(x, LazyFrames):
+        margin, frame = max(2 * pad, LEAST), 8 * int(np.prod(x.shape[1:], dtype=np.int64))
+
+        def make(first: int, last: int) -> Array:
+            begin = max(0, first - margin)
+            around = x.read(begin, min(last + margin, len(x)))
+            return filter_response(around, rate, response, reach=reach)[first - begin : last - begin]
+
+        return cast("Array", cached_blocks(make, x.shape, size=max(BYTES // frame, 2 * margin)))
     x = np.asarray(x, float)
     # Subtracted, so that the extension fades to the mean and not to 0.
     mean = x.mean(axis=0)
@@ -81,6 +89,21 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     wanted = response(fft_frequencies(length, rate))
     changing = scipy.fft.irfft(scipy.fft.rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
     return np.asarray(changing + mean * wanted[0].real, np.float64)
+
+
+LEAST = 2048
+"""Least number of frames around a block of lazy frames: half a second of a drive."""
+
+
+def extend(x: Array, pad: int) -> Array:
+    """`x` with `pad` frames on both sides: the end values, held for half of them and then fading to 0 as a cosine."""
+    x = np.asarray(x, float)
+    if x.ndim < 1 or not len(x):
+        raise ShapeError(f"signal: expected at least one frame, got shape {x.shape}")
+    fade = pad - pad // 2
+    ramp = np.ones((pad, *[1] * (x.ndim - 1)))
+    ramp[:fade, ...] = (0.5 - 0.5 * np.cos(np.pi * np.arange(fade) / max(fade, 1))).reshape(-1, *ramp.shape[1:])
+    return np.concatenate([ramp * x[:1], x, ramp[::-1] * x[-1:]])
 
 
 def fir_from_response(response: Complex, taps: int) -> Array:

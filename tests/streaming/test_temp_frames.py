@@ -7,14 +7,15 @@ from midair.errors import FileError
 from midair.streaming import TempFrames
 
 
-def test_appended_frames_are_read_in_any_order():
+def test_appended_frames_are_read_in_any_order_and_followed_by_zeros():
     x = np.random.default_rng(0).standard_normal((100, 3, 2))
-    with TempFrames(3, 2) as spool:
-        spool.append(x[:40])
-        np.testing.assert_array_equal(spool.read(10, 30), x[10:30])
-        spool.append(x[40:])
-        np.testing.assert_array_equal(spool.reel(), x)
-        np.testing.assert_array_equal(spool.reel().read(35, 45), x[35:45])
+    spool = TempFrames(3, 2)
+    spool.append(x[:40])
+    np.testing.assert_array_equal(spool.read(10, 30), x[10:30])
+    spool.append(x[40:])
+    np.testing.assert_array_equal(spool.reel(), x)
+    np.testing.assert_array_equal(spool.reel(50).read(35, 45), x[35:45])
+    np.testing.assert_array_equal(spool.reel(120).read(90, 110), np.concatenate([x[90:], np.zeros((10, 3, 2))]))
 
 
 @pytest.fixture

@@ -102,7 +102,7 @@ def test_the_step_is_written_down():
 @pytest.mark.parametrize("compensate", [False, True])
 def test_a_streamed_target_is_the_same_as_one_in_memory(circle, compensate, monkeypatch):
     """To rounding; pre-compensated to what its answer has left after two seconds, most of it at half the rate."""
-    monkeypatch.setattr("midair.streaming.lazy_filters.BYTES", 2**17)
+    monkeypatch.setattr("midair.dsp.BYTES", 2**17)
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
     whole, made = (prepare(pressure, circle=circle, grid=grid, streamed=streamed) for streamed in (False, True))

@@ -1,7 +1,5 @@
-"""Frames longer than memory: arrays whose frames are read or computed on access, their filters and their storage."""
+"""Frames longer than memory: arrays whose frames are read or computed on access, and their temporary storage."""
 
-from .lazy_filters import extend as extend
-from .lazy_filters import filter_lazily as filter_lazily
 from .lazy_frames import BYTES as BYTES
 from .lazy_frames import LazyFrames as LazyFrames
 from .lazy_frames import Stored as Stored

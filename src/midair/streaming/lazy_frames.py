@@ -16,7 +16,7 @@ from midair.array_types import Array
 from midair.progress import report_progress
 
 Stored = Literal["f4", "f8"]
-"""Precision of the stored numbers: values read from float32 fit into float32."""
+"""Precision of the stored numbers of a recording."""
 
 BYTES = 2**21
 """Approximate size of a block: large enough that the overhead per block is negligible."""
@@ -25,13 +25,11 @@ BYTES = 2**21
 class LazyFrames:
     """A read-only array of `shape` (frame, ...) that keeps no frames in memory.
 
-    `read` takes (first, last) and returns these frames as float64; `stored` is "f4" if float32 holds every number
-    exactly.
+    `read` takes (first, last) and returns these frames as float64.
     """
 
-    def __init__(self, read: Callable[[int, int], Array], shape: tuple[int, ...], *, stored: Stored = "f8") -> None:
+    def __init__(self, read: Callable[[int, int], Array], shape: tuple[int, ...]) -> None:
         self._read, self.shape = read, tuple(int(length) for length in shape)
-        self.stored: Stored = stored
 
     def __repr__(self) -> str:
         return f"<LazyFrames {' x '.join(map(str, self.shape))}>"
@@ -69,11 +67,7 @@ class LazyFrames:
             first, last, _ = key.indices(len(self))
             if (first, last) == (0, len(self)):
                 return self
-            return LazyFrames(
-                lambda a, b: self._read(first + a, first + b),
-                (max(0, last - first), *self.shape[1:]),
-                stored=self.stored,
-            )
+            return LazyFrames(lambda a, b: self._read(first + a, first + b), (max(0, last - first), *self.shape[1:]))
         if isinstance(key, int | np.integer):
             frame = range(len(self))[int(key)]
             return self._read(frame, frame + 1)[0]
@@ -103,20 +97,6 @@ class LazyFrames:
         parts = (self._read(first, last) for first, last in block_ranges(self.shape, size))
         yield from report_progress(parts, len(self), weight=len)
 
-    def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "LazyFrames":
-        """Lazy frames of `function`, which takes (frame, ...) and returns as many frames."""
-        some = function(self._read(0, 1))
-        return LazyFrames(lambda a, b: function(self._read(a, b)), (len(self), *some.shape[1:]), stored=stored)
-
-    def followed(self, frames: int) -> "LazyFrames":
-        """Lazy frames padded at the end with zeros to at least `frames` frames."""
-
-        def read(first: int, last: int) -> Array:
-            there = self._read(min(first, len(self)), min(last, len(self)))
-            return np.concatenate([there, np.zeros((last - first - len(there), *self.shape[1:]))])
-
-        return LazyFrames(read, (max(frames, len(self)), *self.shape[1:]), stored=self.stored)
-
     def max(self) -> float:
         """Maximum of all numbers."""
         return max(float(block.max()) for block in self.blocks())
@@ -141,12 +121,11 @@ def read_frames(x: "NDArray[Any] | LazyFrames", first: int, last: int) -> NDArra
     return x.read(first, last) if isinstance(x, LazyFrames) else x[first:last]
 
 
-def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False) -> Any:
-    """Apply a function of single frames: to an array at once, to lazy frames when they are read.
-
-    Set `exact` if its results still fit into float32 where the input does.
-    """
-    return x.mapped(function, stored=x.stored if exact else "f8") if isinstance(x, LazyFrames) else function(x)
+def each_frame(x: Any, function: Callable[[Array], Any]) -> Any:
+    """Apply a function of single frames: to an array at once, to lazy frames when they are read."""
+    if not isinstance(x, LazyFrames):
+        return function(x)
+    return LazyFrames(lambda a, b: function(x.read(a, b)), (len(x), *function(x.read(0, 1)).shape[1:]))
 
 
 def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
@@ -163,13 +142,10 @@ def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
         ]
         return np.concatenate([*inside, np.zeros((0, *parts[0].shape[1:]))])
 
-    single = all(isinstance(part, LazyFrames) and part.stored == "f4" for part in parts)
-    return LazyFrames(read, (int(ends[-1]), *parts[0].shape[1:]), stored="f4" if single else "f8")
+    return LazyFrames(read, (int(ends[-1]), *parts[0].shape[1:]))
 
 
-def cached_blocks(
-    make: Callable[[int, int], Array], shape: tuple[int, ...], *, size: int, kept: int = 3, stored: Stored = "f8"
-) -> LazyFrames:
+def cached_blocks(make: Callable[[int, int], Array], shape: tuple[int, ...], *, size: int, kept: int = 2) -> LazyFrames:
     """Lazy frames from `make(first, last)` in fixed segments of `size` frames, of which `kept` stay in memory."""
     held: OrderedDict[int, Array] = OrderedDict()
     lock = Lock()
@@ -190,4 +166,4 @@ def cached_blocks(
         parts = [segment(n)[max(0, first - n * size) : last - n * size] for n in numbers]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
-    return LazyFrames(read, shape, stored=stored)
+    return LazyFrames(read, shape)

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from threading import Condition
-from typing import IO, Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -25,63 +25,41 @@ def _disk_errors() -> Generator[None]:
         ) from wrong
 
 
-def _unnamed_file() -> IO[bytes]:
-    with _disk_errors():
-        return tempfile.TemporaryFile(prefix="midair-")
-
-
-class _Numbers:
-    """Numbers of one type in an unnamed file."""
-
-    def __init__(self, kind: DTypeLike = np.float64) -> None:
-        self._file, self._kind = _unnamed_file(), np.dtype(kind)
-
-    def __del__(self) -> None:
-        # Lazy frames may hold the last reference to it.
-        self.close()
-
-    def close(self) -> None:
-        """Delete all frames."""
-        # Closing retries failed writes, whose data are no longer needed.
-        with suppress(OSError):
-            self._file.close()
-
-    def _write(self, at: int, block: NDArray[Any]) -> None:
-        with _disk_errors():
-            self._file.seek(self._kind.itemsize * at)
-            self._file.write(np.ascontiguousarray(block, self._kind).data)
-            self._file.flush()
-
-    def _read(self, at: int, count: int) -> Any:
-        self._file.seek(self._kind.itemsize * at)
-        return np.frombuffer(self._file.read(self._kind.itemsize * count), self._kind)
-
-
-class TempFrames(_Numbers):
+class TempFrames:
     """Frames of one shape on disk, which can be appended and read."""
 
     def __init__(self, *shape: int, kind: DTypeLike = np.float64) -> None:
-        super().__init__(kind)
-        self.shape, self.frames, self._size = shape, 0, int(np.prod(shape, dtype=np.int64))
+        self.shape, self.frames, self._kind = shape, 0, np.dtype(kind)
+        self._row = self._kind.itemsize * int(np.prod(shape, dtype=np.int64))
+        with _disk_errors():
+            self._file = tempfile.TemporaryFile(prefix="midair-")  # noqa: SIM115
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __del__(self) -> None:
+        # Closing retries failed writes, whose data are no longer needed.
+        with suppress(OSError, AttributeError):
+            self._file.close()
 
     def append(self, block: NDArray[Any]) -> None:
         """Append frames, shape (frame, ...); raises FileError if the disk is full."""
-        self._write(self.frames * self._size, block)
+        with _disk_errors():
+            self._file.seek(self.frames * self._row)
+            self._file.write(np.ascontiguousarray(block, self._kind).data)
+            self._file.flush()
         self.frames += len(block)
 
     def read(self, first: int, last: int) -> Any:
         """Frames from `first` up to `last`, shape (last - first, ...), of their own type."""
-        return self._read(first * self._size, (last - first) * self._size).reshape(-1, *self.shape)
+        self._file.seek(first * self._row)
+        return np.frombuffer(self._file.read((last - first) * self._row), self._kind).reshape(-1, *self.shape)
 
-    def reel(self, frames: int | None = None) -> LazyFrames:
-        """All frames as lazy frames; `frames` if more will be appended."""
-        return LazyFrames(self.read, (self.frames if frames is None else frames, *self.shape))
+    def reel(self, frames: int = 0) -> LazyFrames:
+        """All frames as lazy frames, followed by zeros up to `frames`."""
+
+        def read(first: int, last: int) -> Any:
+            there = self.read(min(first, self.frames), min(last, self.frames))
+            return np.concatenate([there, np.zeros((last - first - len(there), *self.shape))])
+
+        return LazyFrames(read, (max(frames, self.frames), *self.shape))
 
 
 class ArrivingFrames(LazyFrames):

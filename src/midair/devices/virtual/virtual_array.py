@@ -88,7 +88,7 @@ class VirtualSkin:
 
     def pressure(self, steps: int) -> LazyFrames:
         """Pressure on the cells since the last clear, at least `steps` long, shape (step, row, column), in Pa."""
-        return self._pressed.reel().followed(steps)
+        return self._pressed.reel(steps)
 
 
 class VirtualSensor(SensorDevice):
@@ -151,7 +151,7 @@ class VirtualSensor(SensorDevice):
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
         if len(pressure) > WHOLE * self.rate * over:
             piece = round(WHOLE * self.rate)
-            return cached_blocks(self._piece, (ENDLESS, *self.grid.shape), size=piece, kept=2, stored=self.stored)
+            return cached_blocks(self._piece, (ENDLESS, *self.grid.shape), size=piece)
         felt, rng = pressure[: len(pressure) // over * over], np.random.default_rng(self._seed)
         return sense(self._skin.model, np.asarray(felt), self.rate, rng=rng, oversample=over)
 

@@ -294,7 +294,7 @@ def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
             check_finite(rows, name.removeprefix("/"), frame=first)
             return rows
 
-    return LazyFrames(reopened, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
+    return LazyFrames(reopened, dataset.shape)
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any]) -> None:
