@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array, Complex
-from midair.errors import BandError, InputError, ShapeError
+from midair.errors import BandError, ShapeError
 from midair.model import BAND
 from midair.streaming import BYTES, LazyFrames, cached_blocks
 from midair.validation import positive
@@ -104,34 +104,6 @@ def extend(x: Array, pad: int) -> Array:
     ramp = np.ones((pad, *[1] * (x.ndim - 1)))
     ramp[:fade, ...] = (0.5 - 0.5 * np.cos(np.pi * np.arange(fade) / max(fade, 1))).reshape(-1, *ramp.shape[1:])
     return np.concatenate([ramp * x[:1], x, ramp[::-1] * x[-1:]])
-
-
-def fir_from_response(response: Complex, taps: int) -> Array:
-    """FIR coefficients with the least-squares closest response to a given one, delayed by (taps - 1) / 2.
-
-    The truncated impulse response is the least-squares fit over all frequencies (Oppenheim and Schafer, Discrete-Time
-    Signal Processing, 7.5). A zero-phase response gives a symmetric, linear-phase filter.
-
-    `response`, shape (bin, ...), is given at evenly spaced frequencies from 0 to half the rate, both included. `taps`
-    is odd, so that the delay is a whole number of frames, and below 2 (bin - 1).
-    """
-    length = 2 * (len(response) - 1)
-    if taps < 1 or taps % 2 == 0 or taps >= length:
-        raise InputError(f"taps: expected an odd number below {length}, got {taps}")
-    impulse = np.fft.irfft(response, length, axis=0)
-    # irfft puts negative times at the end: rotate them to the front, so that time 0 is in the middle.
-    return np.roll(impulse, taps // 2, axis=0)[:taps]
-
-
-def filter_fir(x: Array, fir: Array) -> Array:
-    """Convolve along time with an odd-length filter and remove its delay of (taps - 1) / 2 frames.
-
-    `fir`, shape (taps, ...), has as many axes as `x`, which is held beyond its ends, as in `filter_response`.
-    """
-    if len(fir) % 2 == 0:
-        raise InputError(f"taps: expected an odd number, got {len(fir)}")
-    pad = len(fir) - 1
-    return np.asarray(scipy.signal.oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
 
 
 def welch(x: Array, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:

@@ -52,18 +52,18 @@ class Reproduction:
 def calibrated_pressure(
     recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
 ) -> PressureFrames:
-    """Pressure on the sensor, as by `calibrate` with the settings' band and inverse method, at their rate.
+    """Pressure on the sensor, as by `calibrate` with the settings' band, at their rate.
 
     With `from_rest` it was at rest before the first and after the last frame; otherwise the end values are held.
     """
-    chosen, rate = settings.calibration, settings.target.rate
+    band, rate = settings.calibration.band, settings.target.rate
     if not from_rest:
-        return resample_pressure(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
+        return resample_pressure(calibrate(recording, calibration, band=band), rate)
     # A number of frames that is whole at the other rate too.
     ratio = Fraction(rate / recording.rate).limit_denominator(1000)
-    pad = -(-band_settling_frames(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
+    pad = -(-band_settling_frames(band, recording.rate) // ratio.denominator) * ratio.denominator
     longer = replace(recording, samples=np.pad(recording.samples, ((pad, pad), (0, 0), (0, 0))))
-    whole = resample_pressure(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
+    whole = resample_pressure(calibrate(longer, calibration, band=band), rate)
     first = pad * ratio.numerator // ratio.denominator
     return replace(whole, pressure=whole.pressure[first : whole.frames - first])
 

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import freqz
 
-from midair.calibration import default_taps, inverse_fir, inverse_response, undo_matrix
+from midair.calibration import inverse_response, undo_matrix
 from midair.dsp import band_window
 from midair.errors import InputError
 from midair.model import Calibration, Crosstalk, SensorGrid
@@ -48,29 +47,6 @@ def test_a_channel_without_response_is_silent():
     assert np.isfinite(
         inverse_response(calibration_of(SensorModel(noise=0.0)), frequency, (0, 500), edges=(0, 0))
     ).all()
-
-
-@pytest.mark.parametrize(("taps", "worst"), [(None, 0.03), (401, 0.006), (801, 0.0015)])
-def test_the_fir_filter_inverts_the_sensor_except_its_delay(taps, worst):
-    fir = inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
-    frequency = np.linspace(0, 500, 999)
-    response = freqz(fir[:, 2, 1], worN=frequency, fs=1000.0)[1]
-    undone = response * np.exp(2j * np.pi * frequency / 1000.0 * (len(fir) // 2))
-    through = undone * channel_response(MODEL, frequency)[:, 2, 1]
-    assert np.abs(through - band_window(frequency, BAND, edges=EDGES)).max() < worst
-
-
-def test_a_constant_gives_exactly_zero():
-    fir = inverse_fir(Calibration.flat(SensorGrid()), 1000.0, BAND, edges=EDGES)
-    assert fir.sum(axis=0) == pytest.approx(np.zeros((4, 4)), abs=1e-15)
-    through = inverse_fir(Calibration.flat(SensorGrid(), sensitivity=4.0), 1000.0, (0, 470), edges=(0, 23.5))
-    assert through.sum(axis=0) == pytest.approx(np.full((4, 4), 0.25), rel=5e-3)
-
-
-def test_default_length_is_two_periods_of_the_narrowest_edge():
-    assert default_taps(1000.0, (10.0, 23.5)) == 201
-    assert default_taps(1000.0, (0.0, 20.0)) == 101
-    assert default_taps(1000.0, (0.0, 0.0)) == 201
 
 
 def crosstalk(matrix):

@@ -32,7 +32,7 @@ OTHERS = [
     quick_mode(),
     Settings().but(method=LevenbergMarquardt(tolerance=1e-3, iterations=7), level="auto", circle=Circle(radius=2e-3)),
     Settings().but(method=Fast(iterations=9), iterations=(5, 5), guard=0.02, fit="cells"),
-    Settings().but(grid=ControlGrid(rows=3, columns=5, centre=(1e-3, -2e-3)), inverse="fir"),
+    Settings().but(grid=ControlGrid(rows=3, columns=5, centre=(1e-3, -2e-3)), decouple=True),
     Settings(acoustics=Acoustics(medium=Medium.at(temperature=24.0, humidity=0.4), directivity="piston")),
 ]
 

@@ -7,8 +7,6 @@ A calibration is measured against a reference (`measure_calibration`) or with a 
 from .inverse import CausalInverse as CausalInverse
 from .inverse import causal_error as causal_error
 from .inverse import causal_fir as causal_fir
-from .inverse import default_taps as default_taps
-from .inverse import inverse_fir as inverse_fir
 from .inverse import inverse_response as inverse_response
 from .inverse import undo_matrix as undo_matrix
 from .measure.array_field import ArrayCodes as ArrayCodes
@@ -38,6 +36,5 @@ from .measure.referenced_take import sweep_signal as sweep_signal
 from .measure.take_sums import MeasureSettings as MeasureSettings
 from .measure.take_sums import measure_calibration as measure_calibration
 from .measure.unit_poses import fit_tracker as fit_tracker
-from .pressure import Method as Method
 from .pressure import calibrate as calibrate
 from .pressure import typical_uncertainty as typical_uncertainty

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from midair.array_types import Array, Complex
-from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies, fir_from_response
+from midair.dsp import Band, band_edges, band_window, check_band, fft_frequencies
 from midair.errors import BandError, InputError, ShapeError
 from midair.model import BAND, Calibration, Crosstalk
 from midair.validation import positive, within
@@ -39,33 +39,6 @@ def regularised_power(calibration: Calibration, response: Complex, floor: float)
     return np.abs(response) ** 2 + np.maximum(eps, np.where(nothing > 0, nothing, 1.0))
 
 
-def inverse_fir(
-    calibration: Calibration,
-    rate: float,
-    band: Band,
-    *,
-    edges: tuple[float, float],
-    taps: int | None = None,
-    floor: float = 0.05,
-) -> Array:
-    """Compute W(f) as a FIR filter for a stream; it inverts the phase of H and delays by (taps - 1) / 2 frames.
-
-    It is the least-squares fit of that length; where B(0) = 0, with the constraint that a constant input gives exactly
-    0. The result has the shape (taps, row, column), in Pa per unit of the output. `taps` is odd, and `default_taps` by
-    default; the other parameters are as in `inverse_response`.
-    """
-    taps = default_taps(rate, edges) if taps is None else taps
-    if taps < 3 or taps % 2 == 0:
-        raise InputError(f"taps: expected an odd number of 3 or more, got {taps}; use {max(taps + 1, 3)}")
-    # Enough frequencies for the impulse response to decay before it wraps around.
-    length = 2 ** int(np.ceil(np.log2(16 * max(taps, default_taps(rate, edges)))))
-    frequency = fft_frequencies(length, rate)
-    wanted = inverse_response(calibration, frequency, band, edges=edges, floor=floor)
-    fir = fir_from_response(wanted, taps)
-    # Subtracting the mean is the smallest change (in least squares) that makes the sum 0.
-    return fir if wanted[0].any() else fir - fir.mean(axis=0)
-
-
 def check_band_covered(calibration: Calibration, band: Band) -> None:
     """Raise a BandError if the calibration does not cover the band."""
     first, last = calibration.frequency[0], calibration.frequency[-1]
@@ -74,12 +47,6 @@ def check_band_covered(calibration: Calibration, band: Band) -> None:
             f"band: expected one within the calibration's {first:g} to {last:g} Hz, got {band[0]:g} to {band[1]:g} Hz; "
             "narrow the band or measure the response over a wider band"
         )
-
-
-def default_taps(rate: float, edges: tuple[float, float]) -> int:
-    """Odd number of taps that spans two periods of the narrowest edge: 201 at 1 kHz for an edge of 10 Hz."""
-    widths = [width for width in edges if width > 0]
-    return 2 * int(np.ceil(rate / min(widths))) + 1 if widths else 201
 
 
 def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:

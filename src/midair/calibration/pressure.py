@@ -7,20 +7,13 @@ from typing import Literal
 import numpy as np
 
 from midair.array_types import Array, Complex
-from midair.calibration.inverse import (
-    check_band_covered,
-    crosstalk_inverse,
-    default_taps,
-    inverse_fir,
-    inverse_response,
-)
-from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
+from midair.calibration.inverse import check_band_covered, crosstalk_inverse, inverse_response
+from midair.dsp import Band, band_edges, band_energy, check_band, filter_response
 from midair.errors import BandError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
-from midair.validation import check_type, one_of
+from midair.validation import check_type
 
-Method = Literal["fft", "fir"]
 LEAST = 1e-6
 """Smallest accepted share of a channel's variance inside the band: -60 dB."""
 
@@ -30,9 +23,7 @@ def calibrate(
     calibration: Calibration | None = None,
     *,
     band: Band = BAND,
-    method: Method = "fft",
     edges: tuple[float, float] | None = None,
-    taps: int | None = None,
     floor: float = 0.05,
     crosstalk: Literal["keep", "undo"] = "keep",
     damping: float = 0.0,
@@ -47,15 +38,9 @@ def calibrate(
         Calibration of the same sensor in the same unit. None for a recording in Pa, which is only band-limited.
     band : tuple of float
         (low, high) in Hz; the amplitude is halved at these two corners.
-    method : {"fft", "fir"}
-        "fft" transforms the whole recording at once; "fir" applies the filter of a stream and removes its delay.
     edges : tuple of float, optional
         Full widths of the raised-cosine edges around the two corners, in Hz. By default low / 2 and high / 20, or less
         to stay below half the rate: 15 to 25 Hz and 458 to 482 Hz.
-    taps : int, optional
-        Length of the "fir" filter, odd. By default two periods of the narrowest edge: 201 at 1 kHz. On white noise from
-        20 to 470 Hz its result then agrees with "fft" to 0.4 % rms, and to 2.5 % at the worst frequency (25 Hz); 401
-        taps reach 0.06 % and 0.5 %, 801 taps 0.009 % and 0.09 %.
     floor : float
         Density of the weakest relevant pressure, in Pa/sqrt(Hz); see `midair.calibration.inverse_response`.
     crosstalk : {"keep", "undo"}
@@ -78,28 +63,28 @@ def calibrate(
     MismatchError
         If the calibration is for another sensor or unit.
     InputError
-        If method, taps, floor or damping is invalid, or crosstalk = "undo" and the calibration has no crosstalk matrix.
+        If floor or damping is invalid, or crosstalk = "undo" and the calibration has no crosstalk matrix.
     """
     check_type(recording, "recording", Recording)
     check_type(calibration, "calibration", Calibration, NoneType)
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
-    one_of(method, Method, "method of calibrate")
     used = _fitting(recording, calibration, band)
     mix = crosstalk_inverse(used, crosstalk, damping)
     _check_content(recording, band)
-    if method == "fir":
-        fir = inverse_fir(used, recording.rate, band, edges=edges, taps=taps, floor=floor)
-        taps, pressure = len(fir), filter_fir(recording.samples, fir)
-    else:
-        taps, pressure = None, _by_fft(recording, used, band, edges, floor)
+
+    def undo(frequency: Array) -> Complex:
+        return inverse_response(used, frequency, band, edges=edges, floor=floor)
+
+    # Four periods of the narrowest edge on both sides.
+    narrowest = min((width for width in edges if width > 0), default=recording.rate / 100)
+    reach = min(4 / narrowest, 10 * recording.duration)
+    pressure = filter_response(recording.samples, recording.rate, undo, reach=reach)
     if mix is not None:
         pressure = (pressure.reshape(len(pressure), -1) @ mix.T).reshape(pressure.shape)
     settings: dict[str, Setting] = {
         "band_hz": band,
         "edges_hz": edges,
-        "method": method,
-        "taps": taps,
         "floor_pa_per_sqrt_hz": floor,
         "calibration": "none: the recording is in Pa" if calibration is None else calibration.provenance.source,
         "calibration_id": used.identifier,
@@ -126,17 +111,6 @@ def typical_uncertainty(calibration: Calibration, band: Band) -> float | None:
     frequency = np.linspace(*band, 64)
     found = calibration.uncertainty_at(frequency)
     return None if found is None else float(2 * np.median(found))
-
-
-def _by_fft(
-    recording: Recording, calibration: Calibration, band: Band, edges: tuple[float, float], floor: float
-) -> Array:
-    def undo(frequency: Array) -> Complex:
-        return inverse_response(calibration, frequency, band, edges=edges, floor=floor)
-
-    # Four periods of the narrowest edge on both sides: four times the reach of the default FIR filter.
-    reach = min(2 * default_taps(recording.rate, edges) / recording.rate, 10 * recording.duration)
-    return filter_response(recording.samples, recording.rate, undo, reach=reach)
 
 
 def _fitting(recording: Recording, calibration: Calibration | None, band: Band) -> Calibration:

@@ -24,8 +24,6 @@ class CalibrationSettings:
 
     band: tuple[float, float] = BAND
     """(low, high) of the frequency band that is kept, in Hz (paper, 3)."""
-    inverse: Literal["fft", "fir"] = "fft"
-    """Inverse of the channels' responses: zero-phase FFT or linear-phase FIR filter."""
 
 
 EARS = (80.0, 160.0)

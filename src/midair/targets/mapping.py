@@ -54,20 +54,15 @@ def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float
 class SlowBias:
     """P = max(x + b, 0) with b a smooth upper bound of -x within a window.
 
-    b is the sliding maximum of -x over `window`, at least 0, smoothed by a Hann window that is 3 dB down at `corner`
-    (its length is .72 / corner: Harris, Proc. IEEE 66(1), 1978). Where b is below -x, the result is cut; this never
-    happens if `window` is at least the length of the Hann window.
+    b is the sliding maximum of -x, at least 0, smoothed by a Hann window of the same length that is 3 dB down at
+    `corner` (its length is .72 / corner: Harris, Proc. IEEE 66(1), 1978), so that nothing is cut.
     """
 
     corner: float = 8.0
     """Corner frequency of the smoothing in Hz, below the sensor's band, so that the bias is not felt as vibration."""
-    window: float | None = None
-    """Length of the sliding maximum in s; that of the Hann window if None."""
 
     def __post_init__(self) -> None:
         positive(self.corner, "corner of the bias", "Hz")
-        if self.window is not None:
-            positive(self.window, "window of the bias", "s")
 
     @classmethod
     def below(cls, band: tuple[float, float]) -> "SlowBias":
@@ -80,27 +75,23 @@ class SlowBias:
     @property
     def seconds(self) -> float:
         """Time before and after a frame that affects its bias, in s; the delay of a stream."""
-        return (0.72 / self.corner if self.window is None else self.window) / 2 + 0.36 / self.corner
-
-    def lengths(self, rate: float) -> tuple[int, int]:
-        """Frames of the sliding maximum and of the Hann window, both odd."""
-        # Odd lengths, so that neither shifts the bias by half a frame.
-        smooth = 2 * round(0.36 / self.corner * rate) + 1
-        return smooth if self.window is None else 2 * round(self.window * rate / 2) + 1, smooth
+        return 0.72 / self.corner
 
     def reach(self, rate: float) -> int:
         """Frames before and after a frame that affect its bias; the delay of a stream."""
-        return sum(length // 2 for length in self.lengths(rate))
+        return 2 * round(0.36 / self.corner * rate)
+
+    def hann(self, rate: float) -> Array:
+        """Weights of the smoothing; an odd number, so that the bias is not shifted by half a frame."""
+        # Without the two zeros at its ends, which would only add a delay.
+        hann = np.hanning(self.reach(rate) + 3)[1:-1]
+        return hann / hann.sum()
 
     def lift(self, surrounded: Array, rate: float) -> Array:
         """The mapping of all frames except the first and last `reach`, shape (frame - 2 reach, ...), in Pa."""
-        longest, smooth = self.lengths(rate)
-        below = np.maximum(-surrounded, 0.0)
-        pulls = np.asarray(scipy.ndimage.maximum_filter1d(below, longest, axis=0, mode="nearest"), np.float64)
-        # Without the two zeros at its ends, which would only add a delay.
-        hann = np.hanning(smooth + 2)[1:-1]
-        bias = np.asarray(scipy.ndimage.convolve1d(pulls, hann / hann.sum(), axis=0, mode="nearest"), np.float64)
-        reach = self.reach(rate)
+        reach, below = self.reach(rate), np.maximum(-surrounded, 0.0)
+        pulls = np.asarray(scipy.ndimage.maximum_filter1d(below, reach + 1, axis=0, mode="nearest"), np.float64)
+        bias = np.asarray(scipy.ndimage.convolve1d(pulls, self.hann(rate), axis=0, mode="nearest"), np.float64)
         inside = slice(reach, len(surrounded) - reach)
         return np.maximum(surrounded[inside] + bias[inside], 0.0)
 
@@ -115,13 +106,11 @@ class _BiasStream:
     """`SlowBias` frame by frame in 20 us, in memory that is allocated once; the frames before the first are like it."""
 
     def __init__(self, bias: SlowBias, rate: float, first: Array) -> None:
-        longest, smooth = bias.lengths(rate)
-        hann = np.hanning(smooth + 2)[1:-1]
-        self._hann, self._before = hann / hann.sum(), bias.reach(rate)
+        self._hann, self._before = bias.hann(rate), bias.reach(rate)
         # Each frame is written twice, so that the last ones are always contiguous.
         flat, pulls = first.reshape(1, -1), np.maximum(-first, 0.0).reshape(1, -1)
         self._frames = np.repeat(flat, 2 * (self._before + 1), axis=0)
-        self._pulls, self._tops = (np.repeat(pulls, 2 * length, axis=0) for length in (longest, smooth))
+        self._pulls, self._tops = (np.repeat(pulls, 2 * (self._before + 1), axis=0) for _ in range(2))
         self._count = 0
 
     def push(self, frame: Array) -> Array | None:

@@ -6,9 +6,10 @@ A focus that turns on a small orbit excites slowly adapting receptors (SA-I), a 
 """
 
 import numpy as np
+import scipy
 
 from midair.array_types import Array
-from midair.dsp import band_window, filter_fir, filter_response
+from midair.dsp import band_window, filter_response
 from midair.errors import RateError
 
 FAST, PACINIAN = 30.0, 150.0
@@ -42,11 +43,12 @@ def receptor_levels(pressure: Array, rate: float) -> tuple[Array, Array, Array]:
 
         return filter_response(pressure, rate, window, reach=4 / width)
 
-    hann = np.hanning(2 * round(SMOOTH * rate / 2) + 3)[1:-1].reshape(shape)
+    hann = np.hanning(2 * round(SMOOTH * rate / 2) + 3)[1:-1]
     slow, most = (below(*split) for split in SPLITS)
 
     def amplitude(inside: Array, outside: Array) -> Array:
-        return np.sqrt(2 * np.maximum(filter_fir((inside - outside) ** 2, hann / hann.sum()), 0))
+        power = scipy.ndimage.convolve1d((inside - outside) ** 2, hann / hann.sum(), axis=0, mode="nearest")
+        return np.sqrt(2 * np.asarray(power, np.float64))
 
     return slow, amplitude(most, slow), amplitude(pressure, most)
 
