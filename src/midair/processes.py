@@ -5,10 +5,9 @@ import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from midair.errors import ClusterError, InputError
+from midair.errors import ClusterError
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -16,9 +15,6 @@ if TYPE_CHECKING:
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """Environment variable with which Python, as with its option -P, does not look for modules in the current folder."""
-
-_lock, _blocks = Lock(), 0
-_before: str | None = None
 
 
 def protect_command() -> None:
@@ -34,36 +30,13 @@ def python_command(*words: str) -> list[str]:
     return [sys.executable, "-P", *words]
 
 
-@contextmanager
-def safe_path() -> Generator[None]:
-    """Let no Python process that starts within the block import from the current folder.
-
-    Raises InputError if this program runs with ``python -E``, whose children would not read the environment.
-    """
-    global _blocks, _before
-    if sys.flags.ignore_environment and not sys.flags.safe_path:
-        raise InputError(f"python -E: expected child processes that read {SAFE_PATH}, got none; add -P, or use -I")
-    with _lock:
-        if not _blocks:
-            _before, os.environ[SAFE_PATH] = os.environ.get(SAFE_PATH), "1"
-        _blocks += 1
-    try:
-        yield
-    finally:
-        with _lock:
-            _blocks -= 1
-            if not _blocks:
-                del os.environ[SAFE_PATH]
-                os.environ.update({} if _before is None else {SAFE_PATH: _before})
-
-
 def start_process(target: Callable[..., object], *arguments: Any, name: str, daemon: bool = True) -> "SpawnProcess":
     """Start a process that runs ``target(*arguments)``."""
     from multiprocessing import get_context
 
     process = get_context("spawn").Process(target=target, args=arguments, name=name, daemon=daemon)
-    with safe_path():
-        process.start()
+    os.environ[SAFE_PATH] = "1"
+    process.start()
     return process
 
 
@@ -71,8 +44,8 @@ def shared_event() -> "Event":
     """Return an event to pass to `start_process`; the first one starts a process that tracks them."""
     from multiprocessing import get_context
 
-    with safe_path():
-        return get_context("spawn").Event()
+    os.environ[SAFE_PATH] = "1"
+    return get_context("spawn").Event()
 
 
 @contextmanager
@@ -80,7 +53,8 @@ def local_cluster(workers: int | None = None) -> Generator[Any]:
     """Dask processes, one per core by default, on the loopback interface only and without dashboard."""
     from distributed import Client
 
-    with safe_path(), _started_cluster(workers) as local:
+    os.environ[SAFE_PATH] = "1"
+    with _started_cluster(workers) as local:
         with Client(local, set_as_default=False) as client:
             client.run(_ignore_ctrl_c)
         yield local

@@ -9,6 +9,7 @@ angles and time offsets of the units are fitted in between (`unit_poses`).
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,16 +73,8 @@ def fit_array(
     strength = float(np.sqrt(state.place.gain))
     state.response *= strength
     state.place = replace(state.place, gain=1.0)
-    fit = GroupFit(
-        field=field,
-        measured=measured,
-        state=state,
-        usual=usual,
-        strength=strength,
-        centre=np.full(count, strength, complex),
-        pole=np.full(count, nominal),
-        slopes=[],
-    )
+    told: Any = {"field": field, "measured": measured, "state": state, "usual": usual, "strength": strength}
+    fit = GroupFit(**told, centre=np.full(count, strength, complex), pole=np.full(count, nominal))
     common = np.zeros((2, len(groups)))
     units = len(np.unique(field.array.unit))
     pose, covariance = np.zeros((units, 7)), np.zeros((7 * units, 7 * units))
@@ -108,22 +101,6 @@ def fit_array(
             before = state.response.copy()
             absorb_displacement(fit.field, state, strength, usual)
             fit.turn(before)
-    shared = 0.0 if synchronous else usual.pole
-    return _result(fit, field, common, shared, level_uncertainty, (pose, covariance), echo, date, provenance)
-
-
-def _result(
-    fit: GroupFit,
-    field: ArrayField,
-    common: Array,
-    shared: float,
-    level_uncertainty: float,
-    units: tuple[Array, Array],
-    echo: float,
-    date: str,
-    provenance: Provenance | None,
-) -> ArrayCalibration:
-    state, strength, usual, count = fit.state, fit.strength, fit.usual, field.array.count
     errors, worst = np.empty((4, count)), 1.0
     for group, slope in enumerate(fit.slopes):
         members, noise = fit.groups[group], fit.noise[group]
@@ -142,20 +119,19 @@ def _result(
     across = np.hypot(np.hypot(*errors[:2]) / np.sqrt(2), soft)
     alike = state.response * np.exp(-1j * np.angle(state.response[~dead].sum()))
     phase = np.hypot(across / size, position_phase_error(fit.field, state, alike, dead, usual))
-    moved, uncertain = group_displacement(fit.field, state, dead)
+    shift, shift_error = group_displacement(fit.field, state, dead)
     # Relative to the nominal positions, at the cells under the beam.
-    nominal, true = (transfer_matrix(cell_places(field, state.place), each.array) for each in (field, fit.field))
-    response = state.response * (true * nominal.conj()).sum(axis=0) / np.square(np.abs(nominal)).sum(axis=0)
+    stated, true = (transfer_matrix(cell_places(field, state.place), each.array) for each in (field, fit.field))
+    response = state.response * (true * stated.conj()).sum(axis=0) / np.square(np.abs(stated)).sum(axis=0)
     response *= np.exp(-1j * np.angle(response[~dead].sum()))
     pole: Complex = np.where(dead, fit.pole, state.pole)
     errors[2:] = np.where(dead, usual.pole, errors[2:])
     scale = np.abs(fit.pole.real)
-    told = {
+    noted = {
         **{f"sensor_{each.name}": float(getattr(state.place, each.name)) for each in fields(state.place)},
         **{"groups": len(fit.groups), "frames": field.codes.frames, "rate_hz": field.codes.rate},
-        **{"noise_ratio": float(np.sqrt(worst)), "moved_m": moved, "moved_uncertainty_m": uncertain},
+        **{"noise_ratio": float(np.sqrt(worst)), "moved_m": shift, "moved_uncertainty_m": shift_error},
     }
-    pose, covariance = units
     if len(pose) > 1:
         unlike = np.diag(np.tile([_UNIT_ERROR**2] * 2 + [0.0] * 5, len(pose)))
         pose, covariance = differences(field.array, pose, covariance + unlike)
@@ -166,7 +142,7 @@ def _result(
         strength_uncertainty=np.hypot(errors[0], soft),
         phase_uncertainty=np.where(dead, np.pi / np.sqrt(3), phase),
         resonance_uncertainty=errors[3] * scale / (2 * np.pi),
-        quality_uncertainty=np.hypot(errors[2], shared) * scale / np.abs(np.real(pole)),
+        quality_uncertainty=np.hypot(errors[2], 0.0 if synchronous else usual.pole) * scale / np.abs(np.real(pole)),
         dead=dead,
         pose=pose,
         pose_covariance=covariance,
@@ -174,7 +150,7 @@ def _result(
         reflection_uncertainty=float(np.sqrt(worst)) * echo,
         level_uncertainty=float(np.hypot(level_uncertainty / 2, level)),
         date=date,
-        provenance=(provenance or Provenance()).then("fit array", told),
+        provenance=(provenance or Provenance()).then("fit array", noted),
     )
 
 
@@ -259,16 +235,8 @@ def check_array(
     measured = [field.spectrum(samples, group) for group in groups]
     fit_shared(field, measured[0], state, usual, synchronous=synchronous)
     strength = float(known.strength[~known.dead].mean())
-    fit = GroupFit(
-        field=field,
-        measured=measured,
-        state=state,
-        usual=usual,
-        strength=strength,
-        centre=known.response,
-        pole=known.pole,
-        slopes=[],
-    )
+    told: Any = {"field": field, "measured": measured, "state": state, "usual": usual, "strength": strength}
+    fit = GroupFit(**told, centre=known.response, pole=known.pole)
     fit.slopes = [fit.slope(group) for group in groups]
     for _ in range(_QUICK_SWEEPS):
         for group in groups:

@@ -8,6 +8,7 @@ part of the uncertainty of each transducer.
 """
 
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,7 +227,7 @@ class GroupFit:
     """Prior mean of each response, shape (transducer,)."""
     pole: Complex
     """Prior mean of each pole in rad/s, shape (transducer,)."""
-    slopes: list[Slope]
+    slopes: list[Slope] = dataclass_field(default_factory=list[Slope])
     """Slope of each group, in their order."""
 
     @property

@@ -46,141 +46,6 @@ class MeasureSettings:
     """Order of the polynomials, see `midair.calibration.measure.frequency_response`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TakeSums:
-    """Spectral sums and takes from which a calibration is computed."""
-
-    recording: Recording
-    """First recording; provides sensor, unit and rate."""
-    parts: tuple[BandSums, ...]
-    """Sums of all takes."""
-    own: tuple[BandSums, ...]
-    """Sums of the takes that determine the response; 0 for channels that a take does not press on."""
-    settings: MeasureSettings
-    takes: tuple[ReferencedTake, ...]
-    """Takes of the parts."""
-    alone: bool
-    """Whether each cell was pressed alone."""
-    quiet: Recording | None
-    """Recording without any pressure."""
-    reference: str
-    reference_uncertainty: float
-    """Relative standard uncertainty."""
-    delay_uncertainty: float = 0.0
-    """Standard uncertainty of the delay between sensor and reference whose clocks drift apart, in s."""
-
-    def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
-        """Compute the calibration."""
-        sensor, fit, alive = self.recording.sensor, solve_sums(self.own), self._alive()
-        counts = self._valid_bins(fit, alive)
-        linearity, bend = self._linearity(fit, counts)
-        density, noise, noise_error = self._noise(fit, counts)
-        response = np.where(alive, fit.response[counts], 0)
-        repeat = repeatability(self.own, fit, counts)
-        return Calibration(
-            sensor=sensor,
-            frequency=fit.frequency[counts],
-            response=response.reshape(-1, *sensor.shape),
-            noise=noise.reshape(sensor.shape),
-            unit=self.recording.unit,
-            date=date,
-            version=version,
-            provenance=provenance,
-            measurement=Measurement(
-                **self._uncertainties(fit, counts, alive, (np.hypot(repeat[0], bend), repeat[1])),
-                noise_density=density.reshape(-1, *sensor.shape),
-                noise_uncertainty=noise_error.reshape(sensor.shape),
-                reference_uncertainty=self.reference_uncertainty,
-                reference=self.reference,
-                method=method,
-                takes=len(self.parts),
-            ),
-            crosstalk=self._crosstalk(counts, repeat[0]) if self.alone else None,
-            linearity=linearity,
-        )
-
-    def _uncertainties(
-        self, fit: FrequencyResponse, counts: NDArray[np.bool_], alive: NDArray[np.bool_], other: tuple[Array, Array]
-    ) -> dict[str, Array]:
-        """Coherence, uncertainties and delays by their names in `Measurement`; a dead channel is fully uncertain.
-
-        `other` is the uncertainty of magnitude and phase besides the noise.
-        """
-        # Each averaged complex number has two degrees of freedom.
-        random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
-        magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
-        frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)
-        late = 2 * np.pi * frequency[:, None] * self.delay_uncertainty
-        delay, delay_error = np.zeros(len(alive)), np.zeros(len(alive))
-        if len(frequency) >= 3:
-            upper = upper_half(frequency)
-            delay, delay_error = channel_delay(frequency[upper], response[upper], random[upper])
-        found = {
-            "coherence": np.where(alive, fit.coherence[counts], 0),
-            "magnitude_uncertainty": np.where(alive, magnitude, 1),
-            "phase_uncertainty": np.where(alive, np.minimum(np.hypot(np.hypot(random, other[1]), late), np.pi), np.pi),
-            "delay": delay,
-            "delay_uncertainty": np.where(alive, np.hypot(delay_error, self.delay_uncertainty), 0),
-        }
-        return {
-            name: values.reshape(*values.shape[:-1], *self.recording.sensor.shape) for name, values in found.items()
-        }
-
-    def _alive(self) -> NDArray[np.bool_]:
-        """Channels whose output changes in at least one of the takes that press on them."""
-        pressed = [~dead_channels(take.recording).ravel() & take.presses() for take in self.takes]
-        return np.asarray(np.any(np.array(pressed), axis=0), np.bool_)
-
-    def _valid_bins(self, fit: FrequencyResponse, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Bins in which every live channel is coherent, widely excited, and uncertain by less than half."""
-        sure = (fit.coherence >= self.settings.coherence) & (fit.uncertainty < 0.5)
-        # With fewer excited frequencies than terms, the fit would always be perfect.
-        sure &= fit.excited > self.settings.order + 2
-        counts = np.asarray(np.all(sure[:, alive], axis=1), np.bool_)
-        if not alive.any() or counts.sum() < 2:
-            found = counts.sum() if alive.any() else 0
-            raise BandError(
-                f"response: expected two bins or more with a coherence of {self.settings.coherence:g} on every live "
-                f"channel, got {found}; press harder, longer, or with a wider band"
-            )
-        return counts
-
-    def _noise(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Amplitude density in every bin, its white level, and the uncertainty of that level."""
-        power, averages = fit.noise[counts], float(fit.averages.mean())
-        step, width = check_resolution(self.settings.resolution, self.settings.width)
-        if self.quiet is not None:
-            bins, quiet, averages = quiet_density(self.quiet, resolution=step, width=width)
-            power = np.stack([np.interp(fit.frequency[counts], bins, one) for one in quiet.T], axis=1)
-        level, error = white_level(power, averages, width / step)
-        return np.sqrt(power), level, error
-
-    def _crosstalk(self, counts: NDArray[np.bool_], repeat: Array) -> Crosstalk:
-        fits = [
-            solve_sums([part for part, take in zip(self.parts, self.takes, strict=True) if take.cell == cell])
-            for cell in range(self.recording.sensor.count)
-        ]
-        return crosstalk_of(fits, counts, repeat=repeat)
-
-    def _linearity(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Linearity | None, Array]:
-        """Linearity if there are five levels, and its contribution to the uncertainty, shape (channel,)."""
-        levels, cells = np.array([take.level for take in self.takes]), self.recording.sensor.count
-        chosen = same_levels(levels, [take.cell for take in self.takes], cells)
-        if chosen is None:
-            return None, np.zeros(cells)
-        shares = [predicted_share(part, fit, counts) for part in self.parts]
-        share, error = (np.array([one[n] for one in shares])[chosen, np.arange(cells)] for n in (0, 1))
-        pressure, shape = levels[chosen], (len(chosen), *self.recording.sensor.shape)
-        if self.alone:
-            # Takes on all cells contain crosstalk, so the share is normalised to 1 at the level of the single takes.
-            usual = np.median([take.level for take in self.takes if take.cell is not None])
-            nearest = np.abs(np.log(pressure / usual)).argmin(axis=0)
-            there = share[nearest, np.arange(cells)]
-            share, error = share / there, error / there
-        line = fit_levels(*(values.reshape(shape) for values in (pressure, share * pressure, error * pressure)))
-        return line, bend_uncertainty(share, error)
-
-
 def crosstalk_of(
     fits: Sequence[FrequencyResponse], counts: NDArray[np.bool_], *, repeat: Array | float = 0.0
 ) -> Crosstalk:
@@ -281,12 +146,11 @@ def measure_calibration(
     """
     check_alike(takes)
     _check_unclipped(takes)
-    settings = settings or MeasureSettings()
-    first = takes[0].recording
+    settings, first = settings or MeasureSettings(), takes[0].recording
     if quiet is not None and source_of(quiet) != source_of(first):
         raise MismatchError(f"quiet recording: expected sensor {spelled(first)}, got {spelled(quiet)}")
     step, width = check_resolution(settings.resolution, settings.width)
-    parts = tuple(
+    parts = [
         band_sums(
             take.reference.pressure[:, None],
             take.recording.samples.reshape(take.recording.frames, -1),
@@ -296,42 +160,45 @@ def measure_calibration(
             order=settings.order,
         )
         for take in report_progress(takes, len(takes))
-    )
+    ]
     alone = _pressed_alone(takes)
-    used = [take for take in takes if not alone or take.cell is not None]
-    drift, late = _drift(used)
-    own = tuple(
-        # Takes on all cells contain crosstalk, so they are left out if there are takes on single cells.
-        part.only(take.presses())
-        for part, take in zip(parts, takes, strict=True)
-        if not alone or take.cell is not None
+    # Takes on all cells contain crosstalk, so they are left out if there are takes on single cells.
+    used = [(part, take) for part, take in zip(parts, takes, strict=True) if not alone or take.cell is not None]
+    own = [part.only(take.presses()) for part, take in used]
+    drift, late = _drift([take for _, take in used])
+    fit, shape = solve_sums(own), first.sensor.shape
+    alive = np.any([~dead_channels(take.recording).ravel() & take.presses() for take in takes], axis=0)
+    counts = _valid_bins(fit, alive, settings)
+    linearity, bend = _linearity(parts, takes, fit, counts, alone=alone)
+    seated, turned = repeatability(own, fit, counts)
+    # For several references, use the largest uncertainty.
+    certain = max(take.reference.uncertainty for take in takes)
+    # Each averaged complex number has two degrees of freedom. A dead channel is fully uncertain.
+    random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
+    magnitude = np.sqrt(random**2 + seated**2 + bend**2 + certain**2)
+    frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)
+    phase = np.sqrt(random**2 + turned**2 + (2 * np.pi * frequency[:, None] * late) ** 2)
+    delay, delay_error = np.zeros(len(alive)), np.zeros(len(alive))
+    if len(frequency) >= 3:
+        upper = upper_half(frequency)
+        delay, delay_error = channel_delay(frequency[upper], response[upper], random[upper])
+    power, averages = fit.noise[counts], float(fit.averages.mean())
+    if quiet is not None:
+        bins, silent, averages = quiet_density(quiet, resolution=step, width=width)
+        power = np.stack([np.interp(frequency, bins, one) for one in silent.T], axis=1)
+    noise, noise_error = white_level(power, averages, width / step)
+    reference = ", ".join(dict.fromkeys(take.reference.name for take in takes))
+    method = (
+        f"{len(takes)} takes on {'each cell alone' if alone else 'all cells at once'}, "
+        f"{len(distinct(np.array([take.level for take in takes])))} levels, {'a' if quiet else 'no'} quiet recording"
     )
-    found = TakeSums(
-        recording=first,
-        parts=parts,
-        own=own,
-        settings=settings,
-        takes=tuple(takes),
-        alone=alone,
-        quiet=quiet,
-        reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
-        # For several references, use the largest uncertainty.
-        reference_uncertainty=max(take.reference.uncertainty for take in takes),
-        delay_uncertainty=late,
-    )
-    where = "each cell alone" if alone else "all cells at once"
-    levels = len(distinct(np.array([take.level for take in takes])))
-    method = f"{len(takes)} takes on {where}, {levels} levels, {'a' if quiet else 'no'} quiet recording"
     if np.sum([part.points > 0 for part in own], axis=0).min() < 2:
         method += "; one take on a cell, so that repeatability is not known"
     if late:
         clocks = f"are {1e6 * drift:.2g} ppm apart" if drift else "may differ, which no sweep shows"
         method += f"; the clocks of sensor and reference {clocks}, so that phases are uncertain"
     simulated = first.provenance.simulated or any(take.reference.simulated for take in takes)
-    history = Provenance(
-        source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes
-    )
-    step, width = check_resolution(settings.resolution, settings.width)
+    history = Provenance(source=f"measured against {reference}", simulated=simulated, notes=first.provenance.notes)
     details: dict[str, Setting] = {
         "resolution_hz": step,
         "width_hz": width,
@@ -339,11 +206,86 @@ def measure_calibration(
         "order": settings.order,
         "takes": tuple(take.recording.provenance.source for take in takes),
         "levels_pa": tuple(round(take.level, 6) for take in takes),
-        "reference_uncertainty": found.reference_uncertainty,
+        "reference_uncertainty": certain,
         "quiet": "none" if quiet is None else quiet.provenance.source,
     }
-    history = history.then("measure calibration", details)
-    return found.calibration(date=date, version=version, provenance=history, method=method)
+    each = {
+        "coherence": np.where(alive, fit.coherence[counts], 0),
+        "magnitude_uncertainty": np.where(alive, magnitude, 1),
+        "phase_uncertainty": np.where(alive, np.minimum(phase, np.pi), np.pi),
+        "noise_density": np.sqrt(power),
+        "noise_uncertainty": noise_error,
+        "delay": delay,
+        "delay_uncertainty": np.where(alive, np.hypot(delay_error, late), 0),
+    }
+    return Calibration(
+        sensor=first.sensor,
+        frequency=frequency,
+        response=response.reshape(-1, *shape),
+        noise=noise.reshape(shape),
+        unit=first.unit,
+        date=date,
+        version=version,
+        provenance=history.then("measure calibration", details),
+        measurement=Measurement(
+            **{name: values.reshape(*values.shape[:-1], *shape) for name, values in each.items()},
+            reference_uncertainty=certain,
+            reference=reference,
+            method=method,
+            takes=len(takes),
+        ),
+        crosstalk=_crosstalk(parts, takes, counts, seated) if alone else None,
+        linearity=linearity,
+    )
+
+
+def _valid_bins(fit: FrequencyResponse, alive: NDArray[np.bool_], settings: MeasureSettings) -> NDArray[np.bool_]:
+    """Bins in which every live channel is coherent, widely excited, and uncertain by less than half."""
+    sure = (fit.coherence >= settings.coherence) & (fit.uncertainty < 0.5)
+    # With fewer excited frequencies than terms, the fit would always be perfect.
+    sure &= fit.excited > settings.order + 2
+    counts = np.asarray(np.all(sure[:, alive], axis=1), np.bool_)
+    if not alive.any() or counts.sum() < 2:
+        raise BandError(
+            f"response: expected two bins or more with a coherence of {settings.coherence:g} on every live channel, "
+            f"got {counts.sum() if alive.any() else 0}; press harder, longer, or with a wider band"
+        )
+    return counts
+
+
+def _crosstalk(
+    parts: Sequence[BandSums], takes: Sequence[ReferencedTake], counts: NDArray[np.bool_], repeat: Array
+) -> Crosstalk:
+    on_cells: dict[int, list[BandSums]] = {}
+    for part, take in zip(parts, takes, strict=True):
+        if take.cell is not None:
+            on_cells.setdefault(take.cell, []).append(part)
+    return crosstalk_of([solve_sums(on_cells[cell]) for cell in sorted(on_cells)], counts, repeat=repeat)
+
+
+def _linearity(
+    parts: Sequence[BandSums],
+    takes: Sequence[ReferencedTake],
+    fit: FrequencyResponse,
+    counts: NDArray[np.bool_],
+    *,
+    alone: bool,
+) -> tuple[Linearity | None, Array]:
+    """Linearity if there are five levels, and its contribution to the uncertainty, shape (channel,)."""
+    levels, sensor = np.array([take.level for take in takes]), takes[0].recording.sensor
+    chosen = same_levels(levels, [take.cell for take in takes], sensor.count)
+    if chosen is None:
+        return None, np.zeros(sensor.count)
+    shares = [predicted_share(part, fit, counts) for part in parts]
+    share, error = (np.array([one[n] for one in shares])[chosen, np.arange(sensor.count)] for n in (0, 1))
+    pressure, shape = levels[chosen], (len(chosen), *sensor.shape)
+    if alone:
+        # Takes on all cells contain crosstalk, so the share is normalised to 1 at the level of the single takes.
+        usual = np.median([take.level for take in takes if take.cell is not None])
+        there = share[np.abs(np.log(pressure / usual)).argmin(axis=0), np.arange(sensor.count)]
+        share, error = share / there, error / there
+    line = fit_levels(*(values.reshape(shape) for values in (pressure, share * pressure, error * pressure)))
+    return line, bend_uncertainty(share, error)
 
 
 UNKNOWN = 50e-6
