@@ -16,7 +16,7 @@ minimised in blocks of frames, one after another, with the last frames before a 
 as they were solved.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, Literal
@@ -37,6 +37,7 @@ from midair.physics import (
     palm_matrix,
     radiation_pressure,
 )
+from midair.solvers import LBFGS
 from midair.streaming import read_frames
 from midair.validation import positive
 
@@ -99,63 +100,6 @@ class EnvelopeTracking:
         slope *= self.comes.conj()
         turned = slope.imag * command.real - slope.real * command.imag
         return 0.5 * float(np.vdot(missed.astype(np.float64), felt)), turned
-
-
-Function = Callable[[Single], tuple[float, Single]]
-"""x -> cost and gradient."""
-
-
-def descend(function: Function, x: Single, *, scale: Single, first: float, iterations: int, memory: int) -> Single:
-    """The x with the least cost after this number of evaluations, besides two, found by L-BFGS.
-
-    Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4, with one evaluation per step: a step that
-    fails the Armijo test is rejected, and a shorter one is tried next.
-
-    `scale`, of a shape that broadcasts to `x`, is the relative inverse curvature of each variable; its unit is
-    determined by a first step of root mean square `first`. `memory` is the number of pairs kept.
-    """
-    cost, gradient = function(x)
-    step = scale * gradient
-    size = float(np.sqrt(np.mean(step**2)))
-    if not size > 0:
-        return x
-    pairs: list[tuple[Single, Single]] = []
-    probe = np.asarray(-(first / size) * step, np.float32)
-    _remember(pairs, probe, function(x + probe)[1] - gradient, memory)
-    length = 1.0
-    for _ in range(iterations):
-        direction = _direction(pairs, gradient, scale)
-        moved = np.asarray(length * direction, np.float32)
-        trial, slope = function(x + moved)
-        better = trial <= cost + 1e-4 * float(np.vdot(moved, gradient))
-        _remember(pairs, moved, slope - gradient, memory)
-        if better:
-            x, cost, gradient, length = x + moved, trial, slope, 1.0
-        else:
-            length *= 0.3
-    return x
-
-
-def _remember(pairs: list[tuple[Single, Single]], step: Single, change: Single, memory: int) -> None:
-    """Keep a pair unless its curvature is not positive, which could make later directions uphill."""
-    if float(np.vdot(step, change)) > 1e-10 * float(np.vdot(change, change)):
-        pairs.append((step, change))
-        del pairs[:-memory]
-
-
-def _direction(pairs: list[tuple[Single, Single]], gradient: Single, scale: Single) -> Single:
-    """Two-loop recursion: minus the approximate inverse Hessian times the gradient."""
-    d, parts = -gradient, list[float]()
-    for step, change in reversed(pairs):
-        parts.append(float(np.vdot(step, d) / np.vdot(step, change)))
-        d = d - np.float32(parts[-1]) * change
-    d = scale * d
-    if pairs:
-        step, change = pairs[-1]
-        d *= np.float32(np.vdot(step, change) / np.vdot(change, scale * change))
-    for (step, change), part in zip(pairs, reversed(parts), strict=True):
-        d += np.float32(part - float(np.vdot(change, d) / np.vdot(step, change))) * step
-    return d
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,20 +253,24 @@ class _PendingFrames:
         metric = self.settings.metric(part, frames, solution.drive.rate)
         command = solution.drive.q.astype(np.complex64)
         turned = command.copy()
-
-        def cost(turn: Single) -> tuple[float, Single]:
-            turned[part] = command[part] * np.exp(1j * turn).astype(np.complex64)
-            missed, slope = self.tracking.cost(turned, self.start, wanted, metric)
-            return missed, slope[part]
-
+        # Phases are in units of the root of their relative inverse curvature, so that fainter frames turn further.
         loud = wanted[part].sum(axis=1, keepdims=True)
-        scale = 1 / (loud / max(float(loud.max()), 1e-30) + np.float32(self.settings.even))
-        turn = descend(
-            cost,
-            np.zeros(command[part].shape, np.float32),
-            scale=np.asarray(scale, np.float32),
-            first=1e-3,
-            iterations=self.settings.iterations,
-            memory=self.settings.memory,
-        )
-        return np.asarray(solution.drive.phase)[part] + turn
+        unit = np.sqrt(1 / (loud / max(float(loud.max()), 1e-30) + np.float32(self.settings.even)))
+
+        def cost(rows: Single) -> tuple[Single, Single]:
+            turned[part] = command[part] * np.exp(1j * unit * rows.reshape(-1, command.shape[1])).astype(np.complex64)
+            missed, slope = self.tracking.cost(turned, self.start, wanted, metric)
+            return np.array([missed], np.float32), (unit * slope[part]).reshape(1, -1)
+
+        descent = LBFGS(memory=self.settings.memory, grow=np.inf)
+        state = descent.begin(cost, np.zeros((1, command[part].size), np.float32), np.ones(1, np.float32))
+        size = float(np.sqrt(np.mean((unit * state.gradient.reshape(len(unit), -1)) ** 2)))
+        if size > 0:
+            # The first step turns by a thousandth of a radian (root mean square).
+            state.scale = np.array([1e-3 / size], np.float32)
+            descent.step(cost, state)
+            # Without a positive curvature along it, the full step is tried, and then shorter ones.
+            state.scale = np.where(state.pairs[0][2] > 0, state.scale, np.float32(1))
+            for _ in range(self.settings.iterations):
+                descent.step(cost, state)
+        return np.asarray(solution.drive.phase)[part] + unit * state.x.reshape(len(unit), -1)

@@ -4,6 +4,7 @@ from .backend import one_blas_thread as one_blas_thread
 from .fast import Fast as Fast
 from .free import Free as Free
 from .glide import Glide as Glide
+from .lbfgs import LBFGS as LBFGS
 from .levenberg_marquardt import PLAIN as PLAIN
 from .levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from .live import FrameTracker as FrameTracker
