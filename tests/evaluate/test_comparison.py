@@ -82,3 +82,9 @@ def test_the_figures_equal_their_definitions():
     )
     assert said.frequency == (dominant_frequency(x, 1000.0), dominant_frequency(y, 1000.0))
     assert said.rms == pytest.approx([np.sqrt((each**2).mean(axis=0).max()) for each in (x, y)], rel=1e-12)
+
+
+def test_dominant_frequency_ignores_the_mean():
+    time = np.arange(500) / 1000
+    wave = 10 + np.sin(2 * np.pi * 40 * time) + 0.5 * np.sin(2 * np.pi * 120 * time)
+    assert dominant_frequency(wave[:, None, None], 1000.0) == pytest.approx(40.0)

@@ -5,6 +5,7 @@ from midair.physics import relative_error as relative_error
 
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
+from .comparison import dominant_frequency as dominant_frequency
 from .distortion import OVERALL as OVERALL
 from .distortion import RATIOS as RATIOS
 from .distortion import TOUCHED as TOUCHED
@@ -45,7 +46,6 @@ from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics
 from .skin_metrics import metrics_or_none as metrics_or_none
 from .skin_metrics import perceptual_metrics as perceptual_metrics
-from .spectra import dominant_frequency as dominant_frequency
 from .verdict import SAME as SAME
 from .verdict import SIMILAR as SIMILAR
 from .verdict import Verdict as Verdict

@@ -9,7 +9,6 @@ from midair.array_types import Array
 from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.place import Place, fit_place
-from midair.evaluate.spectra import dominant_frequency
 from midair.model import PressureFrames, Shown
 from midair.validation import check_type
 
@@ -127,6 +126,14 @@ def compare(
         channel_gain=own.reshape(shape),
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
+
+
+def dominant_frequency(samples: Array, rate: float) -> float:
+    """Frequency in Hz of the strongest Fourier component of samples (frame, ...), all channels together."""
+    power = np.zeros(len(samples) // 2 + 1)
+    for channel in samples.reshape(len(samples), -1).T:
+        power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
+    return float(np.fft.rfftfreq(len(samples), 1 / rate)[int(np.argmax(power))])
 
 
 def _products(x: Array, y: Array) -> Array:

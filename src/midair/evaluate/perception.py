@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import ShapeError
 from midair.evaluate.felt import JUST_FELT
-from midair.evaluate.spectra import level
 
 RATE = 8000.0
 """Sample rate of the published metrics in Hz."""
@@ -41,6 +40,12 @@ def metric_threshold(bins: int, rate: float = RATE) -> Array:
     # Without a value above 0 dB argmax is 0: vibromaf then flattens the whole curve, but not for its block length.
     curve[above:] = curve[above] if above else curve[above:]
     return np.asarray(curve, np.float64)
+
+
+def level(power: Array, reference: Array | float = 1.0) -> Array:
+    """10 log10(power / reference) in dB, same shape: infinite or NaN for silence."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(10 * np.log10(power / reference), np.float64)
 
 
 METRIC_SCALE = 10 ** (-FLOOR / 20) / np.sqrt(BLOCK / 2) / np.exp(np.mean(np.log(list(JUST_FELT.values()))))

@@ -11,8 +11,7 @@ from midair.errors import ShapeError
 from midair.evaluate.comparison import check_alike
 from midair.evaluate.distortion import WEAKEST, advance, find_delay
 from midair.evaluate.felt import Felt, felt
-from midair.evaluate.perception import METRIC_SCALE, RATE, similarities
-from midair.evaluate.spectra import level
+from midair.evaluate.perception import METRIC_SCALE, RATE, level, similarities
 from midair.model import PressureFrames
 from midair.physics import TOUCH_CHANNELS
 

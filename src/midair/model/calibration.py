@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from midair.array_types import Array, Complex
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.model.geometry import SensorGrid, TransducerArray
-from midair.model.provenance import Provenance, clipped, counted, from_source, span, summary
+from midair.model.provenance import Brief, Provenance, clipped, counted, from_source, span, summary
 from midair.model.recording import Unit
 from midair.validation import frozen_array, within
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Measurement:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Measurement(Brief):
     """Uncertainties of a calibration, bin by bin and channel by channel."""
 
     coherence: Array
@@ -58,22 +58,9 @@ class Measurement:
             raise InputError(f"coherence: expected 0 to 1, got {bins.min():g} to {bins.max():g}")
         within(self.reference_uncertainty, "reference uncertainty", 0)
 
-    def __repr__(self) -> str:
-        bins, rows, columns = self.coherence.shape
-        return summary(
-            self,
-            f"{counted(bins, 'bin')} of {rows} x {columns} cells",
-            f"magnitude to {100 * np.median(self.magnitude_uncertainty):.3g} % (median, k = 1)",
-            f"coherence {np.median(self.coherence):.3g}",
-            f"delay {span(1e3 * self.delay, 'ms')}",
-            f"by {clipped(self.reference)}" if self.reference else "",
-            clipped(self.method),
-            counted(self.takes, "take"),
-        )
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Crosstalk:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Crosstalk(Brief):
     """Response of each cell to a pressure on another cell."""
 
     matrix: Array
@@ -88,14 +75,9 @@ class Crosstalk:
         object.__setattr__(self, "matrix", matrix)
         _freeze(self, "uncertainty", matrix.shape, least=0.0)
 
-    def __repr__(self) -> str:
-        others = np.abs(self.matrix[~np.eye(len(self.matrix), dtype=bool)])
-        said = f"at most {100 * others.max():.3g} % of a pressure on another cell" if others.size else ""
-        return summary(self, f"{len(self.matrix)} x {len(self.matrix)} channels", said)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Linearity:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Linearity(Brief):
     """Output over pressure at five or more levels: a straight line with an intercept, and its curvature."""
 
     pressure: Array
@@ -121,17 +103,6 @@ class Linearity:
         for name in ("gain", "intercept", "curvature"):
             _freeze(self, name, pressure.shape[1:])
             _freeze(self, f"{name}_uncertainty", pressure.shape[1:], least=0.0)
-
-    def __repr__(self) -> str:
-        rows, columns = self.gain.shape
-        return summary(
-            self,
-            f"{counted(self.levels, 'level')} of {rows} x {columns} cells",
-            f"{span(self.pressure, 'Pa')} rms",
-            f"gain {span(self.gain)}",
-            f"intercept {span(self.intercept, 'Pa')}",
-            f"curvature {span(100 * self.curvature, '%')}",
-        )
 
     @property
     def levels(self) -> int:

@@ -11,8 +11,8 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
-from midair.model.provenance import Provenance, clipped, counted, frames_and_duration, from_source, span, summary
-from midair.model.shown import Shown
+from midair.model.provenance import Brief, Provenance, clipped, counted, frames_and_duration, from_source, span, summary
+from midair.model.shown import Frames, Shown
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
 
@@ -22,7 +22,7 @@ length reduces the error; nothing to play."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drive(Shown):
+class Drive(Frames):
     """Phase and level of every transducer, frame by frame: q = level exp(j phase)."""
 
     phase: Array
@@ -59,16 +59,6 @@ class Drive(Shown):
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    @property
-    def frames(self) -> int:
-        """Number of frames."""
-        return len(self.phase)
-
-    @property
-    def time(self) -> Array:
-        """Time of each frame, shape (frame,), in s."""
-        return np.arange(self.frames) / self.rate
 
     @property
     def q(self) -> NDArray[np.complex128]:
@@ -141,8 +131,8 @@ class Solution(Shown):
         return np.array([status != "silent" for status in self.status])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlayedTouch:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class PlayedTouch(Brief):
     """Frames of live touch that were sent to the array, one for each sensor frame."""
 
     phase_steps: NDArray[np.uint8]
@@ -172,9 +162,6 @@ class PlayedTouch:
         for name in ("intensity", "instant", "state"):
             if getattr(self, name).shape != (frames,):
                 raise ShapeError(f"{name}: expected shape ({frames},), got {getattr(self, name).shape}")
-
-    def __repr__(self) -> str:
-        return summary(self, counted(self.frames, "frame"), f"{self.rate:g} Hz", self.array.name)
 
     @property
     def frames(self) -> int:

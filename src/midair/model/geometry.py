@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
-from midair.model.provenance import clipped, counted, summary
+from midair.model.provenance import Brief, clipped, counted, summary
 from midair.validation import PITCHES, frozen_array, length, number, positive, within
 
 HEIGHT = 0.2
@@ -257,8 +257,8 @@ UNIT = TransducerArray.autd3(columns=1, rows=1).count
 """Number of transducers of one unit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placement:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Placement(Brief):
     """Position and rotation of each unit."""
 
     position: Array
@@ -316,6 +316,3 @@ class Placement:
     def _turned(self, points: Array) -> Array:
         turns = scipy.spatial.transform.Rotation.from_euler("xyz", self.rotation)
         return np.stack([turn.apply(points) for turn in turns])
-
-    def __repr__(self) -> str:
-        return f"<Placement of {self.units} units, '{clipped(self.name)}'>"

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
-from midair.model.provenance import clipped, summary
+from midair.model.provenance import Brief
 from midair.validation import frozen_array, positive, within
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Palm:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Palm(Brief):
     """Points of a grid that are skin; the centre of the grid is above the centre of the array."""
 
     inside: NDArray[np.bool_]
@@ -32,10 +32,6 @@ class Palm:
         positive(self.pitch, "pitch of the palm", "m")
         if not self.inside.any():
             raise InputError("palm: expected some skin under the array, got none; move the outline")
-
-    def __repr__(self) -> str:
-        area = 1e4 * self.inside.sum() * self.pitch**2
-        return summary(self, clipped(self.name), f"{area:.3g} cm2", f"points {1e3 * self.pitch:g} mm apart")
 
     @classmethod
     def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
@@ -112,8 +108,8 @@ def _enclosed(corners: Array, x: Array, y: Array) -> NDArray[np.bool_]:
     return odd
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PalmPath:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class PalmPath(Brief):
     """Poses of a palm in array coordinates, in order of time; one pose is a path of length 1."""
 
     time: Array
@@ -145,9 +141,6 @@ class PalmPath:
         if not ((self.confidence >= 0) & (self.confidence <= 1)).all():
             raise InputError("confidence of the palm: expected 0 to 1")
 
-    def __repr__(self) -> str:
-        return summary(self, f"{len(self.time)} poses", f"{self.time[-1] - self.time[0]:.3g} s")
-
     @classmethod
     def from_rows(cls, rows: Array) -> Self:
         """Poses from rows (pose, 11): time, centre, normal, fingers, confidence."""
@@ -170,8 +163,8 @@ class PalmPath:
         return np.asarray(np.stack([np.cross(y, z), y, z], axis=-1), np.float64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrackerPlacement:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class TrackerPlacement(Brief):
     """Rotation and offset from the coordinates of a tracker (x to the right, y away, z up) to those of the array."""
 
     rotation: Array = field(default_factory=lambda: np.eye(3))
@@ -188,10 +181,6 @@ class TrackerPlacement:
         if off > 1e-6 or np.linalg.det(self.rotation) < 0:
             raise InputError(f"rotation of the tracker: expected a rotation without a mirror, off by {off:.2g}")
         within(self.uncertainty, "uncertainty of the tracker", 0, 1, unit="m")
-
-    def __repr__(self) -> str:
-        place = ", ".join(f"{value * 1e3:.4g}" for value in self.offset)
-        return summary(self, f"({place}) mm", f"uncertainty {self.uncertainty * 1e3:.2g} mm")
 
     def points(self, points: Array) -> Array:
         """Points (..., 3) of the tracker in array coordinates, in m."""

@@ -1,8 +1,9 @@
 """Origin of data and the processing steps applied to them; one-line summaries with units for `repr`."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,19 @@ def summary(value: object, *parts: str, simulated: bool = False) -> str:
     """``<Noun part, part, SIMULATED>``; empty parts are left out."""
     said = [*filter(None, parts), *(["SIMULATED"] if simulated else [])]
     return f"<{type(value).__name__} {', '.join(said)}>"
+
+
+class Brief:
+    """Base of dataclasses with a `repr` of one line: the axes of the first array, and all numbers and texts."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        known: Any = self
+        pairs = [(one.name, getattr(self, one.name)) for one in fields(known)]
+        shapes = [" x ".join(map(str, value.shape)) for _, value in pairs if isinstance(value, np.ndarray)]
+        plain = [f"{name} {clipped(str(each))}" for name, each in pairs if isinstance(each, str | float | int)]
+        return summary(self, *shapes[:1], *plain)
 
 
 def clipped(text: str, most: int = 30) -> str:

@@ -13,7 +13,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
-from midair.model.shown import Shown
+from midair.model.shown import Frames
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, one_of, positive
 
@@ -51,7 +51,7 @@ def known_unit(text: str) -> tuple[Unit | None, float]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording(Shown):
+class Recording(Frames):
     """Samples of a sensor grid."""
 
     samples: NDArray[np.float64]
@@ -79,19 +79,9 @@ class Recording(Shown):
         )
 
     @property
-    def frames(self) -> int:
-        """Number of frames."""
-        return len(self.samples)
-
-    @property
     def duration(self) -> float:
         """Number of frames divided by the rate, in s."""
         return self.frames / self.rate
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Time of each frame, shape (frame,), in s."""
-        return np.arange(self.frames) / self.rate
 
 
 EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke", "mended", "late"]
@@ -189,7 +179,7 @@ class SensorWiring:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressureFrames(Shown):
+class PressureFrames(Frames):
     """Calibrated pressure on the cells of a sensor; signed, since the sensor measures only changes."""
 
     pressure: Array
@@ -217,16 +207,6 @@ class PressureFrames(Shown):
             simulated=self.provenance.simulated,
         )
 
-    @property
-    def frames(self) -> int:
-        """Number of frames."""
-        return len(self.pressure)
-
-    @property
-    def time(self) -> Array:
-        """Time of each frame, shape (frame,), in s."""
-        return np.arange(self.frames) / self.rate
-
     def cut(self, start: float = 0.0, duration: float | None = None) -> "PressureFrames":
         """The frames from `start` on, for `duration` seconds or to the end; time begins again at 0.
 
@@ -242,7 +222,7 @@ class PressureFrames(Shown):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AmplitudeFrames(Shown):
+class AmplitudeFrames(Frames):
     """Peak sound pressure required at each control point."""
 
     amplitude: Array
@@ -269,13 +249,3 @@ class AmplitudeFrames(Shown):
             from_source(self.provenance.source),
             simulated=self.provenance.simulated,
         )
-
-    @property
-    def frames(self) -> int:
-        """Number of frames."""
-        return len(self.amplitude)
-
-    @property
-    def time(self) -> Array:
-        """Time of each frame, shape (frame,), in s."""
-        return np.arange(self.frames) / self.rate

@@ -1,7 +1,12 @@
 """Things that can draw themselves, in Python and in notebooks."""
 
+from dataclasses import fields
 from importlib import import_module
 from typing import Any
+
+import numpy as np
+
+from midair.array_types import Array
 
 
 class Shown:
@@ -19,3 +24,21 @@ class Shown:
     def _figures(self) -> Any:
         # By its name, since figures are made of models.
         return import_module("midair.figures")
+
+
+class Frames(Shown):
+    """Base of dataclasses whose first field holds frames, at a `rate` in Hz."""
+
+    __slots__ = ()
+    rate: float
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        known: Any = self
+        return len(getattr(self, fields(known)[0].name))
+
+    @property
+    def time(self) -> Array:
+        """Time of each frame, shape (frame,), in s."""
+        return np.arange(self.frames) / self.rate

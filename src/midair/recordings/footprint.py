@@ -61,24 +61,13 @@ class Footprint:
             )
 
     def reach(self, sensor: SensorGrid) -> float:
-        """Distance from the centre of the sensor at which the footprint no longer touches it, in m."""
-        across, along = sensor.columns * sensor.pitch / 2, sensor.rows * sensor.pitch / 2
-        half = self.size / 2
-        if self.path == "x":
-            return across + half
-        if self.path == "y":
-            return along + half
-        if self.shape == "line":
-            return float(np.sqrt(0.5) * (across + along)) + half
-        if self.shape == "square":
-            return float(np.sqrt(2)) * (min(across, along) + half)
-        # It last touches the corner if the rectangle is nearly square, otherwise a side.
-        root = np.sqrt(0.5)
-        short, long = sorted((across, along))
-        if (short + half) <= long:
-            return float((short + half) / root)
-        middle, off = (short + long) * root, (long - short) * root
-        return float(middle + np.sqrt(half**2 - off**2))
+        """Distance from the centre of the sensor from which the footprint does not touch it, in m.
+
+        The support function of both, which a square sensor is left at; another one may be left a little earlier.
+        """
+        x, y = _DIRECTION[self.path]
+        half = self.size / 2 * (x + y if self.shape == "square" else 1.0)
+        return float(x * sensor.columns + y * sensor.rows) * sensor.pitch / 2 + half
 
     def crossing(self, sensor: SensorGrid) -> float:
         """Time from the first contact to the last, in s; infinite at speed 0."""

@@ -264,7 +264,7 @@ def measure_beam(
     `sensor` is any of the recordings, which provides grid, unit and provenance; `quiet` is one without any sound.
     Raises InputError if a channel does not measure the beam.
     """
-    slope, spread = _slopes(reading)
+    slope, spread, explained = _slopes(reading)
     inverse = np.linalg.inv(reading.shares)
     whole = slope @ inverse
     cells = np.arange(sensor.sensor.count)
@@ -289,12 +289,6 @@ def measure_beam(
     delay, delay_error = channel_delay(reading.plan.tones[upper], response[upper], random[upper])
     shape = sensor.sensor.shape
     details = {"levels": reading.plan.levels, "top_pa": reading.plan.top, "pressure_uncertainty": reading.level}
-    # Share of the output's power over the levels that a line explains, shape (tone, channel).
-    x, y = np.moveaxis(reading.commanded, 0, -1), np.moveaxis(_own(reading), 0, -1)
-    design = np.stack([x, np.ones_like(x)], axis=-1)
-    rest = y - np.einsum("tlm,tcm->tcl", design @ np.linalg.pinv(design), y)
-    power = np.maximum((np.abs(y) ** 2).sum(axis=-1), 1e-300)
-    explained = np.clip(1 - (np.abs(rest) ** 2).sum(axis=-1) / power, 0, 1)
     return Calibration(
         sensor=sensor.sensor,
         frequency=reading.plan.tones,
@@ -305,7 +299,7 @@ def measure_beam(
         version=version,
         provenance=sensor.provenance.then("measure beam", details),
         measurement=Measurement(
-            coherence=explained.reshape(-1, *shape),
+            coherence=explained[:, cells, cells].reshape(-1, *shape),
             magnitude_uncertainty=magnitude.reshape(-1, *shape),
             phase_uncertainty=phase.reshape(-1, *shape),
             noise_density=density.reshape(-1, *shape),
@@ -322,8 +316,11 @@ def measure_beam(
     )
 
 
-def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
-    """M and the standard uncertainty of each of its parts, both of shape (tone, channel, focused cell)."""
+def _slopes(reading: BeamReading) -> tuple[Complex, Array, Array]:
+    """M, the standard uncertainty of each of its parts, and the share of the output's power that the line explains.
+
+    All have the shape (tone, channel, focused cell).
+    """
     x = np.moveaxis(reading.commanded, 0, -1)
     design = np.stack([x, np.ones_like(x)], axis=-1)
     pseudo = np.linalg.pinv(design)
@@ -332,9 +329,10 @@ def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
     rest = y - np.einsum("tlp,tcpk->tclk", design, found)
     # Each complex number has two degrees of freedom; the line uses two complex numbers.
     free = 2 * (len(reading.commanded) - 2)
-    scatter = np.sqrt((np.abs(rest) ** 2).sum(axis=2) / free)
+    left, power = (np.square(np.abs(each)).sum(axis=2) for each in (rest, y))
+    scatter = np.sqrt(left / free)
     error = scatter * np.sqrt((np.abs(pseudo[:, 0]) ** 2).sum(axis=-1))[:, None, None]
-    return found[:, :, 0], widened(error, free)
+    return found[:, :, 0], widened(error, free), np.clip(1 - left / np.maximum(power, 1e-300), 0, 1)
 
 
 def _from_lengths(reading: BeamReading, slope: Complex, response: Complex) -> tuple[Array, float]:

@@ -169,9 +169,7 @@ def apply_command(
     recording = take.recording
     known = calibration_from_options(recording, sensitivity, peak)
     known = known or (require_calibration(calibration) if calibration else take.calibration)
-    pressure = calibrate(
-        recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
-    )
+    pressure = calibrate(recording, known, band=chosen.band, crosstalk=crosstalk, damping=damping)
     save(recording, source, calibration=known, pressure=pressure)
     largest, rms = np.abs(pressure.pressure).max(), np.sqrt(np.square(pressure.pressure).mean(axis=0).max())
     table: list[Line] = [
