@@ -21,12 +21,12 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1911,
-    "settings streaming .": 2760,
+    "model": 1862,
+    "settings streaming .": 2576,
     "physics": 3375,
-    "recordings targets correct evaluate": 4151,
-    "calibration": 3095,
-    "solvers": 4382,
+    "recordings targets correct evaluate": 4071,
+    "calibration": 2942,
+    "solvers": 4383,
     "files": 4316,
     "devices": 7930,
     "rig": 8851,
