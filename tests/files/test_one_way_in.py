@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.errors import InputError
-from midair.files import FORMATS, load, open_take, save, save_solution
-from midair.model import PressureFrames, Recording, Solution
+from midair.files import FORMATS, open_take, save
+from midair.model import Recording
 from midair.rig import VirtualRig, sensor_named
 
 STORED = (".h5", ".hdf5")
@@ -61,25 +60,3 @@ def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, 
     )
     assert run(["solve", name, "x.drive.h5", *words]) == 0
     assert sensor_named(f"replay:{name}", VirtualRig()).calibration is not None
-
-
-@pytest.mark.long
-def test_pressure_of_an_upper_case_file_is_not_lost(take, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    recording, calibration = take
-    pressure = PressureFrames(pressure=np.ones((300, 4, 4)), rate=1000.0, sensor=recording.sensor)
-    save(recording, "TAKE.H5", calibration=calibration, pressure=pressure)
-    assert run(["info", "TAKE.H5"]) == 0
-    assert "largest pressure" in capsys.readouterr().out
-    assert run(["export", "TAKE.H5", "pressure.csv", "--pressure"]) == 0
-    assert open_take("pressure.csv").recording.unit == "Pa"
-
-
-def test_load_gives_the_solution_of_a_drive(solution, tmp_path):
-    path = tmp_path / "A.Drive.H5"
-    save_solution(solution, path)
-    again = load(path)
-    assert isinstance(again, Solution)
-    np.testing.assert_array_equal(again.drive.phase, solution.drive.phase)
-    with pytest.raises(InputError, match="expected no options for a drive, got rate=1000"):
-        load(path, rate=1000.0)

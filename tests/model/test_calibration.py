@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.model import ArrayCalibration, Calibration, ControlGrid, SensorGrid, TransducerArray
+from midair.model import (
+    ArrayCalibration,
+    Calibration,
+    ControlGrid,
+    Crosstalk,
+    Measurement,
+    SensorGrid,
+    TransducerArray,
+)
 from midair.physics import focus_phase, transfer_matrix
 
 SENSOR = SensorGrid(rows=2, columns=3)
@@ -40,6 +48,34 @@ def test_the_ends_are_held():
     calibration = made(frequency=np.array([5.0, 10.0, 30.0]))
     ends = calibration.response_at(np.array([0.0, 1e4]))
     assert ends == pytest.approx(calibration.response[[0, -1]])
+
+
+def test_uncertainty_between_the_bins():
+    bins, cells = np.ones((3, 2, 3)), np.ones((2, 3))
+    known = Measurement(
+        magnitude_uncertainty=np.array([0.01, 0.02, 0.04])[:, None, None] * bins,
+        **dict.fromkeys(("coherence", "phase_uncertainty", "noise_density"), bins),
+        **dict.fromkeys(("noise_uncertainty", "delay", "delay_uncertainty"), cells),
+    )
+    calibration = made(measurement=known, frequency=np.array([10.0, 20.0, 30.0]))
+    assert calibration.uncertainty_at(np.array([5.0, 15.0, 30.0]))[:, 0, 1] == pytest.approx([0.01, 0.015, 0.04])
+    assert made().uncertainty_at(np.array([15.0])) is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"date": "2026-01-31"},
+        {"version": 2},
+        {"unit": "count"},
+        {"response": np.ones((3, 2, 3), complex)},
+        {"noise": np.ones((2, 3))},
+        {"sensor": SensorGrid(rows=2, columns=3, name="another")},
+        {"crosstalk": Crosstalk(matrix=np.eye(6), uncertainty=np.zeros((6, 6)))},
+    ],
+)
+def test_the_identifier_tells_two_calibrations_apart(changes):
+    assert made().identifier == made().identifier != made(**changes).identifier
 
 
 def test_an_identifier_never_changes_for_the_same_calibration():

@@ -1,7 +1,8 @@
 """A simulated Grbl 1.1 machine on a pty: responses, receive buffer, planner, and the duration of moves.
 
 Written from the makers' documentation only (gnea/grbl, doc/markdown: interface.md, commands.md, jogging.md), without
-the driver's code. Not simulated: junctions (each line ends at rest), arcs, probing, overrides, jogging. POSIX only.
+the driver's code. Not simulated: junctions (each line ends at rest), arcs, probing, overrides, jogging,
+other G-codes than those of `MOVE` and G4. POSIX only.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ import select
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ USUAL = {
 """Default settings: status mask, inches, soft and hard limits, homing, pull-off (mm); mm/min, mm/s2 and mm of each
 axis.
 """
+
+NUMBER = r"([-+]?\d*\.?\d+)"
+MOVE = re.compile(f"G21G90G94G53G1X{NUMBER}Y{NUMBER}Z{NUMBER}F{NUMBER}")
+"""The one line that moves: in mm, absolute, in coordinates of the machine, with a feed rate in mm/min."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,17 +90,6 @@ class PlannedMove:
         return speed <= 1e-9 and now > self.begun and (self.stopped is not None or now >= self.begun + self.duration)
 
 
-@dataclass(slots=True)
-class ParserState:
-    """Modal state of the parser."""
-
-    motion: int = 0
-    inches: bool = False
-    relative: bool = False
-    feed: float = 0.0
-    target: Vector = field(default_factory=lambda: np.zeros(3))
-
-
 class GrblSimulator(BehindPty):
     """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
 
@@ -120,7 +114,7 @@ class GrblSimulator(BehindPty):
         self._place = np.full(3, -self.settings[27]) if homed else np.zeros(3)
         self._locked = bool(self.settings[22]) and not homed
         self._critical = False
-        self._parser = ParserState(target=self._place.copy())
+        self._target = self._place.copy()
         self._received, self._line, self._leaving = bytearray(), bytearray(), bytearray()
         self._plan: deque[PlannedMove] = deque()
         self._now: PlannedMove | None = None
@@ -279,7 +273,7 @@ class GrblSimulator(BehindPty):
         self._held = self._critical = False
         self._received.clear()
         self._line.clear()
-        self._parser = ParserState(target=self._place.copy())
+        self._target = self._place.copy()
         self._greet()
 
     # Lines are read from the buffer and answered one by one.
@@ -289,7 +283,7 @@ class GrblSimulator(BehindPty):
             if now >= self._homing:
                 self._homing, self._locked = None, False
                 self._place = np.full(3, -self.settings[27])
-                self._parser.target = self._place.copy()
+                self._target = self._place.copy()
                 self._say("ok")
             return
         if self._dwell is not None:
@@ -344,60 +338,28 @@ class GrblSimulator(BehindPty):
             return "error:9"
         if len(line) > 80:
             return "error:11"
-        words = re.findall(r"([A-Z])([-+]?\d*\.?\d+)", line)
-        if "".join(letter + number for letter, number in words) != line:
-            return "error:1"
-        return self._obey([(letter, float(number)) for letter, number in words], now)
-
-    def _obey(self, words: list[tuple[str, float]], now: float) -> str:
-        parser, axes, machine, dwell = self._parser, dict[int, float](), False, None
-        for letter, number in words:
-            match letter, number:
-                case "G", 0 | 1:
-                    parser.motion = int(number)
-                case "G", 20 | 21:
-                    parser.inches = number == 20
-                case "G", 90 | 91:
-                    parser.relative = number == 91
-                case "G", 53:
-                    machine = True
-                case "G", 4:
-                    dwell = dict(words).get("P")
-                    if dwell is None:
-                        return "error:28"
-                case "G", 94 | 54 | 17:
-                    pass
-                case "F", _:
-                    parser.feed = number * (25.4 if parser.inches else 1.0)
-                case "X" | "Y" | "Z", _:
-                    axes["XYZ".index(letter)] = number
-                case "P", _:
-                    pass
-                case _:
-                    return "error:20"
-        if dwell is not None:
-            self._dwell = dwell
+        if line.startswith("G4P"):
+            self._dwell = float(line[3:])
             return ""
-        return self._plan_line(axes, machine=machine, now=now) if axes else "ok"
+        move = MOVE.fullmatch(line)
+        if move is None:
+            return "error:20"
+        *target, feed = (float(number) for number in move.groups())
+        return self._plan_line(np.array(target), feed / 60, now)
 
-    def _plan_line(self, axes: Mapping[int, float], *, machine: bool, now: float) -> str:
-        parser, target = self._parser, self._parser.target.copy()
-        if parser.motion == 1 and not parser.feed:
-            return "error:22"
-        scale = 25.4 if parser.inches else 1.0
-        for axis, number in axes.items():
-            target[axis] = number * scale + (target[axis] if parser.relative and not machine else 0.0)
+    def _plan_line(self, target: Vector, speed: float, now: float) -> str:
         travel = np.array([self.settings[130 + axis] for axis in range(3)])
         if self.settings[20] and ((target > 0) | (target < -travel)).any():
             self._alarm(2, now)
             return ""
-        step = target - parser.target
+        step = target - self._target
         length = float(np.linalg.norm(step))
         if length:
             share = np.maximum(np.abs(step) / length, 1e-12)
             fastest = min(self.settings[110 + axis] / 60 / share[axis] for axis in range(3))
             growth = min(self.settings[120 + axis] / share[axis] for axis in range(3))
-            speed = fastest if parser.motion == 0 else min(fastest, parser.feed / 60)
-            self._plan.append(PlannedMove(start=parser.target.copy(), end=target, speed=speed, growth=growth))
-        parser.target = target
+            self._plan.append(
+                PlannedMove(start=self._target.copy(), end=target, speed=min(fastest, speed), growth=growth)
+            )
+        self._target = target
         return "ok"

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import soundfile
 
-from midair.errors import BrokenFileError, FileError, MismatchError, NonFiniteError, UnitError
+from midair.errors import BrokenFileError, MismatchError, NonFiniteError, UnitError
 from midair.files import load, open_take, save
 from midair.model import Recording, SensorGrid
 
+BUSTED = b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted"
 
-@pytest.mark.parametrize("data", [b"RIFX\0\0\0\0WAVE", b"RIFF\0\0\0\0AVI ", b"RI"])
+
+@pytest.mark.parametrize("data", [b"RIFX\0\0\0\0WAVE", b"RIFF\0\0\0\0AVI ", b"RI", BUSTED])
 def test_refuses_other_files_than_wav(data, tmp_path):
     (tmp_path / "a.wav").write_bytes(data)
     with pytest.raises(BrokenFileError, match="expected a WAV"):
@@ -38,11 +40,6 @@ def test_other_programs_read_midairs_own_below_full_scale(recording, tmp_path):
     assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[2])
 
 
-def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
-    whole = Recording(samples=recording.samples, rate=1000, sensor=recording.sensor)
-    assert [loss.what for loss in save(whole, tmp_path / "a.wav")] == ["provenance", "scale"]
-
-
 @pytest.mark.parametrize("unit", ["Pa", "count"])
 def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
     """Integers of a converter come back as they are, other samples within half a step; other programs read the same."""
@@ -61,19 +58,15 @@ def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
         np.testing.assert_array_equal(taken.samples.reshape(back.shape), back)
 
 
-@pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
-def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
+@pytest.mark.parametrize(
+    ("subtype", "full"), [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("DOUBLE", 1)]
+)
+def test_every_subtype_is_read_to_full_scale_one_and_to_counts(subtype, full, foreign):
     seen = open_take(foreign(subtype), unit="V")
     np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
     assert seen.recording.rate == 8000
     assert seen.recording.sensor.shape == (1, 1)
     assert seen.report == (f"Full scale of the WAV ({subtype}) was taken as 1 V.",)
-
-
-@pytest.mark.parametrize(
-    ("subtype", "full"), [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("FLOAT", 1)]
-)
-def test_counts_are_the_whole_numbers_of_the_file(subtype, full, foreign):
     np.testing.assert_array_equal(
         load(foreign(subtype), unit="count").samples.ravel(), np.array([0.5, -0.25, 0]) * full
     )
@@ -97,12 +90,6 @@ def test_takes_the_exact_rate_behind_a_whole_one(foreign):
     assert load(foreign("FLOAT"), unit="V", rate=7999.7).rate == 7999.7
     with pytest.raises(MismatchError, match="the file states 8000 Hz, got 1000 Hz"):
         load(foreign("FLOAT"), unit="V", rate=1000)
-
-
-def test_refuses_a_bad_header(tmp_path):
-    (tmp_path / "a.wav").write_bytes(b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted")
-    with pytest.raises(BrokenFileError, match="expected a WAV file, got a damaged or foreign file"):
-        load(tmp_path / "a.wav", unit="V")
 
 
 @pytest.mark.parametrize("size", [0xFFFFFFFF, 0x80000000, 0x7FFFFFFF - 36, 0])
@@ -131,15 +118,10 @@ def test_refuses_non_finite_samples(tmp_path):
         load(tmp_path / "a.wav", unit="V")
 
 
-def test_refuses_more_cells_than_channels(tmp_path):
-    large = Recording(samples=np.zeros((2, 33, 32)), rate=1000, sensor=SensorGrid(rows=33, columns=32))
-    with pytest.raises(FileError, match="up to 1024 channels, got a sensor of 1056"):
-        save(large, tmp_path / "a.wav")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("form", "ending"), [("RF64", ".rf64"), ("RF64", ".wav"), ("WAVEX", ".wav")])
-@pytest.mark.parametrize(("subtype", "channels"), [("PCM_24", 1), ("DOUBLE", 16), ("FLOAT", 16), ("PCM_16", 3)])
+@pytest.mark.parametrize(
+    ("form", "ending", "subtype", "channels"),
+    [("RF64", ".rf64", "DOUBLE", 16), ("RF64", ".wav", "PCM_24", 1), ("WAVEX", ".wav", "PCM_16", 3)],
+)
 def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_path):
     samples = np.random.default_rng(0).integers(-100, 100, (20, channels)) / 128
     soundfile.write(tmp_path / f"a{ending}", samples, 4000, subtype=subtype, format=form)

@@ -140,8 +140,3 @@ def test_refuses_text_that_a_file_would_change(name, tmp_path):
     with pytest.raises(InputError, match="expected text"):
         save(recording, tmp_path / "a.h5")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_refuses_a_recording_as_drive(path):
-    with pytest.raises(BrokenFileError, match="expected a midair drive, got midair recording"):
-        load_solution(path)

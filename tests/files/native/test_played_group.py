@@ -1,9 +1,8 @@
-import h5py
 import numpy as np
 import pytest
 
 from midair.errors import FileError
-from midair.files import RecordingWriter, load_played, open_take, repair
+from midair.files import RecordingWriter, load_played, open_take
 from midair.model import Provenance, SensorGrid, TransducerArray
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -47,14 +46,6 @@ def test_played_values_are_read_back_bit_by_bit(tmp_path):
     check(tmp_path / "take.h5", wanted)
 
 
-@pytest.mark.long
-def test_it_stays_when_the_file_is_repaired(tmp_path):
-    path = tmp_path / "take.h5"
-    wanted = written(path)
-    repair(path)
-    check(path, wanted)
-
-
 def test_frames_need_played_values_only_with_an_array(tmp_path):
     known = {"rate": 1000.0, "sensor": SENSOR, "unit": "V", "provenance": Provenance()}
     with RecordingWriter(tmp_path / "plain.h5", **known) as file:
@@ -64,16 +55,3 @@ def test_frames_need_played_values_only_with_an_array(tmp_path):
     assert load_played(tmp_path / "plain.h5") is None
     with writer(tmp_path / "take.h5") as file, pytest.raises(FileError, match="with the values played"):
         file.append(np.ones((4, 2, 3)))
-
-
-def test_the_group_holds_what_the_table_says(tmp_path):
-    from midair.files.native.schema import TABLE
-
-    written(tmp_path / "take.h5", blocks=(3,))
-    with h5py.File(tmp_path / "take.h5") as file:
-        group = file["played"]
-        stored = {entry.name for entry in TABLE["played"] if entry.dimensions is not None}
-        assert set(group) == stored
-        for entry in TABLE["played"]:
-            if entry.dimensions is not None:
-                assert group[entry.name].dtype == np.dtype(entry.dtype)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, MismatchError
-from midair.files import load, load_calibration, load_pressure, save, save_calibration
+from midair.errors import MismatchError
+from midair.files import load, load_calibration, load_pressure, save
 from midair.model import PressureFrames, Provenance, SensorGrid
 
 
@@ -29,12 +29,6 @@ def test_the_pressure_is_read_back(band, path, recording, calibration, alike):
 def test_refuses_pressure_of_another_sensor(recording, path):
     with pytest.raises(MismatchError, match=r"expected pressure of \(3, 5\) cells, got \(4, 4\)"):
         save(recording, path, pressure=PressureFrames(pressure=np.zeros((3, 4, 4)), rate=250, sensor=SensorGrid()))
-
-
-def test_has_no_pressure_in_a_calibration(calibration, tmp_path):
-    save_calibration(calibration, tmp_path / "a.calibration.h5")
-    with pytest.raises(BrokenFileError, match="expected a midair recording"):
-        load_pressure(tmp_path / "a.calibration.h5")
 
 
 def test_keeps_a_long_provenance(recording, tmp_path):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError
-from midair.files import RecordingWriter, load, repair, save
+from midair.files import RecordingWriter, load
 from midair.files.native.journal import with_stage
 from midair.model import Event, Provenance, SensorGrid, StageStamp
 
@@ -34,24 +34,6 @@ def test_a_recording_with_a_stage_has_positions_strokes_and_speed(tmp_path):
     assert step.settings["stamps"][3] == pytest.approx((0.3, 0.015, -0.06, -0.02, 0.05))
     events = next(step for step in life.steps if step.stage == "events")
     assert events.settings["strokes"] == ((0, 2400),)
-
-
-def test_the_places_have_axes_and_units_of_their_own(tmp_path):
-    with h5py.File(written(tmp_path / "a.h5")) as file:
-        assert file["stage_x"].shape == (25,)
-        assert file["stage_x"].attrs["units"] == b"m"
-        assert file["stage_feed"].attrs["units"] == b"m/s"
-        assert file["stage_time"].dims[0][0] == file["stage"]
-
-
-@pytest.mark.long
-def test_copies_and_repaired_files_keep_them(tmp_path):
-    path = written(tmp_path / "a.h5")
-    save(load(path), tmp_path / "b.h5")
-    assert load(tmp_path / "b.h5").provenance.steps == load(path).provenance.steps
-    steps = load(path).provenance.steps
-    assert repair(path) == ()
-    assert load(path).provenance.steps == steps
 
 
 def test_a_recording_without_a_stage_has_nothing_of_it(tmp_path):

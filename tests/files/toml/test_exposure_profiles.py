@@ -3,7 +3,7 @@ from typing import Literal
 
 import pytest
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.errors import BrokenFileError, InputError
 from midair.files import from_plain, load_profiles, profile_named, to_plain
 
 TOML = """
@@ -20,14 +20,9 @@ limit_db = 100
 """
 
 
-def test_profiles_by_name_and_from_files(tmp_path):
+def test_an_unknown_profile_names_those_of_midair():
     with pytest.raises(InputError, match="occupational-110, public-100"):
         profile_named("loud")
-    with pytest.raises(MissingFileError, match=r"mine\.toml"):
-        load_profiles(tmp_path / "mine.toml")
-    (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BrokenFileError, match="not UTF-8"):
-        load_profiles(tmp_path / "mine.toml")
 
 
 def test_profiles_of_midair_state_source_and_evidence():
