@@ -37,9 +37,9 @@ def test_files_for_the_browser_are_small():
 
 
 def test_scripts_are_modules_without_mistakes(subtests):
-    for part in ["view.js", "transport.js", "page.js", "widget.js", "all"]:
+    for part in ["view.js", "transport.js", "page.js", "all"]:
         with subtests.test(part=part):
-            text = one_module("widget.js") if part == "all" else (WEB / part).read_text(encoding="utf-8")
+            text = one_module() if part == "all" else (WEB / part).read_text(encoding="utf-8")
             checked = subprocess.run(
                 [*node(), "--check", "--input-type=module"], input=text, capture_output=True, text=True
             )

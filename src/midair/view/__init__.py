@@ -21,7 +21,6 @@ from .frame_encoding import size_of as size_of
 from .frame_encoding import unpack as unpack
 from .pages import WEB as WEB
 from .pages import channel_sound as channel_sound
-from .pages import in_notebook as in_notebook
 from .pages import page_parts as page_parts
 from .pages import show_page as show_page
 from .pages import style as style

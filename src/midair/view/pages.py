@@ -1,4 +1,4 @@
-"""Standalone HTML pages of a view, which load nothing from elsewhere, its sounds, and the view as a notebook widget."""
+"""Standalone HTML pages of a view, which load nothing from elsewhere, and its sounds."""
 
 import base64
 import hashlib
@@ -8,16 +8,13 @@ import re
 import wave
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from midair.array_types import Array
 from midair.dsp import resample
-from midair.errors import MissingExtraError
 from midair.figures import render_page
 from midair.view.frame_encoding import metadata, sections
 from midair.view.view_data import Channels, ViewData
@@ -84,17 +81,16 @@ def _faded(x: Array, length: int) -> Array:
 
 
 WEB = Path(__file__).parent / "web"
-"""Folder of the ES modules view.js (canvases), transport.js (time), page.js (both) and widget.js (notebooks)."""
+"""Folder of the ES modules view.js (canvases), transport.js (time) and page.js (both)."""
 
 
 Tables = Sequence[tuple[str, Sequence[Sequence[str]]]]
 """Title and rows of text of each table."""
 
 
-def one_module(*more: str) -> str:
-    """Return view.js, transport.js, page.js and further files as one module, for use inside a single page."""
-    names = ("view.js", "transport.js", "page.js", *more)
-    parts = [(WEB / name).read_text(encoding="utf-8") for name in names]
+def one_module() -> str:
+    """Return view.js, transport.js and page.js as one module, for use inside a single page."""
+    parts = [(WEB / name).read_text(encoding="utf-8") for name in ("view.js", "transport.js", "page.js")]
     return "\n".join(re.sub(r'^import [^;]* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
 
 
@@ -161,30 +157,3 @@ def with_content_policy(page: str) -> str:
     policy += f"; script-src {scripts}" if scripts else ""
     head = '<meta charset="utf-8">'
     return page.replace(head, f'{head}\n<meta http-equiv="Content-Security-Policy" content="{policy}">', 1)
-
-
-def in_notebook(showing: ViewData) -> Any:
-    """Return a widget for the last line of a cell; its attribute `frame` is the playhead, readable and writable.
-
-    Raises MissingExtraError if anywidget is not installed.
-    """
-    return _widget_class()(about=metadata(showing), tracks=sections(showing))
-
-
-@cache
-def _widget_class() -> Any:
-    """Create the widget class on demand, since anywidget is optional."""
-    try:
-        import anywidget
-        import traitlets
-    except ImportError as wrong:
-        raise MissingExtraError("a widget needs the package anywidget: pip install 'midair[notebook]'") from wrong
-
-    class ViewWidget(anywidget.AnyWidget):
-        _esm = one_module("widget.js")
-        _css = style()
-        about = traitlets.Dict().tag(sync=True)
-        tracks = traitlets.Dict().tag(sync=True)
-        frame = traitlets.Int(0).tag(sync=True)
-
-    return ViewWidget

@@ -15,7 +15,7 @@ import {
 import { Transport, controls } from "./transport.js";
 
 /* A whole view of one take: its pictures in a grid and a transport below. `about` is the metadata
-   of view/page_payload.py, `bytes` the sections of each track by name: samples, again, wanted,
+   of view/frame_encoding.py, `bytes` the sections of each track by name: samples, again, wanted,
    played, phases. */
 
 export function mount(root, about, bytes) {
@@ -202,16 +202,7 @@ export function mount(root, about, bytes) {
       picture.draw(picture.fixed ? { ...state, ...picture.fixed } : state);
   };
   transport.run(draw);
-  return {
-    transport,
-    pictures,
-    tracks,
-    remove() {
-      transport.stop();
-      for (const picture of pictures) picture.remove();
-      root.replaceChildren();
-    },
-  };
+  return { transport, pictures, tracks };
 }
 
 /** Mount the data of a page of view/pages.py into its element. */
