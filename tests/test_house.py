@@ -24,15 +24,15 @@ LINES = {
     "model": 1862,
     "settings streaming .": 2576,
     "physics": 3375,
-    "recordings targets correct evaluate": 4071,
+    "recordings targets correct evaluate": 4059,
     "calibration": 2942,
     "solvers": 4383,
     "files": 4316,
     "devices": 7930,
-    "rig": 8851,
+    "rig": 8850,
     "patterns datasets": 1776,
-    "view figures": 2045,
-    "cli": 6492,
+    "view figures": 2013,
+    "cli": 6490,
     "study": 6047,
     "studio": 6051,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 49_979, "benchmarks": 4_500}
+BESIDE = {"tests": 48_683, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from midair.correct import EnvelopePrediction
-from midair.errors import InputError
 from midair.model import AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -24,7 +23,7 @@ GRID = ControlGrid(rows=6, columns=6, pitch=5e-3, height=0.12)
 PLACES = SensorModel(grid=SensorGrid(rows=3, columns=3, pitch=6e-3))
 SPREAD = Transducers.varied(249, seed=3, gain_spread=0.1, resonance_spread=100, quality_spread=0.1)
 ARRAY = replace(TransducerArray.autd3(columns=1, rows=1), response=SPREAD.response, pole=SPREAD.pole)
-WAY = EnvelopePrediction(transducers=SPREAD, dynamics=TransducerDynamics(), places=PLACES, block=32, around=12)
+WAY = EnvelopePrediction(transducers=SPREAD, dynamics=TransducerDynamics(), places=PLACES, block=32)
 FRAMES = 80
 
 
@@ -119,10 +118,3 @@ def test_the_low_pass_is_of_the_band():
     assert fast @ metric @ fast == pytest.approx(32 * 0.05, rel=0.2)
     # At 1 kHz all playable frequencies are in the band.
     np.testing.assert_allclose(np.diag(WAY.metric(slice(0, 8), 20, 1e3))[:8], 1.05)
-
-
-def test_numbers_that_cannot_be_are_refused():
-    with pytest.raises(InputError, match="iterations"):
-        replace(WAY, iterations=0)
-    with pytest.raises(InputError, match="highest"):
-        replace(WAY, highest=0.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.correct import IterativeCorrection, MinimumNorm, Response, measured_response
+from midair.correct import IterativeCorrection, Response, measured_response, minimum_norm
 from midair.correct.iterative import slopes
 from midair.dsp import band_window, filter_response
 from midair.errors import InputError, ShapeError
@@ -123,7 +123,7 @@ def test_the_slopes_are_the_derivative():
 def test_the_missing_pressure_is_added(level):
     drive = steady(level)
     lacking = np.tile(0.01 * at_rest(drive) * np.array([1, -1, 1, 0]), (FRAMES, 1))
-    better = MinimumNorm(floor=1e-6).corrected(drive, lacking, WEIGHTS, GRID)
+    better = minimum_norm(drive, lacking, WEIGHTS, GRID, floor=1e-6)
     gained = at_rest(better) - at_rest(drive)
     np.testing.assert_allclose(gained, lacking[-1], atol=0.05 * np.abs(lacking).max())
     assert better.provenance.steps[-1].stage == "correct the drive"
@@ -133,7 +133,7 @@ def test_no_smaller_change_presses_as_much():
     """Against the pseudo-inverse of the derivative by central differences, the minimum-norm step."""
     drive = steady()
     lacking = np.tile([0.05, 0.0, -0.02, 0.01], (FRAMES, 1))
-    change = np.asarray(MinimumNorm(floor=1e-9).corrected(drive, lacking, WEIGHTS, GRID).phase)[-1] - drive.phase[-1]
+    change = np.asarray(minimum_norm(drive, lacking, WEIGHTS, GRID, floor=1e-9).phase)[-1] - drive.phase[-1]
     told = np.exp(1j * np.asarray(drive.phase)[-1:])
     unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
     expected = np.linalg.pinv(unit * slopes(WEIGHTS, G, told @ G.T, told)[0]) @ lacking[-1]
@@ -150,14 +150,14 @@ def test_while_transducers_still_follow_the_field_is_the_one_they_make():
 
     before = middle(drive)
     lacking = 0.005 * before * np.array([1, -1, 1, 0])
-    gained = middle(MinimumNorm(floor=1e-9).corrected(drive, lacking, WEIGHTS, GRID)) - before
+    gained = middle(minimum_norm(drive, lacking, WEIGHTS, GRID, floor=1e-9)) - before
     np.testing.assert_allclose(gained[6:], lacking[6:], atol=0.1 * lacking.max())
 
 
 def test_silent_frames_and_blocks_change_nothing():
     drive = replace(steady(), level=np.where(np.arange(FRAMES) < 10, 0.0, 1.0))
     lacking = np.random.default_rng(3).normal(size=(FRAMES, 4))
-    once, parts = (MinimumNorm(together=size).corrected(drive, lacking, WEIGHTS, GRID) for size in (64, 7))
+    once, parts = (minimum_norm(drive, lacking, WEIGHTS, GRID, together=size) for size in (64, 7))
     np.testing.assert_array_equal(np.asarray(once.phase)[:10], np.asarray(drive.phase)[:10])
     np.testing.assert_allclose(np.exp(1j * np.asarray(once.phase)), np.exp(1j * np.asarray(parts.phase)), atol=1e-4)
 
@@ -166,10 +166,7 @@ def test_a_higher_floor_asks_for_less():
     drive, lacking = steady(), np.full((FRAMES, 4), 0.5)
     sizes = [
         np.abs(
-            np.exp(
-                1j * (np.asarray(MinimumNorm(floor=floor).corrected(drive, lacking, WEIGHTS, GRID).phase) - drive.phase)
-            )
-            - 1
+            np.exp(1j * (np.asarray(minimum_norm(drive, lacking, WEIGHTS, GRID, floor=floor).phase) - drive.phase)) - 1
         ).max()
         for floor in (0.1, 10.0, 1000.0)
     ]
@@ -178,6 +175,6 @@ def test_a_higher_floor_asks_for_less():
 
 def test_inconsistent_shapes_are_refused():
     with pytest.raises(ShapeError, match=r"lacking: expected \(40, 4\)"):
-        MinimumNorm().corrected(steady(), np.zeros((3, 4)), WEIGHTS, GRID)
+        minimum_norm(steady(), np.zeros((3, 4)), WEIGHTS, GRID)
     with pytest.raises(InputError, match="floor of the correction"):
-        MinimumNorm(floor=0.0)
+        minimum_norm(steady(), np.zeros((FRAMES, 4)), WEIGHTS, GRID, floor=0.0)

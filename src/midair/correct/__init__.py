@@ -3,7 +3,6 @@
 from .envelope_prediction import EnvelopePrediction as EnvelopePrediction
 from .iterative import BeamGain as BeamGain
 from .iterative import IterativeCorrection as IterativeCorrection
-from .iterative import MinimumNorm as MinimumNorm
 from .iterative import Response as Response
 from .iterative import amplitude_gain as amplitude_gain
 from .iterative import beam_drive as beam_drive
@@ -12,4 +11,5 @@ from .iterative import commanded_pressure as commanded_pressure
 from .iterative import correct_air as correct_air
 from .iterative import focused_drive as focused_drive
 from .iterative import measured_response as measured_response
+from .iterative import minimum_norm as minimum_norm
 from .iterative import sine_amplitude as sine_amplitude

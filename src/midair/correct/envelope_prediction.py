@@ -26,7 +26,6 @@ import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex, Single
-from midair.errors import InputError
 from midair.model import AmplitudeFrames, Drive, Setting, Solution
 from midair.physics import (
     SensorModel,
@@ -39,9 +38,20 @@ from midair.physics import (
 )
 from midair.solvers import LBFGS
 from midair.streaming import read_frames
-from midair.validation import positive
 
 Waves = NDArray[np.complex64]
+
+HIGHEST = 600.0
+"""Frequency at which the low-pass is one half, in Hz."""
+
+SLOW = 0.05
+"""Weight of the error outside the low-pass."""
+
+EVEN = 0.03
+"""Pressure of a frame, relative to the loudest of its block, up to which fainter frames make larger steps."""
+
+AROUND = 12
+"""Frames of the surroundings of a block on either side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,29 +126,10 @@ class EnvelopePrediction:
     """Points whose pressure is to stay 0, shape (point, 3), in m."""
     linear: Literal["sound", "pressure"] = "sound"
     """The quantity that precompensation treated as linear in the drive."""
-    highest: float = 600.0
-    """Frequency at which the low-pass is one half, in Hz."""
-    slow: float = 0.05
-    """Weight of the error outside the low-pass."""
-    even: float = 0.03
-    """Pressure of a frame, relative to the loudest of its block, up to which fainter frames make larger steps."""
     iterations: int = 8
     """Steps of the descent."""
-    memory: int = 6
-    """Pairs that the descent keeps."""
     block: int = 512
     """Frames of a block."""
-    around: int = 12
-    """Frames of its surroundings on either side."""
-
-    def __post_init__(self) -> None:
-        for name, unit in (("highest", "Hz"), ("slow", ""), ("even", "")):
-            positive(getattr(self, name), f"{name} of the envelope prediction", unit)
-        if min(self.iterations, self.memory, self.block, self.around) < 1:
-            raise InputError(
-                "envelope prediction: expected 1 or more for iterations, memory, block and around, got "
-                f"{self.iterations}, {self.memory}, {self.block} and {self.around}"
-            )
 
     def corrected(self, parts: Iterator[Solution], target: AmplitudeFrames) -> Iterator[Solution]:
         """Yield solutions of the same frames, block by block, with corrected phases.
@@ -147,7 +138,7 @@ class EnvelopePrediction:
         once.
         """
         pending, done = None, 0
-        settings: dict[str, Setting] = {"highest_hz": self.highest, "slow": self.slow, "iterations": self.iterations}
+        settings: dict[str, Setting] = {"highest_hz": HIGHEST, "slow": SLOW, "iterations": self.iterations}
         for part in chain(parts, [None]):
             if part is not None:
                 amplitude = read_frames(target.amplitude, done, done + part.drive.frames)
@@ -164,20 +155,20 @@ class EnvelopePrediction:
 
     def _next(self, count: int, *, last: bool) -> int:
         """Number of frames of the next block; 0 while there are too few."""
-        return self.block if count >= self.block + self.around else count * last
+        return self.block if count >= self.block + AROUND else count * last
 
     def metric(self, part: slice, frames: int, rate: float) -> Single:
         """The matrix (F^T F + slow), (frame, frame), for frames of which `part` is the block."""
-        reach = self.around // 3
-        short = 2 * self.highest < 0.9 * rate
-        taps = scipy.signal.firwin(2 * reach + 1, self.highest, fs=rate, window="hann") if short else np.ones(1)
+        reach = AROUND // 3
+        short = 0.9 * rate > 2 * HIGHEST
+        taps = scipy.signal.firwin(2 * reach + 1, HIGHEST, fs=rate, window="hann") if short else np.ones(1)
         passed = np.zeros((frames, frames))
         for by, tap in enumerate(taps, -(len(taps) // 2)):
             passed += tap * np.eye(frames, k=by)
         # Further away from the block the neighbours of frames are unknown.
         counts, own = np.zeros((frames, 1)), np.zeros(frames)
         counts[max(0, part.start - reach) : part.stop + reach] = 1
-        own[part] = self.slow
+        own[part] = SLOW
         return np.asarray(passed.T @ (counts * passed) + np.diag(own), np.float32)
 
 
@@ -239,7 +230,7 @@ class _PendingFrames:
         phase[self.kept : end] = self._phases(slice(self.kept, end))
         corrected = replace(self.solution, drive=replace(drive, phase=np.mod(phase, 2 * np.pi)))
         # Earlier frames matter only as long as the responses of the low-pass and the transducers last.
-        gone = max(0, end - self.settings.around)
+        gone = max(0, end - AROUND)
         start = self.start
         if gone:
             start = self.tracking.radiated(corrected.cut(0, gone).drive.q.astype(np.complex64), start)[-1]
@@ -248,21 +239,21 @@ class _PendingFrames:
         return corrected.cut(self.kept, end), rest
 
     def _phases(self, part: slice) -> Array:
-        frames = min(part.stop + self.settings.around, self.solution.drive.frames)
+        frames = min(part.stop + AROUND, self.solution.drive.frames)
         solution, wanted = self.solution.cut(0, frames), self.wanted[:frames]
         metric = self.settings.metric(part, frames, solution.drive.rate)
         command = solution.drive.q.astype(np.complex64)
         turned = command.copy()
         # Phases are in units of the root of their relative inverse curvature, so that fainter frames turn further.
         loud = wanted[part].sum(axis=1, keepdims=True)
-        unit = np.sqrt(1 / (loud / max(float(loud.max()), 1e-30) + np.float32(self.settings.even)))
+        unit = np.sqrt(1 / (loud / max(float(loud.max()), 1e-30) + np.float32(EVEN)))
 
         def cost(rows: Single) -> tuple[Single, Single]:
             turned[part] = command[part] * np.exp(1j * unit * rows.reshape(-1, command.shape[1])).astype(np.complex64)
             missed, slope = self.tracking.cost(turned, self.start, wanted, metric)
             return np.array([missed], np.float32), (unit * slope[part]).reshape(1, -1)
 
-        descent = LBFGS(memory=self.settings.memory, grow=np.inf)
+        descent = LBFGS(memory=6, grow=np.inf)
         state = descent.begin(cost, np.zeros((1, command[part].size), np.float32), np.ones(1, np.float32))
         size = float(np.sqrt(np.mean((unit * state.gradient.reshape(len(unit), -1)) ** 2)))
         if size > 0:

@@ -28,7 +28,7 @@ transducers are independent. A cell with little pressure has a small slope: l is
 The drive can also be corrected for another speed of sound.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -183,47 +183,44 @@ def correct_air(drive: Drive, room: Medium, centre: Array) -> Drive:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MinimumNorm:
-    """Settings of the correction."""
+def minimum_norm(
+    drive: Drive,
+    lacking: Array,
+    weights: Array,
+    grid: ControlGrid,
+    *,
+    floor: float = 0.5,
+    dynamics: TransducerDynamics | None = None,
+    together: int = 64,
+) -> Drive:
+    """The drive that was played, with more pressure on the cells; silent frames do not change.
 
-    floor: float = 0.5
-    """Pressure of a cell in Pa below which it is corrected less."""
-    dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
-    """Envelope dynamics of the transducers."""
-    together: int = 64
-    """Frames per block."""
-
-    def __post_init__(self) -> None:
-        positive(self.floor, "floor of the correction", "Pa")
-
-    def corrected(self, drive: Drive, lacking: Array, weights: Array, grid: ControlGrid) -> Drive:
-        """The drive that was played, with more pressure on the cells; silent frames do not change.
-
-        `lacking`, shape (frame, cell), is the pressure to add, in Pa; `weights`, shape (cell, point), are those of
-        `cell_weights` with between="waves" for the points of `grid`. Raises ShapeError if frames, cells or points
-        differ.
-        """
-        if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
-            raise ShapeError(
-                f"lacking: expected ({drive.frames}, {len(weights)}) with weights of {grid.count} points, got "
-                f"{lacking.shape} and {weights.shape}"
-            )
-        G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
-        unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
-        phase, now = np.array(drive.phase), np.zeros(drive.array.count, complex)
-        for first in range(0, drive.frames, self.together):
-            part = slice(first, min(first + self.together, drive.frames))
-            command = drive.q_of(part)
-            # Two moments per frame: its middle, and its end, where the next one starts.
-            radiated = envelope(command, drive.rate, 2, self.dynamics, start=now)
-            now = radiated[-1]
-            phase[part] += _step(lacking[part], weights, G, radiated[::2] @ G.T, command, self.floor / unit) / unit
-        return replace(
-            drive,
-            phase=np.mod(phase, 2 * np.pi),
-            provenance=drive.provenance.then("correct the drive", {"floor_pa": self.floor}),
+    `lacking`, shape (frame, cell), is the pressure to add, in Pa; `weights`, shape (cell, point), are those of
+    `cell_weights` with between="waves" for the points of `grid`. Cells below a pressure of `floor`, in Pa, are
+    corrected less; `dynamics` is the envelope of the transducers, `together` the number of frames per block. Raises
+    ShapeError if frames, cells or points differ.
+    """
+    positive(floor, "floor of the correction", "Pa")
+    if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
+        raise ShapeError(
+            f"lacking: expected ({drive.frames}, {len(weights)}) with weights of {grid.count} points, got "
+            f"{lacking.shape} and {weights.shape}"
         )
+    G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
+    unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
+    phase, now = np.array(drive.phase), np.zeros(drive.array.count, complex)
+    for first in range(0, drive.frames, together):
+        part = slice(first, min(first + together, drive.frames))
+        command = drive.q_of(part)
+        # Two moments per frame: its middle, and its end, where the next one starts.
+        radiated = envelope(command, drive.rate, 2, dynamics or TransducerDynamics(), start=now)
+        now = radiated[-1]
+        phase[part] += _step(lacking[part], weights, G, radiated[::2] @ G.T, command, floor / unit) / unit
+    return replace(
+        drive,
+        phase=np.mod(phase, 2 * np.pi),
+        provenance=drive.provenance.then("correct the drive", {"floor_pa": floor}),
+    )
 
 
 def slopes(weights: Array, G: Complex, field: Complex, command: Complex) -> Array:

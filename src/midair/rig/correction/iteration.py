@@ -12,7 +12,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.correct import IterativeCorrection, MinimumNorm, measured_response
+from midair.correct import IterativeCorrection, measured_response, minimum_norm
 from midair.evaluate import Comparison, advance, compare, find_delay
 from midair.model import PressureFrames, Progress, Recording
 from midair.physics import SensorModel, cell_weights, focus_amplitude, radiation_pressure
@@ -142,9 +142,8 @@ def run_iterations(
             # Pressure below the band stays unchanged; the delay was removed already.
             louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
             weights = cell_weights(SensorModel.usual(original.sensor), grid, centre=grid.centre, between="waves")
-            drive = MinimumNorm(dynamics=chosen.dynamics).corrected(
-                best.reproduction.solution.drive, louder.pressure.reshape(louder.frames, -1), weights, grid
-            )
+            wanted = louder.pressure.reshape(louder.frames, -1)
+            drive = minimum_norm(best.reproduction.solution.drive, wanted, weights, grid, dynamics=chosen.dynamics)
             made = replace(best.reproduction, solution=replace(best.reproduction.solution, drive=drive))
             asked = best.asked
         else:
