@@ -31,14 +31,6 @@ def test_half_as_strong():
     assert comparison.simulated
 
 
-def test_a_delay_is_found_and_taken_out():
-    original = frames()
-    later = dataclasses.replace(original, pressure=advance(original.pressure, -0.0034, 1000.0))
-    comparison = compare(original, later)
-    assert comparison.delay == pytest.approx(0.0034, abs=2e-5)
-    assert comparison.correlation == pytest.approx(1, abs=1e-3)
-
-
 def test_a_perfect_piece_that_is_early_is_perfect():
     """The error is that of the delay; a piece that is cut before alignment loses its ends."""
     noise = in_band(np.random.default_rng(0).normal(size=(4000, 4, 4)), 4000.0, (20.0, 470.0))

@@ -17,19 +17,6 @@ def foreign(shape, **says):
     return ImportedData(samples=np.zeros(shape), form="bin", **says)
 
 
-def test_facts_in_the_file_need_no_options(path):
-    sensor = SensorGrid(rows=1, columns=3)
-    seen = foreign((5, 3), rate=10.0, units=3 * ("V",), sensor=sensor).resolve(ImportOptions(), path)
-    assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
-    assert seen.report == ()
-
-
-def test_facts_missing_in_the_file_come_from_options(path):
-    given = ImportOptions(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
-    recording = foreign((5, 3)).resolve(given, path).recording
-    assert (recording.rate, recording.unit, recording.sensor) == (10, "Pa", given.sensor)
-
-
 def test_the_report_goes_into_the_provenance(path):
     seen = foreign((5, 16), report=("First.",)).resolve(ImportOptions(rate=10.0, unit="V"), path)
     assert seen.report[0] == "First."

@@ -17,17 +17,6 @@ def test_q_is_level_times_a_turn():
     assert drive.q == pytest.approx(np.array([[1, 1j, -1], [0.5, 0.5, 0.5]]))
 
 
-def test_levels_can_differ_by_transducer():
-    level = np.arange(6).reshape(2, 3) / 10
-    assert made(level=level).q == pytest.approx(level.astype(complex))
-
-
-def test_frames_are_multiples_of_the_period():
-    drive = made(rate=500.0)
-    assert drive.frames == 2
-    assert drive.time.tolist() == [0.0, 0.002]
-
-
 def test_a_solution_has_one_entry_a_frame():
     drive = made()
     good = {"error": np.zeros(2), "iterations": np.array([50, 20]), "status": ("converged", "iterations")}

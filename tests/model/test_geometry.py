@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.model import ControlGrid, Placement, SensorGrid, TransducerArray
-from midair.model.geometry import centred
 
 
 def test_four_units_have_996_transducers_centred_on_their_mean():
@@ -63,13 +62,6 @@ def test_points_run_row_by_row_around_the_centre(rows, columns, centre, height):
     assert place[..., 1] == pytest.approx(np.broadcast_to((grid.y + centre[1])[:, None], (rows, columns)))
     assert (place[..., 2] == height).all()
     assert place.mean(axis=(0, 1)) == pytest.approx([*centre, height], abs=1e-12)
-
-
-@given(st.integers(1, 50), st.floats(1e-4, 1))
-def test_centred_places_mirror(count, pitch):
-    places = centred(count, pitch)
-    assert places == pytest.approx(-places[::-1], abs=1e-12)
-    assert np.diff(places) == pytest.approx(np.full(count - 1, pitch))
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (2, 2), (3, 1)])

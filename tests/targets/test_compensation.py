@@ -64,13 +64,6 @@ def test_a_modulated_transducer_presses_as_asked_in_level_and_time(rate):
     assert compensated == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_step_is_written_down():
-    step = precompensate(wave(100.0, frames=100), ramp=1e-3).provenance.steps[-1]
-    assert step.stage == "precompensate"
-    assert step.settings["ramp_s"] == 1e-3
-    assert step.settings["band_hz"] == (20.0, 480.0)
-
-
 def strong(rate):
     """Pressure that goes down to a tenth of its peak, with the root that its sound needs."""
     time = np.arange(int(rate)) / rate

@@ -113,13 +113,13 @@ def test_view_starts_paused_with_reduced_motion(opened):
 
 
 def test_every_key_of_the_transport(opened):
-    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+    page = opened(show_recording(recording(3000)), reduced_motion="reduce")
 
     def state(name):
         return page.evaluate(f"document.querySelector('.midair-view').midair.transport.{name}")
 
     page.keyboard.press("End")
-    assert state("frame") == 599
+    assert state("frame") == 2999
     page.keyboard.press("Home")
     for key, frame in ((".", 1), (">", 11), (",", 10), ("<", 0)):
         page.keyboard.press(key)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, NonFiniteError
-from midair.files import load, open_take
+from midair.files import load
 
 SAID = {"rate": 1000.0, "unit": "V"}
 
@@ -43,13 +43,6 @@ def test_truncated_files_and_non_finite_numbers_are_refused(tmp_path):
         (tmp_path / "b.npy").write_bytes(data[:kept])
         with pytest.raises(BrokenFileError):
             load(tmp_path / "b.npy", **SAID)
-
-
-def test_the_array_has_the_name_of_its_file(tmp_path):
-    np.save(tmp_path / "wave.npy", np.arange(9.0))
-    taken = open_take(tmp_path / "wave.npy", **SAID)
-    assert taken.report[0] == "Array wave (9,) was taken as one channel of 9 frames."
-    assert taken.recording.provenance.steps[0].settings["format"] == "NPY"
 
 
 def test_times_of_numpy_are_stamps(tmp_path):
