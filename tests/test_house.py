@@ -21,7 +21,7 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1862,
+    "model": 1871,
     "settings streaming .": 2576,
     "physics": 3375,
     "recordings targets correct evaluate": 4059,
@@ -31,7 +31,7 @@ LINES = {
     "devices": 7930,
     "rig": 8850,
     "patterns datasets": 1776,
-    "view figures": 2013,
+    "view figures": 2003,
     "cli": 6490,
     "study": 6047,
     "studio": 6051,

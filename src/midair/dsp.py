@@ -14,14 +14,14 @@ from midair.array_types import Array, Complex
 from midair.errors import BandError, ShapeError
 from midair.model import BAND
 from midair.streaming import BYTES, LazyFrames, cached_blocks
-from midair.validation import positive
+from midair.validation import frozen_array, positive
 
 Band = tuple[float, float]
 
 
 def check_band(band: Band, rate: float) -> Band:
     """Return `band` as two floats; raise a BandError that suggests another one unless 0 <= low < high <= rate / 2."""
-    low, high = float(band[0]), float(band[1])
+    low, high = frozen_array(band, "band", (2,), finite=False).tolist()
     nyquist = rate / 2
     if not 0 <= low < high <= nyquist:
         fits = BAND if nyquist >= 500 else (0.01 * nyquist, 0.9 * nyquist)

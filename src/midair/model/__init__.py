@@ -37,6 +37,7 @@ from .recording import PressureFrames as PressureFrames
 from .recording import Recording as Recording
 from .recording import SensorWiring as SensorWiring
 from .recording import Unit as Unit
+from .recording import frame_range as frame_range
 from .recording import known_unit as known_unit
 from .shown import Shown as Shown
 from .stage import Heading as Heading

@@ -15,7 +15,7 @@ from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
 from midair.model.shown import Frames
 from midair.streaming import LazyFrames
-from midair.validation import frozen_array, one_of, positive
+from midair.validation import check_type, frozen_array, number, one_of, positive
 
 Unit = Literal["V", "count", "Pa"]
 """Unit of a recording's samples."""
@@ -63,8 +63,8 @@ class Recording(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        axes = ("frame", self.sensor.rows, self.sensor.columns)
-        object.__setattr__(self, "samples", frozen_array(self.samples, "samples", axes))
+        check_type(self.sensor, "sensor", SensorGrid)
+        object.__setattr__(self, "samples", frozen_array(self.samples, "samples", ("frame", *self.sensor.shape)))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
         one_of(self.unit, Unit, "unit of the samples", error=UnitError)
 
@@ -192,8 +192,8 @@ class PressureFrames(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        axes = ("frame", self.sensor.rows, self.sensor.columns)
-        object.__setattr__(self, "pressure", frozen_array(self.pressure, "pressure", axes))
+        check_type(self.sensor, "sensor", SensorGrid)
+        object.__setattr__(self, "pressure", frozen_array(self.pressure, "pressure", ("frame", *self.sensor.shape)))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
     def __repr__(self) -> str:
@@ -212,13 +212,20 @@ class PressureFrames(Frames):
 
         Raises InputError if no frame is left.
         """
-        first, whole = round(start * self.rate), self.frames / self.rate
-        last = self.frames if duration is None else min(self.frames, first + round(duration * self.rate))
-        if not 0 <= first < last:
-            wanted = f"one that begins at {start:g} s" if duration is None else f"{start:g} to {start + duration:g} s"
-            raise InputError(f"cut: expected a part of 0 to {whole:g} s, got {wanted}")
+        first, last = frame_range(start, duration, self.frames, self.rate, "cut")
         step = self.provenance.then("cut", {"start_s": first / self.rate, "duration_s": (last - first) / self.rate})
         return replace(self, pressure=self.pressure[first:last], provenance=step)
+
+
+def frame_range(start: float, duration: float | None, frames: int, rate: float, name: str) -> tuple[int, int]:
+    """Return the first frame of a part and the frame after its last; InputError if it has no frames."""
+    begin, length = number(start, "start", "s"), np.inf if duration is None else number(duration, "duration", "s")
+    first = round(begin * rate) if np.isfinite(begin) else -1
+    last = frames if length == np.inf else min(frames, first + round(np.nan_to_num(length) * rate))
+    if not 0 <= first < last:
+        wanted = f"one that begins at {begin:g} s" if length == np.inf else f"{begin:g} to {begin + length:g} s"
+        raise InputError(f"{name}: expected a part of 0 to {frames / rate:.4g} s, got {wanted}")
+    return first, last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -233,6 +240,7 @@ class AmplitudeFrames(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
+        check_type(self.grid, "grid", ControlGrid)
         amplitude = frozen_array(self.amplitude, "amplitude", ("frame", self.grid.count))
         # Lazy frames are checked when they are read.
         if not isinstance(amplitude, LazyFrames) and (amplitude < 0).any():

@@ -25,6 +25,7 @@ from midair.model import (
     SensorGrid,
     Solution,
     TransducerArray,
+    frame_range,
 )
 from midair.physics import transfer_matrix
 from midair.streaming import read_frames
@@ -197,14 +198,14 @@ def show_recording(recording: Recording, *, pressure: PressureFrames | None = No
     else:
         shown = _pressure_channels(pressure, "calibrated")
     rate = recording.rate if pressure is None else pressure.rate
-    first, last = span = frame_range(part, len(shown.values), rate)
+    first, last = span = frame_range(*part, len(shown.values), rate, "part")
     samples, facts = replace(shown, values=shown.values[first:last]), {"sensor": recording.sensor.spelled}
     return _view(recording.provenance, rate, part, span, facts, sensor=recording.sensor, samples=samples)
 
 
 def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
     """View of target amplitudes at the control points."""
-    span = frame_range(part, target.frames, target.rate)
+    span = frame_range(*part, target.frames, target.rate, "part")
     sound = Sound(grid=target.grid, wanted=np.asarray(read_frames(target.amplitude, *span)))
     return _view(target.provenance, target.rate, part, span, {"plane": _plane(target.grid)}, sound=sound)
 
@@ -212,7 +213,7 @@ def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
 def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> ViewData:
     """View of the field that a drive plays, beside its target, by default 200 mm above the array, and of its phases."""
     whole = solution.drive if isinstance(solution, Solution) else solution
-    first, last = span = frame_range(part, whole.frames, whole.rate)
+    first, last = span = frame_range(*part, whole.frames, whole.rate, "part")
     drive = replace(whole, phase=read_frames(whole.phase, *span), level=read_frames(whole.level, *span))
     grid = ControlGrid() if target is None else target.grid
     facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
@@ -235,7 +236,7 @@ def show_comparison(
     """View of a re-recording over its original, with the sound field between them; RateError if the rates differ."""
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
-    first, last = span = frame_range(part, min(original.frames, again.frames), original.rate)
+    first, last = span = frame_range(*part, min(original.frames, again.frames), original.rate, "part")
     before, after = _pressure_channels(original, "original"), _pressure_channels(again, "re-recorded")
     shown = _view(
         original.provenance,
@@ -262,17 +263,6 @@ def _view(
     return ViewData(
         title=title, rate=rate, frames=last - first, first=first, simulated=provenance.simulated, facts=facts, **shown
     )
-
-
-def frame_range(part: Part, frames: int, rate: float) -> tuple[int, int]:
-    """Return the first frame of a part and the frame after its last; InputError if it has no frames."""
-    start, duration = part
-    first = round(start * rate)
-    last = frames if duration is None else min(frames, first + round(duration * rate))
-    if not 0 <= first < last:
-        asked = f"one that begins at {start:g} s" if duration is None else f"{start:g} to {start + duration:g} s"
-        raise InputError(f"part: expected a part of 0 to {frames / rate:.4g} s, got {asked}")
-    return first, last
 
 
 def played_field(drive: Drive, grid: ControlGrid) -> Complex:
