@@ -29,6 +29,8 @@ LONG = [
     (25, "SIMULATED  ", f"loop take.h5 report.html --mode paper --method fast {COARSE}"),
     (30, "SIMULATED  ", f"demo there --mode paper --method fast {COARSE}"),
     (12, "", "doctor"),
+    (10, "SIMULATED  ", f"budget take.h5 budget.png --mode paper --method fast {COARSE}"),
+    (10, "SIMULATED  8 patterns solved", "sweep patterns s.sweep --count 4 --workers 1 --iterations 2"),
 ]
 
 

@@ -14,7 +14,6 @@ from midair.model import Recording, SensorGrid
 
 ROWS = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8").splitlines()
 MISTAKES = [tuple(row.split(" | ")) for row in ROWS if row and not row.startswith("#")]
-"""Exit status, command line in a folder with `files`, and words of the error line."""
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +27,8 @@ def files(tmp_path_factory):
         assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
         quick = "--mode paper --method fast --duration 10ms --lead 0s"
         assert run(["solve", "take.h5", "there.drive.h5", *quick.split()]) == 0
-        small = SensorGrid(rows=2, columns=2)
-        save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")
+        small = {"rate": 1000, "unit": "Pa", "sensor": SensorGrid(rows=2, columns=2)}
+        save(Recording(samples=samples[:, :2, :2], **small), "small.h5")
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
         soundfile.write("silent.wav", [], 8000)
         Path("text.csv").write_text("this is\nno recording\n")
