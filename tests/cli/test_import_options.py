@@ -65,7 +65,7 @@ def test_a_felt_level_follows_from_the_model_of_skin_and_a_fast_sound_is_resampl
         told = answer("import", "fast.wav", f"{word}.h5", "--felt", word, *still)
         made = load(f"{word}.h5")
         assert (made.rate, felt(made.samples, made.rate, made.sensor.pitch).people[0]) == (4000, people)
-    assert "keep it: --resample 48000Hz" in " ".join(told["notes"])
+    assert "Keep the file's: --resample 48000Hz" in " ".join(told["notes"])
     answer("import", "fast.wav", "whole.h5", "--unit", "V", "--resample", "48kHz", *still)
     assert load("whole.h5").rate == 48000
 

@@ -32,7 +32,6 @@ def files(tmp_path_factory):
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
         soundfile.write("silent.wav", [], 8000)
         Path("text.csv").write_text("this is\nno recording\n")
-        Path("empty.h5").touch()
         Path("truncated.h5").write_bytes(Path("take.h5").read_bytes()[:2000])
         np.savetxt("five.csv", rng.normal(size=(50, 5)), delimiter=",", header="a,b,c,d,e", comments="")
         gaps = rng.normal(size=(50, 16))
@@ -41,7 +40,7 @@ def files(tmp_path_factory):
         Path("ticks.csv").write_text("time,a\n" + "".join(f"{at},{at % 7}\n" for at in range(5, 400)))
         Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n')
         Path("there").mkdir()
-        for name, text in (("broken.toml", "a = = 3"), ("x.m4a", "x"), ("there/report.html", "x")):
+        for name, text in (("empty.h5", ""), ("broken.toml", "a = = 3"), ("x.m4a", "x"), ("there/report.html", "x")):
             Path(name).write_text(text)
     return folder
 

@@ -101,7 +101,7 @@ class FileOptions:
     felt: Literal["soft", "medium", "strong"] | None = None
     """Choose --scale so that about 5, 8 or 9 of 10 people feel it, by the model of skin."""
     resample: Annotated[float | None, quantity("Hz")] = None
-    """Resample to this rate, such as 1kHz. [default: 4kHz for a faster file with a footprint]"""
+    """Resample to this rate, such as 1kHz. [default: at most 4kHz with --footprint]"""
     footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None
     """Make a field from one channel: a shape of this size moves over the sensor: circle:20mm, square:, line:."""
     speed: Annotated[float, quantity("m/s"), Parameter(allow_leading_hyphen=True)] = 50e-3
@@ -145,7 +145,7 @@ def import_recording(file: File, options: FileOptions, *, mending: Mending | Non
         rate, own = options.resample, recording.rate
         if rate is None and options.footprint is not None and own > SOUND_RATE:
             rate = SOUND_RATE
-            report = (*report, f"Resampled to 4 kHz, which skin feels no difference of; keep it: --resample {own:g}Hz.")
+            report = (*report, f"Resampled to 4 kHz; skin feels no difference. Keep the file's: --resample {own:g}Hz.")
         if rate is not None:
             recording = resampled(recording, rate)
         if options.footprint is not None:

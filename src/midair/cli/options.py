@@ -313,7 +313,7 @@ class PlaySolveOptions(_SettingsOptions):
         Mode | None,
         _setting(
             "--mode",
-            "Preset that other options override; quiet: under --ears.",
+            "Preset; other options override it. quiet keeps the ears below --ears.",
             alias="-m",
             show_default=_best,
         ),

@@ -59,7 +59,7 @@ class ImportOptions(Declared):
         None, "Channels to read, in this order, by name or by number from 0.", option=""
     )
     field: str | None = setting(
-        None, "Which of several to read: a stream of XDF, a group of TDMS, an array of NPZ or MAT such as S.data."
+        None, "One of several data sets: a stream of XDF, a group of TDMS, an array of NPZ or MAT such as S.data."
     )
     transpose: bool = setting(False, "Take the last axis of an array as time, not the one that fits or is longest.")
     time: str | None = setting(None, "Column of time stamps, by name or by number from 0; none to ignore them.")

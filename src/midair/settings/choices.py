@@ -45,7 +45,7 @@ CHOICES = (
         "How signed pressure is made positive: half-wave, constant-offset, slow-bias, receptors.",
     ),
     Choice("gain", "target.gain", "Target", "Factor that multiplies the pressure."),
-    Choice("strength", "target.strength", "Target", "Target peak over one focus; replaces --gain."),
+    Choice("strength", "target.strength", "Target", "Target peak relative to that of one focus; replaces --gain."),
     Choice("ears", "target.ears", "Target", "Highest level at the ears.", "dB"),
     Choice("height", "target.grid.height", "Target", "Palm height above the array.", "m"),
     Choice(

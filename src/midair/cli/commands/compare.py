@@ -43,7 +43,7 @@ def compare_command(
     """Compare a re-recording or a drive with its original recording.
 
     Prints what a palm would feel and what to change, then waveform, spectrum, level, place and delay.
-    Finds out by their provenance which of the two is the original.
+    The files state which of the two is the original.
     Band, rate, lead and the part of the original are read from the re-recording.
     The band filter is applied to the original once more, since a re-recording passes it twice.
 
@@ -52,7 +52,7 @@ def compare_command(
     original
         Original recording with a calibration, NAME.h5.
     reproduced
-        Its re-recording; or its drive, which is then played on a virtual rig with a sensor and a whole palm.
+        Re-recording of ORIGINAL; or its drive, which is then played on a virtual rig with a sensor and a whole palm.
     palm
         TOML file with the outline of a palm, for a drive. [default: disc of 85 mm]
     fixed_place

@@ -197,7 +197,7 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
 
 
 def repair_command(source: Path, /) -> None:
-    """Convert a recording that was interrupted to HDF5, as any command that reads it does.
+    """Convert an interrupted recording to HDF5; any command that reads it does the same.
 
     The whole file is read, so that damage is found. A recording that is still in progress is refused.
 

@@ -41,7 +41,7 @@ def live_command(
     stop_input: StopInput = None,
     json: Json = False,
 ) -> int:
-    """Play the pressure on a sensor in real time, 13 ms later; with --latency later and better.
+    """Play the pressure on a sensor in real time, 13 ms later; a longer --latency improves it.
 
     Suited to strokes; the delay of a tap is noticeable.
     The exposure check covers the worst case at the chosen level. The level rises over the first second.

@@ -49,7 +49,7 @@ def play_command(
 ) -> int | None:
     """Play a drive or a recording on an array; on the virtual array, re-record the pressure.
 
-    If this computer solves a recording more slowly than it plays, it says so, and solves ahead so that no gap follows.
+    If solving is slower than playing, the command prints that and solves ahead, so that no gap follows.
     Refuses drives above the exposure profile on arrays and emulators, unless --override-exposure is given.
     Ctrl-C stops, and so does midair stop in another terminal. The exit status is 1 if more than a tenth of the touch
     was missing.
