@@ -385,20 +385,25 @@ def _shapes(planes: Complex, enough: float) -> Array:
 def modes_of(field: Complex, tried: int, enough: float) -> tuple[Complex, Complex]:
     """Shapes and modes whose product is the field except for less than `enough`, (point, mode) and (mode, transducer).
 
-    From `tried` random drives (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1).
+    From `tried` random drives (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1), or from all columns.
     """
-    # A fixed seed, so that results are reproducible.
-    drives = np.random.default_rng(0).standard_normal((field.shape[1], min(tried, *field.shape)), dtype=np.float32)
-    found = np.empty((len(field), drives.shape[1]), np.complex128)
-    # Real drives need two products instead of four. Double precision, since weak modes would be lost in the squares.
-    found.real, found.imag = field.real @ drives, field.imag @ drives
-    power, vectors = np.linalg.eigh(found.conj().T @ found)
-    shapes = (found @ (vectors / np.sqrt(np.maximum(power, 1e-14 * power[-1])))).astype(np.complex64)
-    modes = shapes.conj().T @ field
-    # Rotate to modes in order of strength.
-    _, vectors = np.linalg.eigh((modes @ modes.conj().T).astype(np.complex128))
-    turn = vectors[:, ::-1].astype(np.complex64)
-    shapes, modes = np.asarray(shapes @ turn, np.complex64), np.asarray(turn.conj().T @ modes, np.complex64)
+    found, whole = field, tried >= field.shape[1]
+    if not whole:
+        # A fixed seed, so that results are reproducible. Real drives need two products instead of four.
+        drives = np.random.default_rng(0).standard_normal((field.shape[1], min(tried, len(field))), dtype=np.float32)
+        found = field.real @ drives + 1j * (field.imag @ drives)
+    # Double precision, since weak modes would be lost in the squares.
+    power, vectors = np.linalg.eigh((found := found.astype(np.complex128)).conj().T @ found)
+    size = np.sqrt(np.maximum(power, 1e-14 * power[-1]))
+    shapes = (found @ (vectors / size)).astype(np.complex64)
+    if whole:
+        shapes, modes = shapes[:, ::-1], (size * vectors).T[::-1].conj().astype(np.complex64)
+    else:
+        modes = shapes.conj().T @ field
+        # Rotate to modes in order of strength.
+        _, vectors = np.linalg.eigh((modes @ modes.conj().T).astype(np.complex128))
+        turn = vectors[:, ::-1].astype(np.complex64)
+        shapes, modes = np.asarray(shapes @ turn, np.complex64), np.asarray(turn.conj().T @ modes, np.complex64)
     # No drive at full level can excite a mode by more than sqrt(count) times its norm.
     rest = np.abs(shapes) ** 2 * (np.abs(modes) ** 2).sum(axis=1) * field.shape[1]
     after = np.sqrt(np.cumsum(rest[:, ::-1], axis=1)[:, ::-1].max(axis=0))

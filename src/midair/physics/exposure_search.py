@@ -85,9 +85,10 @@ class PlaceSearch:
         return np.eye(len(self.modes), dtype=np.complex64).reshape(len(self.airs), -1, len(self.modes))
 
     def late(self, points: Array) -> Array:
-        """Arrival of each transducer after the first one, shape (point, transducer), in s, in the middle air."""
-        squares = np.square(points).sum(axis=1)[:, None] + np.square(self.array.position).sum(axis=1)
-        path = np.sqrt(np.abs(squares - 2 * points @ self.array.position.T))
+        """Arrival of each transducer after the first one, (point, transducer), in s to 1 ns, in the middle air."""
+        places, position = points.astype(np.float32), self.array.position.astype(np.float32)
+        squares = np.square(places).sum(axis=1)[:, None] + np.square(position).sum(axis=1)
+        path = np.sqrt(np.abs(squares - 2 * places @ position.T))
         speed = self.airs[len(self.airs) // 2].medium.speed
         return np.asarray((path - path.min(axis=1, keepdims=True)) / speed, np.float64)
 
