@@ -75,10 +75,10 @@ class SolvedAhead:
         self._open.close()
 
     def _prepare_check(self) -> None:
-        """Compute what every check of this array needs, while the first part is solved."""
+        """Compute what checks of this array need, for a loud frame after silence, while the first part is solved."""
         array, choices = self._device.array, self._playing.exposure
-        silent = Drive(phase=np.zeros((1, array.count)), level=np.zeros(1), rate=1.0, array=array)
-        measure_exposure(silent, array, choices.profile, room=choices.room)
+        loud = Drive(phase=np.zeros((1, array.count)), level=np.ones(1), rate=self.rate, array=array)
+        measure_exposure(loud, array, choices.profile, room=choices.room)
 
     def _solve(self) -> None:
         try:
