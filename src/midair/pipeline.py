@@ -7,7 +7,6 @@ from fractions import Fraction
 import numpy as np
 
 from midair import ram
-from midair.calibration import calibrate
 from midair.correct import EnvelopePrediction
 from midair.devices import measure_exposure
 from midair.dsp import resample
@@ -56,6 +55,8 @@ def calibrated_pressure(
 
     With `from_rest` it was at rest before the first and after the last frame; otherwise the end values are held.
     """
+    from midair.calibration import calibrate  # here: to play a drive needs no calibration
+
     band, rate = settings.calibration.band, settings.target.rate
     if not from_rest:
         return resample_pressure(calibrate(recording, calibration, band=band), rate)

@@ -54,8 +54,7 @@ def local_cluster(workers: int | None = None) -> Generator[Any]:
     from distributed import Client
 
     os.environ[SAFE_PATH] = "1"
-    # Dask's 64 KiB would return the arrays of a solver's step to the system and fetch them again for the next one.
-    os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**28))
+    os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**28))  # Dask's 64 KiB: each step fetches its memory anew
     with _started_cluster(workers) as local:
         with Client(local, set_as_default=False) as client:
             client.run(_ignore_ctrl_c)

@@ -133,7 +133,7 @@ def run(tokens: Sequence[str]) -> int:
 
 def _names_command(tokens: Sequence[str]) -> bool:
     """Whether a line names a command; help and version need neither devices nor files."""
-    return any(token in COMMANDS or token in FOLDERS for token in tokens)
+    return any(token in COMMANDS or token in FOLDERS for token in tokens) and tokens[-1] not in ("--help", "-h")
 
 
 def _status(tokens: Sequence[str]) -> int:

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from .safety.stop_channel import playing_now as playing_now
     from .safety.stop_channel import process_start_time as process_start_time
     from .safety.stop_channel import stop_playing as stop_playing
-    from .safety.stop_channel import uptime as uptime
     from .safety.stop_guard import device_lock as device_lock
     from .safety.stop_guard import open_stop_input as open_stop_input
     from .safety.stop_guard import stop_on_input as stop_on_input

@@ -23,7 +23,6 @@ from .error_budget import ALL_MEASURED as ALL_MEASURED
 from .error_budget import Budget as Budget
 from .error_budget import LaboratoryLoss as LaboratoryLoss
 from .error_budget import Leak as Leak
-from .error_budget import SolveError as SolveError
 from .error_budget import StageLoss as StageLoss
 from .error_budget import StageOutput as StageOutput
 from .error_budget import budget as budget
@@ -49,6 +48,5 @@ from .skin_metrics import perceptual_metrics as perceptual_metrics
 from .verdict import SAME as SAME
 from .verdict import SIMILAR as SIMILAR
 from .verdict import Verdict as Verdict
-from .verdict import Way as Way
 from .verdict import too_loud as too_loud
 from .verdict import ways_to_play as ways_to_play

@@ -49,7 +49,6 @@ from .propagation import relative_error as relative_error
 from .propagation import sound_amplitude as sound_amplitude
 from .propagation import transfer_matrix as transfer_matrix
 from .propagation import wavenumber as wavenumber
-from .sensing import Between as Between
 from .sensing import SensorModel as SensorModel
 from .sensing import calibration_of as calibration_of
 from .sensing import cell_weights as cell_weights

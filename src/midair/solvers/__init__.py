@@ -24,16 +24,13 @@ from .planes import place_grid as place_grid
 from .problem import Answer as Answer
 from .problem import Problem as Problem
 from .problem import Solver as Solver
-from .problem import Start as Start
 from .problem import WarmStart as WarmStart
 from .problem import error_of as error_of
 from .solve_plan import automatic_level as automatic_level
 from .solve_plan import frames_per_part as frames_per_part
 from .solving import solve as solve
 from .solving import solve_parts as solve_parts
-from .terms import Amplitudes as Amplitudes
 from .terms import Cells as Cells
-from .terms import Fit as Fit
 from .terms import Guard as Guard
 from .terms import QuietEars as QuietEars
 from .terms import QuietPalm as QuietPalm

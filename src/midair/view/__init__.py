@@ -23,7 +23,6 @@ from .pages import WEB as WEB
 from .pages import channel_sound as channel_sound
 from .pages import page_parts as page_parts
 from .pages import show_page as show_page
-from .pages import style as style
 from .pages import with_content_policy as with_content_policy
 from .view_data import Channels as Channels
 from .view_data import Part as Part
