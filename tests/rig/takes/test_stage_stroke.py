@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from tests.waiting import wait_until
 
-from midair.devices import PacedSensor, ReplaySensor
+from midair.devices import ReplaySensor, WrappedSensor
 from midair.errors import DeviceError
 from midair.files import open_take
 from midair.model import Recording, StageSetup, StageStamp
+from midair.rig.takes.stage_strokes import StageStrokes
 from midair.rig.takes.take import record_take
-from midair.rig.takes.take_state import RecordSettings, StageStroke, TakeObserver, move_to_start
+from midair.rig.takes.take_state import RecordSettings, TakeObserver
 
 SETUP = StageSetup(
     heading="+x",
@@ -28,6 +29,9 @@ class Ghost:
 
     def __init__(self, fails_at=None):
         self.at, self.went, self.moving, self.fails_at = (0.0, 0.0, 0.0), [], False, fails_at
+
+    def ready(self, *, homing):
+        return StageStamp(time=0.0, position=self.at, feed=0.0)
 
     def move(self, target, speed, *, stamp, stopped):
         begin, start = time.monotonic(), np.array(self.at)
@@ -63,13 +67,13 @@ class Watcher(TakeObserver):
 
 def sensor(seconds=20.0):
     samples = np.random.default_rng(0).normal(size=(round(1000 * seconds), 4, 4))
-    return PacedSensor(ReplaySensor(Recording(samples=samples, rate=1000.0)))
+    return WrappedSensor(ReplaySensor(Recording(samples=samples, rate=1000.0)), paced=True)
 
 
-def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
+def drawn(path, stage, watcher=None, seconds=20.0):
     stage.at = SETUP.above
     with sensor(seconds) as opened:
-        stroking = StageStroke(stage, SETUP, stroke=0.05, speed=0.05, stopped=stopped)
+        stroking = StageStrokes(stage, SETUP, length=0.05, speed=0.05)
         take = record_take(opened, RecordSettings(), watcher or Watcher(), stroking, path=path)
     return take, {step.stage: step.settings for step in open_take(path).recording.provenance.steps}
 
@@ -103,29 +107,22 @@ def test_a_request_to_stop_needs_no_frame(tmp_path):
     """The sensor may be waiting for one for seconds."""
     stage, stop = Ghost(), threading.Event()
     stage.at = SETUP.above
-    stroking = StageStroke(stage, SETUP, stroke=0.05, speed=0.05, stopped=stop.is_set)
+    stroking = StageStrokes(stage, SETUP, length=0.05, speed=0.05)
+    stroking.stopped = stop.is_set
     stroking.begin()
     time.sleep(0.3)
     stop.set()
     wait_until(lambda: not stage.moving, 10)
     assert stage.went == [(0.01, 0.02, 0.0)] or len(stage.went) == 2
     stroking.end()
-    assert stroking.news().over
+    assert stroking.over
 
 
-@pytest.mark.parametrize(
-    ("here", "first"),
-    [((0.1, 0.05, 0.0), (0.1, 0.05, 0.01)), ((0.1, 0.05, 0.04), (0.1, 0.05, 0.04))],
-    ids=["from the sensor", "from above"],
-)
+@pytest.mark.parametrize(("here", "first"), [((0.1, 0.05, 0.0), 0.01), ((0.1, 0.05, 0.04), 0.04)])
 def test_the_way_to_the_start_goes_up_first_and_down_last(here, first):
     stage = Ghost()
     stage.at = here
-    assert move_to_start(stage, SETUP, here, lambda: False)
-    assert stage.went == [first, (0.01, 0.02, first[2]), (0.01, 0.02, 0.01)]
-
-
-def test_a_stopped_move_to_the_start_returns_false():
-    stage = Ghost()
-    stage.at = (0.1, 0.05, 0.04)
-    assert not move_to_start(stage, SETUP, stage.at, lambda: True)
+    assert StageStrokes(stage, SETUP, length=0.05, speed=0.05).to_start(lambda: False)
+    assert stage.went == [(*here[:2], first), (0.01, 0.02, first), (0.01, 0.02, 0.01)]
+    stage.at = here
+    assert not StageStrokes(stage, SETUP, length=0.05, speed=0.05).to_start(lambda: True)

@@ -4,11 +4,12 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
@@ -17,9 +18,8 @@ from rich.text import Text
 from midair import devices, files, rig
 from midair.cli.console import err, print_json, verbosity
 from midair.cli.keys import Keys, Signals, signals_noted
-from midair.cli.options import Json, options_from, parse_quantity, settings_from
+from midair.cli.options import Json, options_from, parse_quantity, quantity, settings_from
 from midair.cli.output import calibration_row, describe_strokes, duration_text, next_row, print_table, sensor_text
-from midair.cli.stage_options import Drawing, StageOptions
 from midair.errors import DeviceError, InputError
 from midair.model import Event, Provenance
 from midair.table import Details, Line, Row, plain
@@ -178,6 +178,33 @@ class RecordOptions:
     """Begin, end and number of takes, and the sensor."""
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageOptions:
+    """Motion stage that moves the object over the sensor."""
+
+    stage: str | None = None
+    """Move the object with a Grbl 1.1 machine at grbl:PORT, one stroke per take at --speed. Prints its plan first."""
+    stroke: Annotated[float | None, quantity("m")] = None
+    """Length of a stroke."""
+    stage_file: Path = Path("stage.toml")
+    """TOML file of the stage: start of the strokes, contact height, approach, return, travel."""
+    home: bool = False
+    """Home the stage with its limit switches first. The stage moves."""
+
+    def strokes(self, speed: float | None) -> rig.StageStrokes | None:
+        """The requested strokes, checked before a device opens; None without --stage."""
+        if self.stage is None:
+            if self.stroke is not None or self.home:
+                raise InputError("--stroke and --home: expected --stage with them, such as --stage grbl:PORT")
+            return None
+        if self.stroke is None or speed is None or speed <= 0:
+            raise InputError("--stage: expected --stroke and --speed, such as --stroke 120mm --speed 50mm/s")
+        setup = files.load_stage(self.stage_file)
+        setup.check(self.stroke)
+        return rig.StageStrokes(rig.stage_named(self.stage), setup, length=self.stroke, speed=speed)
+
+
 def record_command(
     sensor: str,
     output: Path | None = None,
@@ -217,31 +244,36 @@ def record_command(
         one.name: getattr(subject or SubjectOptions(), one.name) or "" for one in fields(rig.Subject)
     }
     speed: float | None = stated["speed"] or None
-    drawing = (staging or StageOptions()).drawing(speed)
+    staging = staging or StageOptions()
+    strokes = staging.strokes(speed)
     stated["speed"] = "" if speed is None else f"{speed * 1e3:.6g}mm/s"
-    if drawing is not None and (settings.duration is not None or trigger is not None):
+    if strokes is not None and (settings.duration is not None or trigger is not None):
         raise InputError("--stage: expected neither --duration nor --trigger; a take begins and ends with the stroke")
-    touches = settings.duration if drawing is None else drawing.seconds
+    touches = settings.duration if strokes is None else strokes.seconds
     device = rig.sensor_named(sensor, rig.VirtualRig(seed=settings.seed), duration=touches, wiring=settings.wiring)
-    real_time = settings.real_time or drawing is not None
+    real_time = settings.real_time or strokes is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
     about = _subject(sensor, rig.Subject(**stated), ask=ask)
     rig.take_path(output, about, repeats=settings.repeats)
-    if drawing is None and sensor.startswith("virtual:") and settings.duration is None:
+    if strokes is None and sensor.startswith("virtual:") and settings.duration is None:
         settings = settings.but(duration=0.5 if "am-" in sensor else 1.28)
     ends = settings.duration is not None or device.on_demand
-    device = devices.PacedSensor(device) if real_time and device.on_demand else device
+    device = devices.WrappedSensor(device, paced=True) if real_time and device.on_demand else device
     with ExitStack() as held, signals_noted() as signals, Keys() as keys:
         takes: list[rig.Take] = []
         screen = MeterScreen(held.enter_context(device), err(), keys, signals, quiet=quiet)
         if trigger is not None:
             settings = settings.but(level=_level(trigger, device))
-        if drawing is not None:
-            held.enter_context(drawing)
-        by_itself = drawing is not None or (ends and (settings.repeats == 1 or settings.pause is not None))
+        if strokes is not None:
+            strokes.stopped = lambda: bool(signals.came)
+            held.enter_context(strokes)
+            if staging.home:
+                err().print(f"{strokes.stage.name}: homing now; the stage moves")
+                strokes.stage.home(strokes.stopped)
+        by_itself = strokes is not None or (ends and (settings.repeats == 1 or settings.pause is not None))
         key = keys.active and not by_itself and trigger is None
         try:
-            for take in _takes(device, screen, signals, settings, output, about, drawing, key=key):
+            for take in _takes(device, screen, settings, output, about, strokes, key=key):
                 takes.append(take)
                 if take.frames and not json:
                     lost = f"{take.lost} frames lost" if take.lost else "none lost"
@@ -260,40 +292,46 @@ def record_command(
 def _takes(
     device: devices.SensorDevice,
     screen: MeterScreen,
-    signals: Signals,
     settings: rig.RecordSettings,
     output: Path | None,
     about: rig.Subject,
-    drawing: Drawing | None,
+    strokes: rig.StageStrokes | None,
     *,
     key: bool,
 ) -> Generator[rig.Take]:
     """Record the takes and yield each when it ends; a motion stage returns to the start after each."""
-    many, kind = settings.repeats, "take" if drawing is None else "stroke"
+    many, kind = settings.repeats, "take" if strokes is None else "stroke"
     waits = key or settings.level is not None
-    if drawing is not None:
-        drawing.prepare(many, lambda: bool(signals.came))
+    if strokes is not None:
+        err().print(strokes.plan(many))
         if not screen.asks("space or Enter: go"):
             raise DeviceError("ended before the first stroke: nothing moved and nothing was recorded")
-        drawing.to_start(screen.ends)
+        _to_start(strokes, screen)
     for number in range(1, many + 1):
         path = rig.take_path(output, about, repeats=many)
-        noted = ({} if drawing is None else drawing.settings) | (
-            {"take": number, "takes": many} if many > 1 or drawing is not None else {}
+        noted = ({} if strokes is None else strokes.settings) | (
+            {"take": number, "takes": many} if many > 1 or strokes is not None else {}
         )
-        # The recorder reads keys between frames; signals act at once.
-        stroke = None if drawing is None else drawing.one_stroke(lambda: bool(signals.came))
-        with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or drawing else path.name):
-            take = rig.record_take(device, settings, screen, stroke, path=path, notes=about.notes, about=noted, key=key)
+        with screen.take(f"{path.name}, {kind} {number} of {many}" if many > 1 or strokes else path.name):
+            take = rig.record_take(
+                device, settings, screen, strokes, path=path, notes=about.notes, about=noted, key=key
+            )
         yield take
-        if take.end in ("quit", "kill", "failure") if drawing is None else take.end != "stroke":
-            if drawing is not None and take.end != "failure":
-                err().print(drawing.stands)
+        if take.end in ("quit", "kill", "failure") if strokes is None else take.end != "stroke":
+            if strokes is not None and take.end != "failure":
+                err().print(f"the stage stands at {strokes.stage.stands}")
             return
-        if drawing is not None:
-            drawing.to_start(screen.ends)
-        if number < many and not waits and not _wait_pause(settings, device, screen, staged=drawing is not None):
+        if strokes is not None:
+            _to_start(strokes, screen)
+        if number < many and not waits and not _wait_pause(settings, device, screen, staged=strokes is not None):
             return
+
+
+def _to_start(strokes: rig.StageStrokes, screen: MeterScreen) -> None:
+    """Move the stage to the start of a stroke; KeyboardInterrupt if it was stopped on the way."""
+    if not strokes.to_start(screen.ends):
+        err().print(f"the stage stands at {strokes.stage.stands}")
+        raise KeyboardInterrupt
 
 
 def _wait_pause(

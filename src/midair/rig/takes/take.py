@@ -25,12 +25,12 @@ from midair.errors import DeviceError, FileError, InputError, MidairError, Missi
 from midair.files import RecordingBuffer, RecordingWriter, writable_path, write_file
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.meters import Meters, PreRoll, Trigger
+from midair.rig.takes.stage_strokes import StageStrokes
 from midair.rig.takes.take_state import (
     ClockWatch,
     Drift,
     EndReason,
     RecordSettings,
-    StageStroke,
     Take,
     TakeObserver,
     TakeOrder,
@@ -46,7 +46,7 @@ def record_take(
     sensor: SensorDevice,
     settings: RecordSettings,
     observer: TakeObserver,
-    stroke: StageStroke | None = None,
+    stroke: StageStrokes | None = None,
     *,
     path: Path | None = None,
     notes: Mapping[str, str] | None = None,
@@ -90,7 +90,7 @@ class _TakeRun:
         sensor: SensorDevice,
         settings: RecordSettings,
         observer: TakeObserver,
-        stroke: StageStroke | None,
+        stroke: StageStrokes | None,
         path: Path | None,
         stack: ExitStack,
         notes: Mapping[str, str],
@@ -137,7 +137,7 @@ class _TakeRun:
             # Its positions until now belong to the take.
             self._stroke.end()
             try:
-                self._follow_stroke(self._stroke)
+                self._follow_stroke()
             except (DeviceError, FileError) as wrong:
                 error = wrong
         for kind, watch in self._watches:
@@ -181,24 +181,27 @@ class _TakeRun:
         self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
         end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
         self._show()
-        return end or (None if self._stroke is None else self._follow_stroke(self._stroke))
+        return end or self._follow_stroke()
 
-    def _follow_stroke(self, stroke: StageStroke) -> EndReason | None:
-        """Store the report of the stroke; return the reason if it ended the take."""
-        if self._writer is None:
+    def _follow_stroke(self) -> EndReason | None:
+        """Store what the stage reports; return the reason if it ended the take."""
+        stroke = self._stroke
+        if stroke is None or self._writer is None:
             return None
-        news = stroke.news()
-        begin = self._zero + self._origin / self._sensor.rate
-        self._writer.stamp([replace(stamp, time=stamp.time - begin) for stamp in news.stamps])
-        for first, last in news.strokes:
+        # Before its reports are taken, so that none comes later.
+        over, begin = stroke.over, self._zero + self._origin / self._sensor.rate
+        taken = [stroke.stamps.popleft() for _ in range(len(stroke.stamps))]
+        stamps = [replace(stamp, time=stamp.time - begin) for stamp in taken]
+        self._writer.stamp(stamps)
+        for first, last in [stroke.strokes.popleft() for _ in range(len(stroke.strokes))]:
             frames = round((last - first) * self._sensor.rate)
             frame = max(0, round((first - self._zero) * self._sensor.rate))
             self._report([Event(kind="stroke", frame=frame, frames=frames)])
-        if news.problem:
-            raise DeviceError(news.problem)
-        self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
+        if stroke.problem:
+            raise DeviceError(stroke.problem)
+        self._latest = max([self._latest, *(stamp.time for stamp in stamps)])
         # Frames arrive with a delay: those of its last moment still belong to the take.
-        return "stroke" if news.over and self._frames >= self._latest * self._sensor.rate else None
+        return "stroke" if over and self._frames >= self._latest * self._sensor.rate else None
 
     def _receive(self, block: FrameBlock) -> Array:
         """Fill the gaps of a block, and report its events."""

@@ -1,8 +1,5 @@
-"""Settings, state and result of a take, drift of its clocks, its observers, event messages, and a stage's stroke."""
+"""Settings, state and result of a take, drift of its clocks, its observers, and event messages."""
 
-import threading
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,10 +7,9 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from midair.devices import GrblStage
 from midair.errors import MidairError
 from midair.files import OpenedTake, load_sensor
-from midair.model import Event, Place, SensorGrid, SensorWiring, StageSetup, StageStamp
+from midair.model import Event, SensorGrid, SensorWiring
 from midair.rig.takes.meters import Levels
 from midair.validation import Declared, check_settings, documented, setting
 
@@ -200,20 +196,6 @@ class TakeObserver:
         """Report an event; its frame is counted from the sensor's start. A DeviceError that it raises ends the take."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StrokeReport:
-    """Report of a stroke since the last call; times in s by this computer's monotonic clock."""
-
-    stamps: tuple[StageStamp, ...] = ()
-    """Positions of the stage."""
-    strokes: tuple[tuple[float, float], ...] = ()
-    """(start, end) of each stroke, complete or not."""
-    over: bool = False
-    """Whether it has finished, which ends the take."""
-    problem: str = ""
-    """Error message, if any."""
-
-
 def event_message(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:
     """One sentence for an event of a sensor with `rate` frames per second."""
     row, column = divmod(max(event.channel, 0), grid.columns)
@@ -264,82 +246,3 @@ def _lost(event: Event, rate: float) -> str:
 def _drift(ppm: float, drift: Drift | None) -> str:
     spread = "" if drift is None else f" ± {drift.uncertainty:.2g}"
     return f"{abs(ppm):.4g}{spread} ppm {'faster' if ppm > 0 else 'slower'}"
-
-
-class StageStroke:
-    """Strokes an object over the sensor once during a take, from its first frame; length in m, speed in m/s.
-
-    The stage is open, at rest above the start of the stroke; it stops when `stopped` returns True.
-    """
-
-    def __init__(
-        self, stage: GrblStage, setup: StageSetup, *, stroke: float, speed: float, stopped: Callable[[], bool]
-    ) -> None:
-        self._stage, self._setup, self._stroke, self._speed = stage, setup, stroke, speed
-        self._asked_to_stop = stopped
-        self._lock, self._enough = threading.Lock(), threading.Event()
-        self._stamps: list[StageStamp] = []
-        self._strokes: list[tuple[float, float]] = []
-        self._over, self._problem = False, ""
-        self._thread: threading.Thread | None = None
-
-    def begin(self) -> None:
-        """Start the stroke; the first frame is in the file."""
-        self._thread = threading.Thread(target=self._run, name="stroke", daemon=True)
-        self._thread.start()
-
-    def news(self) -> StrokeReport:
-        """Report since the last call, without waiting."""
-        with self._lock:
-            stamps, self._stamps = tuple(self._stamps), []
-            strokes, self._strokes = tuple(self._strokes), []
-            return StrokeReport(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
-
-    def end(self) -> None:
-        """Stop the stage if it moves, and wait until it stands still; allowed at any time and repeatedly."""
-        self._enough.set()
-        if self._thread is not None:
-            self._thread.join()
-
-    def _run(self) -> None:
-        problem = ""
-        try:
-            self._stroke_once()
-        except MidairError as wrong:
-            problem = str(wrong)
-        with self._lock:
-            self._over, self._problem = True, problem
-
-    def _stroke_once(self) -> None:
-        x, y = self._setup.start
-        end = self._setup.end(self._stroke)
-        if self._move((x, y, self._setup.contact), self._setup.approach) is None:
-            return
-        begun = time.monotonic()
-        times = None
-        try:
-            times = self._move(end, self._speed)
-        finally:
-            with self._lock:
-                self._strokes.append(times or (begun, time.monotonic()))
-        if times is not None:
-            self._move((end[0], end[1], self._setup.clear), self._setup.back)
-
-    def _move(self, target: Place, speed: float) -> tuple[float, float] | None:
-        return self._stage.move(target, speed, stamp=self._keep, stopped=self._stop)
-
-    def _keep(self, stamp: StageStamp) -> None:
-        with self._lock:
-            self._stamps.append(stamp)
-
-    def _stop(self) -> bool:
-        return self._enough.is_set() or self._asked_to_stop()
-
-
-def move_to_start(stage: GrblStage, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
-    """Raise the stage clear of the sensor and move it above the start of a stroke; return False if it was stopped."""
-    height = max(here[2], setup.clear)
-    for target in ((here[0], here[1], height), (*setup.start, height), setup.above):
-        if stage.move(target, setup.back, stamp=lambda _: None, stopped=stopped) is None:
-            return False
-    return True
