@@ -105,19 +105,19 @@ def run(fault: Fault, sender: Leap | Osc, duration: float, *, dies: bool = False
                 if hand.wrong_at == np.inf and done >= 1000 * BEGIN:
                     hand.wrong_at = time.monotonic()
 
-            done = play_followed(
+            report, _ = play_followed(
                 drive, array, tracker, settings, clearance, GRID, report=lambda _: None, progress=begun
             )
         units = sorted({port for _, port, _, _ in tap.frames()})
-        sent = [each for each in frames_on(tap, unit=units[0]) if each[1] * 1000 >= done.report.start]
+        sent = [each for each in frames_on(tap, unit=units[0]) if each[1] * 1000 >= report.start]
         return Run(
-            start=done.report.start,
+            start=report.start,
             ahead=ahead,
             wrong=hand.wrong,
             right=hand.right,
             frames=sent,
             read=tracker.read,  # type: ignore[attr-defined]
-            late=done.report.late,
+            late=report.late,
         )
     finally:
         tap.close()

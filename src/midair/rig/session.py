@@ -28,7 +28,6 @@ from midair.devices import (
     Tracker,
     check_exposure,
     check_exposure_level,
-    check_exposure_steered,
     read_frames,
     signals_end_the_program,
     under_lease,
@@ -37,10 +36,17 @@ from midair.errors import DeviceStateError, InputError, MismatchError
 from midair.evaluate import error_at_temperature
 from midair.files import OpenedTake, check_memory_for, load_solution, load_target
 from midair.model import Drive, Medium, PressureFrames, Progress, Recording, Solution, TransducerArray
-from midair.physics import Exposure, PoseBox
+from midair.physics import Exposure
 from midair.rig.names.sensor_names import open_tracker
 from midair.rig.opening import OpenRig, frame_rig, open_rig
-from midair.rig.playing.following import clear_followed, follow_as_set, grid_of, play_followed, tracker_name
+from midair.rig.playing.following import (
+    FollowRules,
+    clear_followed,
+    follow_simulated,
+    grid_of,
+    play_followed,
+    tracker_name,
+)
 from midair.rig.playing.play_settings import PlaySettings, default_exposure
 from midair.rig.playing.solving_ahead import SolvedAhead
 from midair.settings import Settings
@@ -174,7 +180,11 @@ class Session:
         chosen, array = settings or self.rig.settings, self.rig.array
         followed = list[str]()
         if chosen.follow is None or (array.simulated and not array.gated and not self.rig.by_frames):
-            drive, chosen = follow_as_set(drive, chosen, self._noted(followed))
+            if chosen.follow is not None:
+                name = tracker_name(chosen.follow, chosen.tracker_latency)
+                how: Any = {"rules": FollowRules(confidence=chosen.confidence, fit=not chosen.steer_only)}
+                how |= {"repeats": chosen.repeats, "report": self._noted(followed)}
+                drive, chosen = follow_simulated(drive, name, grid_of(drive), **how), chosen.but(repeats=1)
             clearance = check_exposure(drive, array, chosen.exposure, repeats=chosen.repeats, endless=endless)
         elif self.rig.by_frames:
             clearance = clear_followed(drive, array, chosen, grid_of(drive), endless=endless)
@@ -197,12 +207,6 @@ class Session:
     def clear_level(self, level: float, rate: float) -> ExposureClearance:
         """Check the worst case of a level, for frames at a rate in Hz that are computed while they play."""
         return check_exposure_level(level, self.rig.array, self.rig.settings.exposure, rate=rate)
-
-    def clear_places(self, still: Drive, samples: Drive) -> SteeredClearance:
-        """Check frames that are drawn while they play, and may jump, by some of them; their heat is that of `still`."""
-        choices, palm = self.rig.settings.exposure, np.zeros(3)
-        how: Any = {"box": PoseBox(), "solved": palm, "samples": samples, "jumps": True, "endless": True}
-        return check_exposure_steered(still, self.rig.array, choices, **how)
 
     def play(
         self,
@@ -280,8 +284,8 @@ class Session:
         report, name = self._noted(followed), tracker_name(chosen.follow, chosen.tracker_latency)
         with nullcontext(self.tracker) if self.tracker is not None else open_tracker(name) as tracker:
             array, grid = self.rig.frames, grid_of(drive)
-            done = play_followed(drive, array, tracker, chosen, clearance, grid, report=report, **how)
-        return Played(**told, drive=drive, report=done.report, followed=tuple(followed), reaction=done.reaction)
+            done, reaction = play_followed(drive, array, tracker, chosen, clearance, grid, report=report, **how)
+        return Played(**told, drive=drive, report=done, followed=tuple(followed), reaction=reaction)
 
     def rerecord(
         self, drive: Drive, *, source: str | Path = "loop", progress: Progress | None = None, tail: float = 0.02

@@ -249,17 +249,17 @@ def test_the_bytes_are_those_of_the_steered_drive_while_the_palm_moves(fit, in_t
     drive, lines = focus(300), []
     with array, open_tracker(tracker_name(f"replay:{file}", 0.01)) as tracker:
         clearance = clear_followed(drive, array, settings, GRID, samples=4)
-        done = play_followed(drive, array, tracker, settings, clearance, GRID, report=lines.append)
+        report, reaction = play_followed(drive, array, tracker, settings, clearance, GRID, report=lines.append)
     if fit and "too slow" in str(lines):
         pytest.skip("this computer is too slow now to fit frames in time, and said so")
     assert lines[0].startswith("follow: the palm is followed")
     sent = {instant: phases for phases, _, instant in units.put_frames}
-    assert assert_bytes(sent, steered, drive, 1_000_000, done.report.start, fitted=fit) > 200
+    assert assert_bytes(sent, steered, drive, 1_000_000, report.start, fitted=fit) > 200
     # The palm is that of the moment at which the frames sound, by 1.5 mm.
     for frames, pose, _ in steered[30:]:
         true = poses_at(swaying(0.8), np.array([(frames.stop - 1) / 1000]))
         assert np.linalg.norm(pose.centre - true.centre) < 1.5e-3
-    assert done.reaction[0] < 0.2
+    assert reaction[0] < 0.2
 
 
 @pytest.mark.clock

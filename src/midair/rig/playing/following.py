@@ -213,16 +213,6 @@ def tracker_name(name: str | None, latency: float | None) -> str:
     return f"{name}{'&' if '?' in name else '?'}latency_ms={1e3 * latency:g}"
 
 
-def follow_as_set(drive: Drive, settings: PlaySettings, report: Callable[[str], object]) -> tuple[Drive, PlaySettings]:
-    """The drive as the virtual array plays it, and the settings for that; both unchanged without a tracker."""
-    if settings.follow is None:
-        return drive, settings
-    tracker = tracker_name(settings.follow, settings.tracker_latency)
-    rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
-    steered = follow_simulated(drive, tracker, grid_of(drive), rules=rules, repeats=settings.repeats, report=report)
-    return steered, settings.but(repeats=1)
-
-
 def follow_simulated(
     drive: Drive,
     tracker: str,
@@ -258,15 +248,6 @@ def follow_simulated(
         level=np.concatenate([part.level for part in parts]),
         provenance=drive.provenance.then("follow", {"tracker": tracker}),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FollowedPlay:
-    """Result of playing on an array while a palm was followed."""
-
-    report: PlayReport
-    reaction: tuple[float, float]
-    """Time from the newest pose to the sending of a block of frames in s: median and 99 %; NaN without poses."""
 
 
 def immediate_array(settings: PlaySettings, rate: float, *, hold: float | None = None) -> ImmediateArray:
@@ -348,10 +329,11 @@ def play_followed(
     source: str | Path = "python",
     report: Callable[[str], object] = print,
     progress: Progress | None = None,
-) -> FollowedPlay:
+) -> tuple[PlayReport, tuple[float, float]]:
     """Play a drive on an open array, frame by frame, each steered to the palm at the moment it sounds.
 
-    A frame that is not ready at its instant is not played; the units keep the one before it.
+    A frame that is not ready at its instant is not played; the units keep the one before it. Returns the report, and
+    the time from the newest pose to the sending of a block of frames in s: median and 99 %; NaN without poses.
     """
     units, period = array.units, divider(drive.rate) * TICK
     rules = FollowRules(confidence=settings.confidence, fit=not settings.steer_only)
@@ -418,7 +400,7 @@ def play_followed(
     late, lasts = told["late"] + told["crowded"], total * period / 1e9
     played = PlayReport(frames=total, duration=lasts, late=late, start=first, silencer=str(array.silencer))
     middle, worst = np.percentile(reactions, [50, 99]) if reactions else (np.nan, np.nan)
-    return FollowedPlay(report=played, reaction=(float(middle), float(worst)))
+    return played, (float(middle), float(worst))
 
 
 def wait_until(units: ImmediateUnits, instant: int) -> None:

@@ -22,10 +22,11 @@ from pydantic import BaseModel, Field
 from websockets.asyncio.server import Request, Response, ServerConnection
 
 from midair.array_types import Array
-from midair.devices import Tracker, intensity_bytes, phase_bytes
+from midair.devices import Tracker, check_exposure_steered, intensity_bytes, phase_bytes
 from midair.errors import InputError, MidairError
 from midair.model import Drive, PalmPath
 from midair.patterns import AdapticsPattern, Evaluated, Foci, draw_parts, read_adaptics
+from midair.physics import PoseBox
 from midair.rig.names.sensor_names import open_tracker
 from midair.rig.playing.following import tracker_name
 from midair.rig.playing.play_settings import PlaySettings
@@ -94,7 +95,10 @@ class Stream:
         self._most = float(samples.level.max())
         # Nothing is known of the frames to come: heat is that of a still focus on the palm at the highest level.
         still = replace(self._drawn(MIDDLE.mean(axis=0)[None], np.full(1, pressure)), level=np.full(1, self._most))
-        self._clearance = player.session.clear_places(still, samples)
+        # Frames may jump, and are measured by some of them.
+        how: dict[str, Any] = {"box": PoseBox(), "solved": np.zeros(3), "jumps": True, "endless": True}
+        choices = player.settings.exposure
+        self._clearance = check_exposure_steered(still, player.array, choices, samples=samples, **how)
         made: dict[str, Any] = {"about": {"file": NAME}, "frames": self.frames, "block": BLOCK}
         player.add(self._clearance, NAME, **made, rate=RATE, length=1000 * BLOCK)
 
