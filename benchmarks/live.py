@@ -85,7 +85,7 @@ def run(frames: int, *, priority: int, sensor: str, hold: float, latency: float 
                 while session.wait(0.5):
                     pass
                 told = session.statistics.plain() | {
-                    "computer": session.opened.granted.words(),
+                    "computer": session.opened.granted,
                     "rehearsal": session.opened.rehearsal.words(),
                 }
     except MidairError as wrong:

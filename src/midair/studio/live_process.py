@@ -301,7 +301,7 @@ def _session_info(session: LiveSession) -> dict[str, Any]:
         "simulated": opened.simulated,
         "level": opened.level,
         "exposure": opened.exposure,
-        "computer": opened.granted.words(),
+        "computer": opened.granted,
         "array_calibration": opened.array_calibration,
         "height_mm": 1e3 * order.height,
         "air_c": order.acoustics.medium.degrees,

@@ -12,7 +12,6 @@ from midair.model import Calibration, Placement, SensorGrid
 from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted
-from midair.rig.live_touch.timing import SchedulerGrant
 from midair.rig.live_touch.touch import Rehearsal
 from midair.rig.live_touch.touch_ring import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, TouchRing
 
@@ -31,7 +30,7 @@ FOUND = LoopStarted(
     exposure="kept",
     level=0.5,
     strongest=127,
-    granted=SchedulerGrant(priority="", memory=""),
+    granted="real-time priority, memory locked",
     rehearsal=Rehearsal(frames=400, late=0, longest=0.001),
     delay=0.006,
     parts=((20.0, 470.0),),

@@ -103,7 +103,7 @@ def _ended_table(ended: LiveSession, keep: Path | None) -> list[Line]:
     return [
         {**counts.plain(), "error_by_band": _by_band(ended)},
         {"exposure": opened.exposure, "array_calibration": opened.array_calibration},
-        {"computer": opened.granted.words(), "rehearsal": opened.rehearsal.words()},
+        {"computer": opened.granted, "rehearsal": opened.rehearsal.words()},
         *_statistics_lines(counts),
         *([] if keep is None else [Row("take", str(keep))]),
     ]
@@ -154,7 +154,7 @@ def _session_lines(session: LiveSession) -> list[Line]:
             [
                 ("array calibration", opened.array_calibration or "none"),
                 ("level", f"{opened.level:.3g} of full drive, rising over the first second"),
-                ("computer", opened.granted.words()),
+                ("computer", opened.granted),
                 ("rehearsal", opened.rehearsal.words()),
             ]
         ),

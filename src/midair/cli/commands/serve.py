@@ -128,7 +128,7 @@ def _ready_settings(options: object, room: RoomOptions | None) -> rig.PlaySettin
     settings = settings_from(rig.PlaySettings, options, exposure=(room or RoomOptions()).limits())
     banner(settings.device == "virtual")
     # Before an SDK starts its threads, which inherit the priority.
-    print_note(rig.request_realtime().words())
+    print_note(rig.request_realtime())
     gc.enable()
     return settings
 

@@ -114,7 +114,7 @@ def _provenance(order: LiveSettings, opened: LoopStarted) -> dict[str, Any]:
         "exposure": opened.exposure,
         "silencer": opened.silencer,
         "error_by_band": opened.error,
-        "computer": opened.granted.words(),
+        "computer": opened.granted,
         "array_calibration": opened.array_calibration,
         "sound_m_s": medium.speed,
         "temperature_c": medium.temperature,

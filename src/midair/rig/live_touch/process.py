@@ -30,7 +30,7 @@ from midair.errors import DeviceError, DeviceStateError, InputError, MidairError
 from midair.model import Calibration, SensorGrid, SensorWiring, Unit
 from midair.rig.live_touch.live_loop import LiveLoop, LiveSteering
 from midair.rig.live_touch.live_settings import LiveSchedule, LiveSettings
-from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
+from midair.rig.live_touch.timing import request_realtime
 from midair.rig.live_touch.touch import Rehearsal, Touch
 from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names.sensor_names import VirtualRig, open_tracker, sensor_named
@@ -130,7 +130,7 @@ class LoopStarted:
     """Cleared level."""
     strongest: int
     """Its intensity byte."""
-    granted: SchedulerGrant
+    granted: str
     """Real-time rights that the computer granted."""
     rehearsal: Rehearsal
     """Frames that were computed in real time before the start."""

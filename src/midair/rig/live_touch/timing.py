@@ -5,7 +5,6 @@ import ctypes.util
 import gc
 import os
 import sys
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -59,24 +58,10 @@ class RateMeter:
         self._number, self._taken = number, taken
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SchedulerGrant:
-    """Real-time rights that the computer granted to this process."""
+def request_realtime(priority: int = 20) -> str:
+    """Request real-time priority (1 to 99, 0 for none), lock the memory, and switch off the garbage collector.
 
-    priority: str
-    """Empty if real-time priority was granted; else the reason."""
-    memory: str
-    """Empty if the memory was locked; else the reason."""
-
-    def words(self) -> str:
-        """Describe in one line."""
-        first = "real-time priority" if not self.priority else f"no real-time priority ({self.priority})"
-        second = "memory locked" if not self.memory else f"memory not locked ({self.memory})"
-        return f"{first}, {second}"
-
-
-def request_realtime(priority: int = 20) -> SchedulerGrant:
-    """Request real-time priority (1 to 99, 0 for none) and lock the memory; switch off the garbage collector.
+    Returns what the computer granted, in one line.
 
     Threads that start later inherit the priority, so call this before an SDK starts its threads.
     """
@@ -84,10 +69,13 @@ def request_realtime(priority: int = 20) -> SchedulerGrant:
     gc.disable()
     # Other threads of this process receive and send frames: they must not wait 5 ms for their turn.
     sys.setswitchinterval(5e-5)
-    return SchedulerGrant(priority=_take_priority(priority), memory=_lock_memory())
+    refused, unlocked = _take_priority(priority), _lock_memory()
+    first = f"no real-time priority ({refused})" if refused else "real-time priority"
+    return f"{first}, {f'memory not locked ({unlocked})' if unlocked else 'memory locked'}"
 
 
 def _take_priority(priority: int) -> str:
+    """The reason why real-time priority was not granted; empty if it was."""
     if not priority:
         return "none was asked for"
     if not hasattr(os, "sched_setscheduler"):
@@ -100,7 +88,7 @@ def _take_priority(priority: int) -> str:
 
 
 def _lock_memory() -> str:
-    """Lock all memory with mlockall(2), MCL_CURRENT and MCL_FUTURE, so that no page has to be read from a disk."""
+    """Lock all memory with mlockall(2), MCL_CURRENT and MCL_FUTURE; return the reason if that failed."""
     if sys.platform != "linux":
         return "not known on this system"
     library = ctypes.CDLL(ctypes.util.find_library("c"), use_errno=True)
