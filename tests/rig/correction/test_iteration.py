@@ -73,11 +73,13 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(loo
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", worse)
     skin = RIG.skin()
     with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
-        further = run_iterations(loop.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15))
+        passes, taken_back, end = run_iterations(
+            loop.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15)
+        )
     assert tried == [0.8, 0.4, 0.2]
-    assert further.passes == ()
-    assert further.taken_back == 3
-    assert further.end == "no step makes it better"
+    assert passes == ()
+    assert taken_back == 3
+    assert end == "no step makes it better"
 
 
 def test_it_stops_when_it_no_longer_helps(loop, monkeypatch):
@@ -91,11 +93,11 @@ def test_it_stops_when_it_no_longer_helps(loop, monkeypatch):
     monkeypatch.setattr("midair.rig.correction.iteration.play_pass", hardly)
     skin = RIG.skin()
     with OpenRig(array=RIG.array_device(skin), sensor=RIG.sensor(skin)) as rig:
-        further = run_iterations(loop.original, start, rig, COARSE, 9)
-    assert "less than 0.2 %" in further.end
-    stages = [[step.stage for step in one.asked.provenance.steps] for one in further.passes]
+        passes, _, end = run_iterations(loop.original, start, rig, COARSE, 9)
+    assert "less than 0.2 %" in end
+    stages = [[step.stage for step in one.asked.provenance.steps] for one in passes]
     assert [each.count("correct") for each in stages] == [1, 2]
-    assert [one.step for one in further.passes] == [0.8, 0.8]
+    assert [one.step for one in passes] == [0.8, 0.8]
 
 
 def test_the_target_is_limited_to_playable_pressure():

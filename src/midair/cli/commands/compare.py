@@ -187,5 +187,5 @@ def _played(
             made = film_of_palm(groups, rate=frames.rate)
             with atomic_file(film) as partial:
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-        heard = rig.rerecord_drive(drive, piece, asked, virtual, palm=outline, band=band, stage=stage)
-    return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm
+        heard, told = rig.rerecord_drive(drive, piece, asked, virtual, palm=outline, band=band, stage=stage)
+    return settings, heard, told

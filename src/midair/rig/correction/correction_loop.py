@@ -245,13 +245,13 @@ def loop(
             # Relative to the gain so far, with which the pass before was played.
             gain *= amplitude_gain(passes[-1].comparison.gain)
         passes.append(play_pass(reference, asked, rig, chosen.but(gain=gain), f"pass {number + 1}", stage))
-    further = run_iterations(reference, passes[-1], rig, chosen, iterate, stage=stage)
+    further, taken_back, end = run_iterations(reference, passes[-1], rig, chosen, iterate, stage=stage)
     return Loop(
         settings=chosen,
         original=original,
         reference=reference,
         beam=beam,
-        passes=(*passes, *further.passes),
-        taken_back=further.taken_back,
-        end=further.end,
+        passes=(*passes, *further),
+        taken_back=taken_back,
+        end=end,
     )

@@ -8,7 +8,7 @@ from midair.calibration import known_noise
 from midair.errors import InputError, MismatchError
 from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
 from midair.files import OpenedTake
-from midair.model import BAND, Acoustics, Calibration, Drive, Palm, PressureFrames, Progress, Provenance, Recording
+from midair.model import BAND, Acoustics, Drive, Palm, PressureFrames, Progress, Provenance
 from midair.physics import PlaybackChain, middle_of, palm_matrix, simulate
 from midair.pipeline import calibrated_pressure, resample_pressure
 from midair.rig.correction.correction_loop import Loop
@@ -90,18 +90,6 @@ def palm_of_loop(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveRerecording:
-    """Result of a re-recorded drive."""
-
-    recording: Recording
-    """Recording of the virtual sensor, from the drive's first frame."""
-    calibration: Calibration | None
-    """Calibration of that sensor."""
-    palm: PalmFidelity
-    """Fidelity on a palm at the sensor's height."""
-
-
 def rerecord_drive(
     drive: Drive,
     original: PressureFrames,
@@ -111,11 +99,12 @@ def rerecord_drive(
     palm: Palm | None = None,
     band: tuple[float, float] = BAND,
     stage: Stage = no_progress,
-) -> DriveRerecording:
+) -> tuple[OpenedTake, PalmFidelity]:
     """Play a drive on the virtual rig, whose sensor has the original's cells, and to a whole palm (a disc of 85 mm).
 
     `original` is the pressure that the drive reproduces, `asked` the same with the lead of the solve; the compared
-    `band` is (low, high) in Hz.
+    `band` is (low, high) in Hz. Returns the recording of the virtual sensor, from the drive's first frame, and the
+    fidelity on a palm at its height.
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
@@ -127,7 +116,7 @@ def rerecord_drive(
     of_palm = palm_of_drive(
         asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band, progress=stage("palm")
     )
-    return DriveRerecording(recording=recording, calibration=calibration, palm=of_palm)
+    return OpenedTake(recording=recording, calibration=calibration), of_palm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

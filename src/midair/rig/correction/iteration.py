@@ -106,18 +106,6 @@ def _cut_to_first_frame(heard: PressureFrames, asked: PressureFrames) -> Pressur
     return heard.cut(max(0.0, delay))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class IterationResult:
-    """Result of the iterative correction."""
-
-    passes: tuple[Pass, ...] = ()
-    """Passes, each with a smaller error than the one before."""
-    taken_back: int = 0
-    """Number of steps that increased the error."""
-    end: str = ""
-    """Reason why it stopped; empty without iterative correction."""
-
-
 def run_iterations(
     original: PressureFrames,
     start: Pass,
@@ -127,8 +115,11 @@ def run_iterations(
     *,
     correction: IterativeCorrection | None = None,
     stage: Stage = no_progress,
-) -> IterationResult:
-    """Run at most `times` further passes, those taken back included, each with a smaller waveform error."""
+) -> tuple[tuple[Pass, ...], int, str]:
+    """Run at most `times` further passes, those taken back included, each with a smaller waveform error.
+
+    Returns the passes, the number of steps that increased the error, and the reason why it stopped, empty without one.
+    """
     lifts = settings.target.mapping != "half-wave"
     correction = correction or (IterativeCorrection(step=1.0) if lifts else IterativeCorrection())
     settings = settings.but(gain=start.gain)
@@ -160,7 +151,7 @@ def run_iterations(
         if after > (1 - correction.least) * before:
             end = f"the last step lowered the error by less than {100 * correction.least:g} %"
             break
-    return IterationResult(passes=tuple(passes[1:]), taken_back=taken_back, end=end)
+    return tuple(passes[1:]), taken_back, end
 
 
 def _missing_pressure(original: PressureFrames, best: Pass, delay: float) -> Array:
