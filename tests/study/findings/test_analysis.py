@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -7,8 +8,9 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.study_design import Analysis
 from midair.study.findings.analysis import analyse
-from midair.study.findings.choice_findings import Finding, attempt, limits_words, note_last, p_words
+from midair.study.findings.choice_findings import Finding, attempt, interval_words, note_last, p_words
 from midair.study.findings.study_data import data_of_answers, data_of_columns, simulation_of
+from midair.study.statistics.confusion import limits_over_people
 from midair.study.tables import columns_of, legend_of, read_csv
 
 PEOPLE = ["1"] * 4
@@ -34,10 +36,11 @@ def test_a_failed_analysis_gives_its_reason():
 
 
 def test_limits_or_the_reason_why_there_are_none():
-    x = np.array([1.0, 2, 3, 4, 5])
-    assert limits_words(np.mean, x, "plain") == "95 % limits over people 1.04 to 4.96"
-    assert "fewer than five" in limits_words(np.mean, x[:4], "plain")
-    assert "the differences between people are unknown" in limits_words(np.mean, np.ones(5), "share")
+    x, people_mean = np.array([1.0, 2, 3, 4, 5]), partial(limits_over_people, np.mean)
+    share = partial(limits_over_people, np.mean, scale="share")
+    assert interval_words(people_mean, x) == "95 % limits over people 1.04 to 4.96"
+    assert "fewer than five" in interval_words(people_mean, x[:4])
+    assert "the differences between people are unknown" in interval_words(share, np.ones(5))
 
 
 def test_notes_are_last_and_columns_are_explained():

@@ -37,8 +37,8 @@ class Staircase:
     high: float = np.inf
     row: int = 0
     """Correct answers since the last change."""
-    moves: tuple[int, ...] = ()
-    """Direction of each change so far, -1 or 1."""
+    move: int = 0
+    """Direction of the last change, -1 or 1; 0 before it."""
     turned: tuple[float, ...] = ()
     """Levels of the reversals."""
 
@@ -54,16 +54,10 @@ class Staircase:
             return replace(self, row=self.row + 1)
         move = -1 if correct else 1
         # A reversal is counted at the level before the change.
-        turns = (*self.turned, self.level) if self.moves and self.moves[-1] != move else self.turned
+        turns = (*self.turned, self.level) if self.move == -move else self.turned
         step = self.steps[min(len(turns), len(self.steps) - 1)]
         level = float(np.clip(self.level + move * step, self.low, self.high))
-        return replace(self, level=level, row=0, moves=(*self.moves, move), turned=turns)
-
-    def threshold(self, *, last: int = 6) -> float:
-        """Mean level of the last reversals; raises InputError if there are fewer than `last`."""
-        if len(self.turned) < last or last < 1:
-            raise InputError(f"staircase: expected {last} or more reversals, got {len(self.turned)}; run more trials")
-        return float(np.mean(self.turned[-last:]))
+        return replace(self, level=level, row=0, move=move, turned=turns)
 
 
 def stimulus_levels(design: Design, block: Block) -> tuple[list[tuple[str, ...]], Array]:

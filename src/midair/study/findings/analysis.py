@@ -18,11 +18,11 @@ from midair.study.findings.choice_findings import (
     compared,
     confusions,
     interval_words,
-    limits_words,
 )
 from midair.study.findings.rating_findings import adaptive, anova, pairs, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics.columns import levels
+from midair.study.statistics.confusion import limits_over_people
 from midair.study.statistics.detection import d_prime_same_different, d_prime_yes_no, two_answers_limits
 
 _UNTESTED = "There is no test, since the planned analyses do not include this question."
@@ -53,7 +53,7 @@ def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
         table = DataFrame({"mean_rating": means.mean(), "sd_people": means.std(), "people": means.count()})
         table = table.assign(given=rows["stimulus"].value_counts()).reset_index()
         own = ratings.pivot_table(values="rating", index="participant")["rating"]
-        limits = limits_words(lambda people: float(people.mean()), own.to_numpy(float), "plain")
+        limits = interval_words(lambda people: limits_over_people(np.mean, people), own.to_numpy(float))
         words = f"Mean {own.mean():.2f} ({limits}), over {len(own)} people and {len(ratings)} answers. {_UNTESTED}"
         return [Finding(title=title, words=words, table=table)]
     judged = kind != "choice" and bool((rows["right"] != "n/a").any())

@@ -13,10 +13,8 @@ from midair.study.findings.study_data import StudyData
 from midair.study.statistics.confusion import (
     Confusion,
     Interval,
-    Scale,
     chance_macro_f,
     confusion_matrix,
-    limits_over_people,
     scores,
     sign_flip,
 )
@@ -65,15 +63,8 @@ def attempt(title: str, make: Callable[[], list[Finding]]) -> list[Finding]:
         return [Finding(title=title, words=f"Not computed. {str(wrong)[0].upper()}{str(wrong)[1:]}.")]
 
 
-def limits_words(
-    statistic: Callable[[NDArray[Any]], float], by_person: NDArray[Any], scale: Scale, *, form: str = ".2f"
-) -> str:
-    """Confidence interval of a statistic over participants as text, or the reason why there is none."""
-    return interval_words(lambda people: limits_over_people(statistic, people, scale=scale), by_person, form=form)
-
-
 def interval_words(limits: Callable[[NDArray[Any]], Interval], by_person: NDArray[Any], *, form: str = ".2f") -> str:
-    """As `limits_words`, for a function that returns the interval."""
+    """Confidence interval over participants as text, or the reason why there is none."""
     try:
         found = limits(by_person)
     except InputError as wrong:
