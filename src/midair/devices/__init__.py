@@ -63,8 +63,6 @@ if TYPE_CHECKING:
     from .sensors.sources import SensorOptions as SensorOptions
     from .sensors.sources import Source as Source
     from .sensors.sources import Stream as Stream
-    from .sensors.streamed_sensor import PacedSensor as PacedSensor
-    from .sensors.streamed_sensor import RemappedSensor as RemappedSensor
     from .sensors.streamed_sensor import ReplaySensor as ReplaySensor
     from .sensors.streamed_sensor import StreamedSensor as StreamedSensor
     from .sensors.streamed_sensor import WrappedSensor as WrappedSensor

@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from .session import play as play
     from .session import play_pressure as play_pressure
     from .takes.meters import Levels as Levels
+    from .takes.stage_strokes import StageStrokes as StageStrokes
     from .takes.take import Subject as Subject
     from .takes.take import last_subject as last_subject
     from .takes.take import record_take as record_take
@@ -106,13 +107,11 @@ if TYPE_CHECKING:
     from .takes.take import take_path as take_path
     from .takes.take_state import Drift as Drift
     from .takes.take_state import RecordSettings as RecordSettings
-    from .takes.take_state import StageStroke as StageStroke
     from .takes.take_state import Take as Take
     from .takes.take_state import TakeObserver as TakeObserver
     from .takes.take_state import TakeOrder as TakeOrder
     from .takes.take_state import View as View
     from .takes.take_state import event_message as event_message
-    from .takes.take_state import move_to_start as move_to_start
     from .takes.take_state import take_problems as take_problems
 else:
     __getattr__, __dir__ = lazy_names(__name__)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from midair.devices import PacedSensor, SensorDevice
+from midair.devices import SensorDevice, WrappedSensor
 from midair.errors import DeviceError, InputError
 from midair.files import OpenedTake, open_take
 from midair.model import Event, Progress, SensorWiring
@@ -90,7 +90,7 @@ def record(
         raise InputError(f"repeats: expected 1 in one call, got {chosen.repeats}; call record once for each take")
     if not isinstance(sensor, SensorDevice):
         device = sensor_named(chosen.sensor, VirtualRig(seed=chosen.seed), wiring=chosen.wiring)
-        with PacedSensor(device) if chosen.real_time and device.on_demand else device as opened:
+        with WrappedSensor(device, paced=True) if chosen.real_time and device.on_demand else device as opened:
             return record(opened, path=path, notes=notes, progress=progress, settings=chosen)
     target = None if path is None else Path(path)
     take = record_take(sensor, chosen, _ProgramObserver(sensor, progress), path=target, notes=notes)

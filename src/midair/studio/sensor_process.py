@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import FrameBlock, PacedSensor, SensorDevice, WrappedSensor
+from midair.devices import FrameBlock, SensorDevice, WrappedSensor
 from midair.errors import MidairError
 from midair.model import Event
 from midair.rig import (
@@ -58,7 +58,7 @@ def _named(name: str, seed: int) -> SensorDevice:
     made = sensor_named(name, VirtualRig(seed=seed))
     if name.startswith("virtual:"):
         return streamed(made, longest=STROKE)
-    return PacedSensor(made) if made.on_demand else made
+    return WrappedSensor(made, paced=True) if made.on_demand else made
 
 
 class _MirroredSensor(WrappedSensor):

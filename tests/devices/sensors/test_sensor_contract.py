@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from midair.devices import RemappedSensor, ReplaySensor, StreamedSensor, VirtualSensor, VirtualSkin
+from midair.devices import ReplaySensor, StreamedSensor, VirtualSensor, VirtualSkin, WrappedSensor
 from midair.devices.sensors.decimated import Decimated
 from midair.errors import DeviceError, DeviceStateError
 from midair.model import PressureFrames, Provenance, Recording, SensorWiring
@@ -35,7 +35,7 @@ def replay():
 SIMULATED = {
     "virtual": virtual_sensor,
     "replay": replay,
-    "rewired": lambda: RemappedSensor(replay(), SensorWiring(order=tuple(range(15, -1, -1)))),
+    "rewired": lambda: WrappedSensor(replay(), SensorWiring(order=tuple(range(15, -1, -1)))),
 }
 
 

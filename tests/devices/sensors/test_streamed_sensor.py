@@ -7,7 +7,7 @@ import numpy as np
 import psutil
 import pytest
 
-from midair.devices import PacedSensor, RemappedSensor, ReplaySensor, StreamedSensor
+from midair.devices import ReplaySensor, StreamedSensor, WrappedSensor
 from midair.devices.sensors.decimated import Decimated
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, InputError, MismatchError
@@ -220,7 +220,7 @@ TAKE = Recording(samples=np.random.default_rng(0).random((300, 4, 4)), rate=1000
 
 
 def test_frames_come_when_their_time_has_come_and_not_sooner():
-    with PacedSensor(ReplaySensor(TAKE, name="replay:x")) as sensor:
+    with WrappedSensor(ReplaySensor(TAKE, name="replay:x"), paced=True) as sensor:
         assert (sensor.name, sensor.rate, sensor.on_demand) == ("replay:x", 1000.0, False)
         sensor.start()
         begin = time.monotonic()
@@ -236,7 +236,7 @@ def test_frames_come_when_their_time_has_come_and_not_sooner():
 def test_cells_are_taken_in_the_other_order_and_the_name_is_the_wirings():
     samples = np.arange(3 * 16, dtype=float).reshape(3, 4, 4)
     wiring = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)))
-    with RemappedSensor(ReplaySensor(Recording(samples=samples, rate=500.0, unit="Pa")), wiring) as sensor:
+    with WrappedSensor(ReplaySensor(Recording(samples=samples, rate=500.0, unit="Pa")), wiring) as sensor:
         sensor.start()
         block = sensor.read(3)
     np.testing.assert_array_equal(block.samples, samples[:, ::-1, ::-1])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices import RemappedSensor, ReplaySensor
+from midair.devices import ReplaySensor, WrappedSensor
 from midair.errors import DeviceError
 from midair.model import Recording, SensorGrid, SensorWiring
 from midair.rig.bench.identify import (
@@ -126,7 +126,7 @@ def tapped():
 def sensor_of(samples, order=ORDER):
     """A sensor whose cell k is wired to channel order[k]: channel order[k] gets cell k's signal."""
     replay = ReplaySensor(Recording(samples=samples, rate=1000.0))
-    return RemappedSensor(replay, SensorWiring(order=tuple(int(c) for c in np.argsort(order)), unit="V"))
+    return WrappedSensor(replay, SensorWiring(order=tuple(int(c) for c in np.argsort(order)), unit="V"))
 
 
 def heard(sensor, test=RHYTHM, skip=lambda: False):
@@ -143,7 +143,7 @@ def test_a_permuted_sensor_is_put_right(subtests, tapped):
             identity = heard(sensor_of(tapped), test)
             assert identity.channel == ORDER
             assert identity.sound
-            right = RemappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
+            right = WrappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
             assert heard(right, test).in_order
 
 

@@ -276,20 +276,43 @@ class ReplaySensor(SensorDevice):
 
 
 class WrappedSensor(SensorDevice):
-    """Passes everything on to another sensor, except its calibration and its wiring."""
+    """Passes everything on to another sensor; `wiring` reorders its cells, `paced` returns its frames in real time.
 
-    def __init__(self, sensor: SensorDevice) -> None:
-        self._sensor = sensor
-        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
+    The wiring, to simulate or to correct swapped wires, assigns the sensor's cells, row by row, to channels; its grid
+    and name apply, its unit and scale do not, and the sensor's calibration is left out. A sensor whose time advances
+    only when it is read (`on_demand`) can be paced.
+    """
+
+    def __init__(self, sensor: SensorDevice, wiring: SensorWiring | None = None, *, paced: bool = False) -> None:
+        self._sensor, self._wiring, self._begin = sensor, wiring, 0.0
+        self.name, self.rate, self.unit = sensor.name, sensor.rate, sensor.unit
         self.simulated, self.full_scale, self.stored = sensor.simulated, sensor.full_scale, sensor.stored
+        self.on_demand = sensor.on_demand and not paced
+        self.grid, self.wiring, self.calibration = sensor.grid, sensor.wiring, sensor.calibration
+        if wiring is not None:
+            self.grid, self.wiring, self.calibration = wiring.grid, wiring, None
+        self._paced = paced
 
     def open(self) -> None:
         """Open the other sensor."""
         self._sensor.open()
 
     def start(self) -> None:
-        """Start the other sensor."""
+        """Start the other sensor; the time of the first frame of a paced one is now."""
         self._sensor.start()
+        self._begin = time.monotonic()
+
+    def read(self, frames: int) -> FrameBlock:
+        """Return the sensor's next frames; of a paced one, once the time of the last of them has come."""
+        block = self._sensor.read(frames)
+        if self._wiring is not None:
+            samples = np.asarray(block.samples, np.float64).reshape(len(block.samples), self._sensor.grid.count)
+            block = replace(block, samples=self._wiring.arrange(samples))
+        if not self._paced:
+            return block
+        first, end = block.first / self.rate, self._begin + (block.first + len(block.samples)) / self.rate
+        time.sleep(max(0.0, end - time.monotonic()))
+        return replace(block, device_time=first, host_time=self._begin + first)
 
     def stop(self) -> None:
         """Stop the other sensor."""
@@ -302,42 +325,3 @@ class WrappedSensor(SensorDevice):
     def describe(self) -> dict[str, str]:
         """Description of the other sensor."""
         return self._sensor.describe()
-
-
-class PacedSensor(WrappedSensor):
-    """Returns the frames of another sensor, whose time advances only when it is read (`on_demand`), in real time."""
-
-    def __init__(self, sensor: SensorDevice) -> None:
-        super().__init__(sensor)
-        self.calibration, self.wiring = sensor.calibration, sensor.wiring
-        self._begin = 0.0
-
-    def start(self) -> None:
-        """Start the other sensor; the time of its first frame is now."""
-        super().start()
-        self._begin = time.monotonic()
-
-    def read(self, frames: int) -> FrameBlock:
-        """Return the next frames, once the time of the last of them has come."""
-        block = self._sensor.read(frames)
-        end = self._begin + (block.first + len(block.samples)) / self.rate
-        time.sleep(max(0.0, end - time.monotonic()))
-        first = block.first / self.rate
-        return replace(block, device_time=first, host_time=self._begin + first)
-
-
-class RemappedSensor(WrappedSensor):
-    """A sensor with reordered channels, to simulate or to correct swapped wires.
-
-    `wiring` assigns the sensor's cells, row by row, to channels; its grid and name apply, its unit and scale do not.
-    """
-
-    def __init__(self, sensor: SensorDevice, wiring: SensorWiring) -> None:
-        super().__init__(sensor)
-        self.grid, self.wiring, self._order, self.on_demand = wiring.grid, wiring, wiring, sensor.on_demand
-
-    def read(self, frames: int) -> FrameBlock:
-        """Return the sensor's next frames with reordered channels."""
-        block = self._sensor.read(frames)
-        samples = np.asarray(block.samples, np.float64).reshape(len(block.samples), self._sensor.grid.count)
-        return replace(block, samples=self._order.arrange(samples))

@@ -20,7 +20,6 @@ from midair.devices import (
     Decimated,
     GrblStage,
     RawPose,
-    RemappedSensor,
     ReplaySensor,
     ReplaySource,
     SensorDevice,
@@ -31,6 +30,7 @@ from midair.devices import (
     VirtualArray,
     VirtualSensor,
     VirtualSkin,
+    WrappedSensor,
 )
 from midair.errors import BandError, BrokenFileError, InputError, UnknownDeviceError, did_you_mean
 from midair.files import json_of, load_palm_path, load_tracker, open_take, read_text
@@ -250,7 +250,7 @@ def sensor_named(
     if kind not in ("virtual", "replay") and kind in SENSORS and (rest or SENSORS[kind].has_default):
         return source_sensor(name, wiring=wiring)
     made = _on_demand_sensor(kind, rest, name, rig, duration)
-    return made if wiring is None else RemappedSensor(made, wiring)
+    return made if wiring is None else WrappedSensor(made, wiring)
 
 
 def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | None) -> SensorDevice:
