@@ -31,6 +31,7 @@ from benchmarks.exposure_attacks import (
 )
 from benchmarks.real_objects import DATA, fast, kept
 from midair.devices import measure_exposure
+from midair.evaluate import budget, felt
 from midair.files import open_take, profile_named
 from midair.model import Acoustics, Drive, Medium
 from midair.paper.modes_compared import FidelityPlan, original_of
@@ -38,14 +39,17 @@ from midair.physics import (
     Place,
     airs_of_room,
     focus_phase,
+    level_if_unlike,
     searches_of,
     sound_level,
     transfer_matrix,
 )
 from midair.pipeline import calibrated_pressure, reproduce, required_lead
-from midair.rig import BudgetPlan, VirtualRig, level_trade, record
+from midair.rig import BudgetPlan, VirtualRig, record
+from midair.rig.correction.budget_stages import stage_outputs
+from midair.rig.correction.iteration import no_progress
 from midair.rig.names.sensor_names import SPREADS, TransducerSpread
-from midair.settings import best_mode, quiet_mode
+from midair.settings import Settings, best_mode, quiet_mode
 from midair.solvers import one_blas_thread
 from midair.targets import add_lead
 
@@ -182,17 +186,27 @@ def safe(thing: str, levels: list[float], data: Path) -> None:
     print(
         f"{thing}: best mode {loud.pressure:.1f} Pa, ears {loud.peak[:2].max():.1f} dB, bystander {loud.peak[2]:.1f} dB"
     )
-    for row in level_trade(original, BudgetPlan(settings=settings, rig=rig, lead=required_lead(settings)), levels):
-        left = loud.pressure * 10 ** (-max(loud.peak[:2].max() - row.limit, 0) / 10)
-        weaker = row.felt.at(20 * np.log10(left / row.palm))
-        print(f"  best mode attenuated to {row.limit:g} dB: {left:.2g} Pa, felt {weaker}")
-        true = {str(spread or "equal"): true_ears(row.drive, spread) for spread in (None, *SPREADS)}
+    plan = BudgetPlan(settings=settings, rig=rig)
+    asked = add_lead(original, lead := required_lead(settings))
+    for limit in levels:
+        made = reproduce(asked, rig.array, settings.but(ears=limit))
+        drive = made.solution.drive
+        fitted = Settings.of(drive.provenance) or settings
+        outputs = list(stage_outputs(asked, made, replace(plan, settings=fitted), no_progress))
+        part = (lead, original.frames / original.rate)
+        found = budget(asked, outputs, strength=made.strength(), band=fitted.calibration.band, judged=part)
+        palm = next(each.pressure for each in outputs if each.name == "silencer").cut(*part)
+        people, check = felt(palm.pressure, palm.rate, palm.sensor.pitch), measure_exposure(drive, rig.array, PROFILE)
+        left = loud.pressure * 10 ** (-max(loud.peak[:2].max() - limit, 0) / 10)
+        weaker = people.at(20 * np.log10(left / check.pressure))
+        print(f"  best mode attenuated to {limit:g} dB: {left:.2g} Pa, felt {weaker}")
+        true = {str(spread or "equal"): true_ears(drive, spread) for spread in (None, *SPREADS)}
+        cells, unlike = found.stage("silencer").so_far.distortion_ratio, level_if_unlike(drive, PROFILE)[:2].max()
         print(
-            f"  {row.limit:g} dB: strength {row.strength:.3f}, palm {row.palm:.2g} Pa, felt {row.felt}, "
-            f"touched cells {row.distortion_ratio:.1f} dB; check: ears {row.ears:.1f}, bystander "
-            f"{row.bystander:.1f}, unlike {row.unlike:.1f} dB; direct sum at the ears: "
-            + ", ".join(f"{name} {level:.1f}" for name, level in true.items())
-            + " dB",
+            f"  {limit:g} dB: strength {made.strength():.3f}, palm {check.pressure:.2g} Pa, felt {people}, "
+            f"touched cells {cells:.1f} dB; check: ears {check.peak[:2].max():.1f}, bystander {check.peak[2]:.1f}, "
+            f"unlike {unlike:.1f} dB; direct sum at the ears: "
+            + ", ".join(f"{name} {level:.1f}" for name, level in true.items()),
             flush=True,
         )
 

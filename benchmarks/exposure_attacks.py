@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of
 from midair.model import Drive, Medium, TransducerArray
-from midair.physics import Place, sound_level
+from midair.physics import Place
 
 ARRAY = TransducerArray.autd3()
 Array = NDArray[np.float64]
@@ -62,17 +62,6 @@ def direct_sum(q: NDArray[np.complex128], points: Array, medium: Medium) -> Arra
     for first in range(0, len(points), 512):
         found[first : first + 512] = np.abs(waves(points[first : first + 512], medium) @ q.T.astype(np.complex64))
     return found
-
-
-def loudest_in(place: Place, q: NDArray[np.complex128], medium: Medium, *, step: float = 4e-3) -> Array:
-    """Level of each frame in dB at its loudest point of a cube: a grid, then 7 x 7 x 7 points around the best five."""
-    edge = np.linspace(-place.reach, place.reach, round(2 * place.reach / step) + 1)
-    coarse = _grid(edge) + place.position
-    field, found = direct_sum(q, coarse, medium), []
-    for frame, column in zip(q, field.T, strict=True):
-        best = coarse[np.argsort(column)[-5:]]
-        found.append(direct_sum(frame[None], within(place, best, step / 2, 7), medium).max())
-    return sound_level(np.array(found))
 
 
 def within(place: Place, centres: Array, reach: float, count: int) -> Array:

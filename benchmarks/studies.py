@@ -180,17 +180,6 @@ COVERAGE: dict[str, Callable[[int, int], None]] = {
 """Coverage studies by name."""
 
 
-def _right(rng: np.random.Generator, people: int, each: int, spread: float) -> np.ndarray:
-    """Correct and total answers of people with individual thresholds, shape (participant, level, 2)."""
-    threshold = np.exp(rng.normal(0, spread, (people, 1)))
-    p = 0.5 + 0.48 * (1 - np.exp(-((LEVELS / threshold) ** 2)))
-    return np.stack([rng.binomial(each, p), np.full(p.shape, each)], axis=-1).astype(float)
-
-
-def _geometric(values: np.ndarray) -> float:
-    return float(np.exp(np.log(values).mean()))
-
-
 def _above(edge: float) -> float:
     from scipy.stats import norm
 

@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from .bench.identify import assignment_problems as assignment_problems
     from .bench.identify import identify_by_taps as identify_by_taps
     from .correction.budget_stages import BudgetPlan as BudgetPlan
-    from .correction.budget_stages import LevelTrade as LevelTrade
     from .correction.budget_stages import error_budget as error_budget
-    from .correction.budget_stages import level_trade as level_trade
     from .correction.correction_loop import Loop as Loop
     from .correction.correction_loop import check_passes as check_passes
     from .correction.correction_loop import loop as loop

@@ -55,19 +55,6 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 
 @pytest.mark.long
-def test_budget_trades_levels_at_the_ears(capsys):
-    words = shlex.split("budget take.h5 --set target.grid={rows=6,columns=6,pitch=0.011} --duration 0.03s --lead 5ms")
-    assert run([*words, "--gain", "3", "--trade", "100dB,118dB,120dB", "--json"]) == 0
-    first, second, third = json.loads(capsys.readouterr().out)
-    assert first["ears"] <= 100
-    assert first["palm"] < second["palm"]
-    over = [each["felt"]["over_threshold_db"]["soft, deep"] for each in (first, second)]
-    assert over[0] < over[1]
-    # The gain is the highest, so that a level above its own changes nothing.
-    assert third == second | {"limit": 120.0}
-
-
-@pytest.mark.long
 def test_budget_as_json_and_as_a_figure(capsys):
     words = [*QUICK, "--band", "150Hz", "470Hz", "--json"]
     assert run(["budget", "take.h5", "budget.png", *words]) == 0

@@ -1,15 +1,13 @@
 """The command `budget`: distortion that each stage of a reproduction adds."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from midair import devices, files, rig
 from midair.cli.comparisons import laboratory_lines, palm_lines, print_laboratory, with_array_calibration
 from midair.cli.console import print_answer, print_grid, print_json, progress_bars
 from midair.cli.exposure_options import print_air
-from midair.cli.options import Force, Json, Reflection, Seed, Spread, TakeOptions, parse_quantity
+from midair.cli.options import Force, Json, Reflection, Seed, Spread, TakeOptions
 from midair.cli.output import may_write, print_table
-from midair.errors import InputError
 from midair.evaluate import RATIOS, Budget, StageLoss, ratio_text
 from midair.figures import budget_figure, png_bytes
 from midair.pipeline import required_lead
@@ -28,7 +26,6 @@ def budget_command(
     spread: Spread = "default",
     reflection: Reflection = 0.0,
     seed: Seed = 0,
-    trade: str | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -45,9 +42,6 @@ def budget_command(
         Write a waterfall chart of the stages to this PNG file.
     silencer
         How the array smooths phase steps, by default not at all.
-    trade
-        Instead, solve under each of these levels at the ears (110dB,120dB) in the mode quiet, and print what the palm
-        gets. --gain or --strength is the highest.
     lab
         TOML file with the uncertainties of a laboratory, from midair doctor --lab: adds the part "palm and laboratory",
         the loss by each of them and by all together, in random draws from the seed.
@@ -60,9 +54,6 @@ def budget_command(
     $ midair budget take.h5 --lab lab.toml --duration 0.1s
     """
     options = options or TakeOptions()
-    levels = _levels(trade)
-    if levels and options.mode is None and options.settings_file is None:
-        options = replace(options, mode="quiet")
     settings = options.settings()
     if figure is not None:
         may_write(figure, force, ".png")
@@ -86,10 +77,6 @@ def budget_command(
         fixed_place=fixed_place,
     )
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    if levels:
-        with progress_bars() as stage:
-            rows = list(rig.level_trade(original, plan, levels, stage=stage))
-        return print_json([row.plain() for row in rows]) if json else print_trade(source.name, rows)
     with progress_bars() as stage:
         made = rig.error_budget(original, plan, stage=stage)
     if figure is not None:
@@ -97,25 +84,6 @@ def budget_command(
     if json:
         return print_json(made.plain())
     return print_budget(made, figure)
-
-
-def _levels(trade: str | None) -> list[float]:
-    try:
-        return [] if trade is None else [parse_quantity(each, "dB") for each in trade.split(",")]
-    except ValueError as wrong:
-        raise InputError(f"--trade: {wrong}") from None
-
-
-def print_trade(name: str, rows: list[rig.LevelTrade]) -> None:
-    """Print a row for each level at the ears; "unlike" is the sound of transducers that differ by 0.2 rad."""
-    heads = ("ears at most", "palm", "felt by, of 10", "fidelity", "ears", "bystander", "unlike")
-    table: list[tuple[str, ...]] = []
-    for row in rows:
-        about, fewest, most = row.felt.people
-        levels = (f"{each:.1f} dB" for each in (row.distortion_ratio, row.ears, row.bystander, row.unlike))
-        table.append((f"{row.limit:g} dB", f"{row.palm:.2g} Pa", f"{about} ({fewest} to {most})", *levels))
-    print_answer(f"{name}, solved for quiet ears", simulated=True)
-    print_grid(heads, table)
 
 
 def print_budget(budget: Budget, figure: Path | None) -> None:

@@ -1,21 +1,20 @@
 """Error budget of one reproduction on the virtual rig: the stages are added one after the other."""
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Generator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from midair.array_types import Array
 from midair.calibration import known_noise
-from midair.devices import SilencerChoice, measure_exposure, silencer_named
-from midair.evaluate import Budget, Felt, StageOutput, apply_band_twice, budget, felt, leak
-from midair.files import DEFAULT_PROFILE, Laboratory, profile_named
+from midair.devices import SilencerChoice, silencer_named
+from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
+from midair.files import Laboratory
 from midair.model import Acoustics, ArrayCalibration, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
     cell_weights,
-    level_if_unlike,
     middle_of,
     palm_matrix,
     radiation_pressure,
@@ -77,7 +76,7 @@ def error_budget(original: PressureFrames, plan: BudgetPlan, *, stage: Stage = n
     plan = replace(plan, settings=with_fitted_gain(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
     # With the lead: the compared part is cut out at the comparison, so that no stage sees an edge.
-    outputs = list(_outputs(asked, made, plan, stage))
+    outputs = list(stage_outputs(asked, made, plan, stage))
     part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
     band = plan.settings.calibration.band
     palm = None
@@ -106,73 +105,8 @@ def error_budget(original: PressureFrames, plan: BudgetPlan, *, stage: Stage = n
     return replace(found, laboratory=loss)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevelTrade:
-    """Reproduction of a recording under a level at the ears."""
-
-    limit: float
-    """Highest level at ears and bystander, in dB."""
-    strength: float
-    """Target peak over the peak of a single focus."""
-    palm: float
-    """Highest radiation pressure on the palm, in Pa."""
-    felt: Felt
-    """The people who feel it."""
-    distortion_ratio: float
-    """Signal to distortion on the touched cells, without the sensor, in dB."""
-    ears: float
-    """Level at the louder ear in dB, by the exposure check at 14 to 30 °C."""
-    bystander: float
-    """Level at the bystander in dB."""
-    unlike: float
-    """Level at the louder ear in dB of the random errors of transducers that are not measured."""
-    drive: Drive = field(repr=False)
-    """The drive that was solved."""
-
-    def plain(self) -> dict[str, object]:
-        """Values for JSON."""
-        values: dict[str, object] = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "drive"}
-        return values | {"felt": self.felt.plain()}
-
-
-def level_trade(
-    original: PressureFrames, plan: BudgetPlan, limits: Sequence[float], *, stage: Stage = no_progress
-) -> Generator[LevelTrade]:
-    """Solve a recording under each level at the ears, in dB, and compute what the palm gets.
-
-    The gain of the plan's settings is the highest; a level above what it needs gives the same as no limit.
-    """
-    asked, array = add_lead(original, plan.lead), plan.measured or plan.rig.array
-    profile, most = profile_named(DEFAULT_PROFILE), with_fitted_gain(asked, array, plan.settings.but(ears=None))
-    full: LevelTrade | None = None
-    for limit in limits:
-        if full is not None and max(full.ears, full.bystander, full.unlike) <= limit:
-            yield replace(full, limit=limit)
-            continue
-        made = reproduce(asked, array, plan.settings.but(ears=limit), progress=stage(f"{limit:g} dB"))
-        drive, fitted = made.solution.drive, Settings.of(made.solution.drive.provenance) or plan.settings
-        outputs = list(_outputs(asked, made, replace(plan, settings=fitted), stage))
-        part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
-        found = budget(asked, outputs, strength=made.strength(), band=fitted.calibration.band, judged=part)
-        delivered = next(each.pressure for each in outputs if each.name == "silencer").cut(*part)
-        exposed = measure_exposure(drive, array, profile)
-        row = LevelTrade(
-            limit=limit,
-            strength=made.strength(),
-            palm=exposed.pressure,
-            felt=felt(delivered.pressure, delivered.rate, original.sensor.pitch),
-            distortion_ratio=found.stage("silencer").so_far.distortion_ratio,
-            ears=float(exposed.peak[:2].max()),
-            bystander=float(exposed.peak[2]),
-            unlike=float(level_if_unlike(drive, profile)[:2].max()),
-            drive=drive,
-        )
-        # Without a reduced gain, a higher level changes nothing.
-        full = row if fitted.target.gain >= (1 - 1e-9) * most.target.gain else None
-        yield row
-
-
-def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
+def stage_outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
+    """What each stage makes of what was `asked`, each added to those before it."""
     settings, rig, drive = plan.settings, plan.rig, made.solution.drive
     compensated = compensate_pressure(asked, settings)
     decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []
