@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
+from functools import singledispatch
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,12 @@ class Details(tuple["Line", ...]):
 Line = Row | tuple[str, str] | Mapping[str, object] | Details | Callable[[], Details]
 """A row, or a name and a text that are printed only, or values that are in JSON only, or details, or a function that
 computes details, which is called only where they are needed."""
+
+
+@singledispatch
+def describe(thing: Any) -> list[Line]:
+    """The table of what a command prints; registered for each type beside its command."""
+    raise TypeError(type(thing))
 
 
 def printed(table: Iterable[Line], *, all: bool = False) -> list[tuple[str, str]]:

@@ -7,7 +7,6 @@ import shutil
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
-from midair.table import Details, Line, Row, plain, printed
+from midair.table import Details, Line, Row, describe, plain, printed
 from midair.targets import frames_without_lead
 
 
@@ -105,12 +104,6 @@ def describe_strokes(provenance: Provenance, rate: float) -> list[Line]:
         text = "speed unknown" if speed is None else f"{1e3 * speed:.2f} mm/s in its middle"
         lines.append(("stroke", f"frames {first} to {first + count}, {count / rate:.3f} s, {text}"))
     return [Details(lines), {"strokes": strokes}]
-
-
-@singledispatch
-def describe(thing: Any) -> list[Line]:
-    """The table of a recording, a calibration of an array, or an assignment of channels."""
-    raise TypeError(type(thing))
 
 
 @describe.register

@@ -57,9 +57,7 @@ from .stimulus_rig import keyboard_of_terminal as keyboard_of_terminal
 from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
 from .stimulus_rig import study_code as study_code
-from .study_report import report_json as report_json
 from .study_report import report_page as report_page
-from .study_report import report_text as report_text
 from .tables import Program as Program
 from .tables import columns_of as columns_of
 from .tables import read_bids as read_bids

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from midair.files import for_json
 from midair.study.findings.analysis import Choices, Report
 from midair.study.findings.choice_findings import Finding
 from midair.study.tables import legend_of
+from midair.table import Line, describe
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -35,27 +35,19 @@ def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> 
     )
 
 
-def report_text(report: Report) -> str:
-    """Titles and texts of the report for a terminal."""
-    return "\n\n".join(f"{finding.title}\n{finding.words}" for finding in report.findings)
-
-
-def report_json(report: Report) -> str:
-    """Texts and tables as JSON; undefined numbers are null."""
-    content: Mapping[str, Any] = {
-        "simulated": bool(report.simulated),
-        "seed": report.seed,
-        "findings": [
-            {
-                "title": one.title,
-                "words": one.words,
-                "legend": dict(legend_of(one)),
-                "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
-            }
-            for one in report.findings
-        ],
-    }
-    return json.dumps(content, indent=2, ensure_ascii=False, default=str)
+@describe.register
+def _(report: Report) -> list[Line]:
+    """Titles and texts of the findings, and in JSON their tables; undefined numbers are null."""
+    findings = [
+        {
+            "title": one.title,
+            "words": one.words,
+            "legend": dict(legend_of(one)),
+            "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
+        }
+        for one in report.findings
+    ]
+    return [*((one.title, one.words) for one in report.findings), {"seed": report.seed, "findings": findings}]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,11 +11,11 @@ from cyclopts import Parameter
 from midair import files, recordings
 from midair.cli.import_options import ChannelNumbers, channel_numbers, resampled
 from midair.cli.options import Force, Frequency, Json, OptionalTime, Output, Source, Time
-from midair.cli.output import describe, may_write, print_table, recording_text
+from midair.cli.output import may_write, print_table, recording_text
 from midair.errors import InputError
 from midair.model import Recording
 from midair.settings import MOST_GAIN
-from midair.table import Row
+from midair.table import Row, describe
 
 
 def cut_command(

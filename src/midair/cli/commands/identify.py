@@ -10,10 +10,10 @@ from midair import devices, files, rig
 from midair.cli.console import banner, err, out
 from midair.cli.keys import Keys
 from midair.cli.options import Json, OptionalTime, Seed, Time
-from midair.cli.output import describe, print_table
+from midair.cli.output import print_table
 from midair.errors import InputError
 from midair.model import SensorWiring
-from midair.table import Line, Row
+from midair.table import Line, Row, describe
 
 
 def identify_command(

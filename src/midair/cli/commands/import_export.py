@@ -17,11 +17,11 @@ from midair.cli.import_options import (
     channel_numbers,
 )
 from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
-from midair.cli.output import as_recording, calibration_row, describe, may_write, next_row, print_table, recording_text
+from midair.cli.output import as_recording, calibration_row, may_write, next_row, print_table, recording_text
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
 from midair.recordings import GapFill, Mending, select
-from midair.table import Details, Line, Row
+from midair.table import Details, Line, Row, describe
 
 
 def import_command(

@@ -9,10 +9,10 @@ import numpy as np
 
 from midair import files, rig
 from midair.cli.options import Json
-from midair.cli.output import calibration_row, describe, describe_drive, describe_strokes, print_table, recording_text
+from midair.cli.output import calibration_row, describe_drive, describe_strokes, print_table, recording_text
 from midair.model import Provenance, Setting
 from midair.settings import Settings, format_setting, nearest_mode, typed_options
-from midair.table import Details, Line, Row
+from midair.table import Details, Line, Row, describe
 
 
 def info_command(source: Path, /, *, json: Json = False) -> None:

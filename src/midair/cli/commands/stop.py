@@ -9,6 +9,7 @@ from midair import devices
 from midair.cli.console import err, print_json, print_rows
 from midair.cli.options import Json, Placement
 from midair.errors import DeviceError, FileError, MidairError
+from midair.table import Line, describe, plain, printed
 
 
 def stop_command(
@@ -40,10 +41,11 @@ def stop_command(
         stopped = devices.stop_playing()
         with suppress(FileError):  # silence does not depend on the log
             devices.close_orders()
+        tables = [describe(one) for one in stopped]
         if json:
-            print_json([asdict(one) for one in stopped])
+            print_json([plain(table) for table in tables])
         elif stopped or device is None:
-            rows = [(one.device, _outcome_text(one)) for one in stopped]
+            rows = [row for table in tables for row in printed(table)]
             print_rows(rows or [("stop", f"no running playback is registered in {devices.state_folder()}")])
     finally:
         # Even if stopping the others failed.
@@ -68,11 +70,13 @@ def _watch(name: str, device: str | None, placement: Path | None, *, json: bool)
     raise DeviceError(f"{name}: expected an input that stays connected, it was lost, and all arrays were stopped")
 
 
-def _outcome_text(one: devices.Stopped) -> str:
+@describe.register
+def _(one: devices.Stopped) -> list[Line]:
     who = f"process {one.process}" + (f", {one.command}" if one.command else "")
+    text = f"{one.outcome} ({who})"
     if one.outcome == "no answer":
-        return f"NOT KNOWN TO BE SILENT ({who}): {one.reason}; switch the units off, or end the process (kill -9)"
-    return f"{one.outcome} ({who})"
+        text = f"NOT KNOWN TO BE SILENT ({who}): {one.reason}; switch the units off, or end the process (kill -9)"
+    return [(one.device, text), asdict(one)]
 
 
 def _silence(device: str, placement: Path | None) -> None:

@@ -12,12 +12,12 @@ from midair.cli.console import print_note, progress_bars
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.keys import Keys
 from midair.cli.options import Device, Force, Json, Length, Placement, Reflection, Seed, Spread, Time, quantity
-from midair.cli.output import describe, may_write, print_table
+from midair.cli.output import may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
 from midair.model import HEIGHT, RATE, Acoustics
 from midair.model import Placement as UnitPlacement
-from midair.table import Row
+from midair.table import Row, describe
 
 
 def array_command(

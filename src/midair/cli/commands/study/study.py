@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from midair import files
-from midair.cli.console import out, print_note, warn_simulated
+from midair.cli.console import out, print_json, print_note, warn_simulated
 from midair.cli.options import Json, Study
 from midair.errors import InputError
 from midair.study import (
@@ -20,13 +20,12 @@ from midair.study import (
     export,
     read_bids,
     read_csv,
-    report_json,
     report_page,
-    report_text,
     simulation_of,
     unfinished_sessions,
     write_report,
 )
+from midair.table import describe, plain, printed
 
 
 def analyse_command(
@@ -110,12 +109,12 @@ def analyse_command(
         )
         report, target = analyse(data, seed=seed, draws=draws), output or source.with_name(f"{source.stem}-report.html")
         files.write_file(target, report_page(report, title=source.name, within=data.within), private=True)
+    table = describe(report)
     if json:
-        print(report_json(report))  # noqa: T201
-        return
-    out().print(report_text(report))
+        return print_json(plain(table) | {"simulated": bool(report.simulated)})
+    out().print("\n\n".join(f"{title}\n{words}" for title, words in printed(table)))
     out().print(f"\nreport {target}")
-    warn_simulated(report.simulated)
+    return warn_simulated(report.simulated)
 
 
 def export_command(study: Study, output: Path, /, *, format: ExportFormat = "bids") -> None:
