@@ -57,19 +57,6 @@ class Losing(ReplaySensor):
         return FrameBlock(samples=block.samples, first=block.first + shift, device_time=0, host_time=0)
 
 
-def test_the_recording_equals_the_sensor_s_frames(tmp_path):
-    done = []
-    with ReplaySensor(TAKE) as sensor:
-        path, notes = tmp_path / "take.h5", {"object": "none"}
-        take = record(sensor, 0.25, path=path, notes=notes, progress=lambda *at: done.append(at))
-    np.testing.assert_array_equal(take.recording.samples, TAKE.samples)
-    assert done[-1] == (250, 250)
-    stored = load(path)
-    np.testing.assert_array_equal(stored.samples, TAKE.samples)
-    assert stored.provenance.notes["object"] == "none"
-    assert stored.rate == TAKE.rate
-
-
 def test_a_source_that_ends_early_gives_what_there_was():
     with ReplaySensor(TAKE) as sensor:
         assert record(sensor, 10.0).recording.frames == 250

@@ -16,8 +16,8 @@ import pytest
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.files import load, save, save_sensor
-from midair.model import Recording, SensorWiring
+from midair.files import load, save
+from midair.model import Recording
 
 PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
 SOURCE = Recording(samples=np.random.default_rng(0).normal(size=(600, 4, 4)), rate=1000.0)
@@ -183,39 +183,6 @@ def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
     assert [take["frames"] for take in takes] == [100, 100]
     assert load("towel-groove-02.h5").provenance.notes == {"object": "towel", "surface": "groove"}
     assert load("towel-groove-02.h5").provenance.simulated
-
-
-@pytest.mark.long
-def test_the_object_is_stored_in_the_notes(capsys):
-    words = ["--object", "Brush", "--surface", "flat", "--speed", "50mm/s", "--operator", "Å"]
-    assert run(["record", "replay:source.h5", *words]) == 0
-    said = capsys.readouterr()
-    assert "brush-flat-01.h5" in said.out
-    assert load("brush-flat-01.h5").provenance.notes == {
-        "object": "Brush",
-        "surface": "flat",
-        "speed": "50mm/s",
-        "operator": "Å",
-    }
-
-
-@pytest.mark.long
-def test_a_touch_starts_a_take(capsys):
-    samples = np.random.default_rng(1).normal(0, 0.01, (3000, 4, 4))
-    samples[1500:1700, 1, 1] += 1
-    save(Recording(samples=samples, rate=1000.0), "touch.h5")
-    assert run(["record", "replay:touch.h5", "take.h5", "--trigger", "500mV", "--pre-roll", "0.1s"]) == 0
-    assert "1.500 s: touched" in capsys.readouterr().err
-    np.testing.assert_array_equal(load("take.h5").samples[:300], samples[1400:1700])
-
-
-def test_a_sensor_file_puts_the_channels_in_order():
-    order = tuple(int(i) for i in np.random.default_rng(2).permutation(16))
-    save_sensor(SensorWiring(order=order, unit="V"), "sensor.toml")
-    assert run(["record", "replay:source.h5", "take.h5", "--sensor-file", "sensor.toml"]) == 0
-    np.testing.assert_array_equal(
-        load("take.h5").samples.reshape(600, 16), SOURCE.samples.reshape(600, 16)[:, list(order)]
-    )
 
 
 @pytest.mark.slow

@@ -36,19 +36,15 @@ def test_the_page_is_self_contained(loop, tmp_path):
     assert not re.search(r"(src|href)=\"(?!data:|#)", page)
     assert not re.search(r"https?:", page)
     assert page.count("data:image/png;base64,") == 6 + 2, "figures, and two maps on the cells"
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")
+    assert policy.count("script-src 'sha256-") == 1
 
 
 @pytest.mark.long
 def test_the_view_has_pressure_and_sound(page):
     assert set(re.findall(r'data-name="(\w+)"', page)) == {"about", "samples", "again", "wanted", "played", "phases"}
     assert page.count('src="data:audio/wav;base64,') == 2
-
-
-@pytest.mark.long
-def test_zero_priority_requests_nothing(page):
-    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
-    assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")
-    assert policy.count("script-src 'sha256-") == 1
 
 
 def test_the_page_has_all_sections(loop, page):

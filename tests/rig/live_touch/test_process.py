@@ -1,13 +1,10 @@
 """Live touch from another program's stream over LSL, on loopback, to emulated units."""
 
-import os
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.rig.live_touch.test_session import skin as sent
 from tests.waiting import wait_until
 
 import midair
@@ -17,22 +14,15 @@ from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 
 pytestmark = pytest.mark.slow
 
-HERE = Path(__file__).parent
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 
 
 @pytest.fixture
 def skin(monkeypatch):
     pytest.importorskip("pylsl")
-    monkeypatch.setenv("LSLAPICFG", str(HERE.parents[1] / "devices" / "sensors" / "lsl_api.cfg"))
-    name = f"midair live {os.getpid()} {time.monotonic_ns()}"
-    command = [sys.executable, str(HERE / "touch_sender.py"), name]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        try:
-            assert running.stdout.readline().strip() == "ready"
-            yield f"lsl:{name}?search=60&counter=16&timeout=20", running
-        finally:
-            running.kill()
+    monkeypatch.setenv("LSLAPICFG", str(Path(__file__).parents[2] / "devices" / "sensors" / "lsl_api.cfg"))
+    with sent(1000) as made:
+        yield made
 
 
 def test_all_frames_of_another_program_arrive_and_lost_ones_are_counted(skin, tmp_path):

@@ -183,15 +183,15 @@ def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path, s
 
 @contextmanager
 def skin(rate):
-    name, here = f"midair-{os.getpid()}-{rate}", Path(__file__).parent
-    sender = subprocess.Popen([sys.executable, str(here / "touch_sender.py"), name, str(rate)], stdout=subprocess.PIPE)
-    try:
-        assert sender.stdout is not None
-        sender.stdout.readline()
-        yield f"lsl:{name}?counter=16"
-    finally:
-        sender.kill()
-        sender.communicate()
+    """The name of a stream of another program, which sends so many frames a second, and the program."""
+    name, here = f"midair-{os.getpid()}-{time.monotonic_ns()}", Path(__file__).parent
+    command = [sys.executable, str(here / "touch_sender.py"), name, str(rate)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
+        try:
+            assert sender.stdout.readline().strip() == "ready"
+            yield f"lsl:{name}?search=60&counter=16&timeout=20", sender
+        finally:
+            sender.kill()
 
 
 def check_rate_report(line, rate, status):
@@ -206,7 +206,7 @@ def check_rate_report(line, rate, status):
 @pytest.mark.slow
 @pytest.mark.parametrize(("rate", "status"), [(900, 1), (970, 0)])
 def test_a_sensor_with_another_rate_than_stated_is_reported(rate, status):
-    with skin(rate) as sensor:
+    with skin(rate) as (sensor, _):
         line = [sys.executable, "-m", "midair", "live", "--sensor", sensor, "--duration", "8s"]
         told = check_rate_report(line, rate, status)
     assert sum(told["over_time"]["late"]) == told["late"]

@@ -152,25 +152,6 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
     assert table["scored"].all(), "of d' they are the half in which nothing is felt"
 
 
-@pytest.mark.long
-def test_thresholds_reach_the_report(tmp_path):
-    analysed = design("quest+", trials=120)
-    # As in the template `detection`: trials at the strongest level tell lapses from a flat slope.
-    strongest = Extra(role="attention", stimuli=("s4.0left", "s4.0right"), repetitions=30)
-    analysed = replace(analysed, blocks=(replace(analysed.blocks[0], extras=(strongest,)),))
-    plan = draw_plan(analysed)
-    sessions = [session(plan, n, tmp_path / f"{n}") for n in range(1, 7)]
-    data = data_of_answers(answers_table(plan, sessions), analysed.analysis, thresholds=thresholds_of(plan, sessions))
-    report = analyse(data, draws=200)
-    adaptive = next(one for one in report.findings if one.title == "Thresholds of adaptive blocks")
-    assert len(adaptive.table) == 6
-    assert (adaptive.table["trials"] == 120 + 60).all()
-    assert (adaptive.table["low"] < adaptive.table["threshold"]).all()
-    # 75 % correct answers at d' of 1 times the strength over the middle one.
-    blocks = np.exp(np.log(adaptive.table["threshold"]).mean())
-    assert float(proportion_correct(blocks, alternatives=2)) == pytest.approx(0.75, abs=0.05)
-
-
 def test_levels_of_constant_stimuli_have_thresholds_too(tmp_path):
     made = design("", trials=12)
     plan = draw_plan(made)

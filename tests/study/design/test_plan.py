@@ -197,10 +197,6 @@ ANSWER = {
 }
 
 
-def test_a_valid_log_gives_a_table_of_answers():
-    assert answers_table(PLAN, [replay([OPEN, ANSWER], PLAN, 1)])["answer"].tolist() == ["brush"]
-
-
 @pytest.mark.parametrize(
     ("event", "why"),
     [

@@ -31,33 +31,28 @@ def test_choices_have_the_stated_sensitivity():
     assert share == pytest.approx(float(proportion_correct(1.0, alternatives=3)), abs=0.03)
 
 
-@pytest.mark.long
-def test_yes_no_has_the_stated_sensitivity():
-    question = Question(name="q", kind="yes-no", text="?")
-    stimuli = (Stimulus(name="a", source="x"), Stimulus(name="n", kind="silence"))
-    given = answers(SimulatedParticipant(d_prime=1.5, spread=0, lapse=0), plan(question, stimuli), question)
-    hits = sum(answer == "yes" for trial, answer in given if trial.stimulus == "a")
-    alarms = sum(answer == "yes" for trial, answer in given if trial.stimulus == "n")
-    assert d_prime_yes_no(hits, 800, alarms, 800).d_prime == pytest.approx(1.5, abs=0.2)
+TWO = tuple(Stimulus(name=name, source=name) for name in "ab")
+NOTHING = Stimulus(name="n", kind="silence")
+PAIRS = tuple(Stimulus(name=f"a{name}", kind="pair", members=("a", name)) for name in "ab")
 
 
 @pytest.mark.long
-def test_same_different_has_the_stated_sensitivity():
-    question = Question(name="q", kind="same-different", text="?")
-    stimuli = (
-        Stimulus(name="a", source="x"),
-        Stimulus(name="b", source="y"),
-        Stimulus(name="aa", kind="pair", members=("a", "a")),
-        Stimulus(name="ab", kind="pair", members=("a", "b")),
-    )
-    block = Block(name="b", stimuli=("aa", "ab"), questions=("q",), repetitions=40)
+@pytest.mark.parametrize(
+    ("kind", "stimuli", "presented", "yes", "measure", "d_prime"),
+    [
+        ("yes-no", (TWO[0], NOTHING), "an", "yes", d_prime_yes_no, 1.5),
+        ("same-different", (*TWO, *PAIRS), ("ab", "aa"), "different", d_prime_same_different, 2.5),
+    ],
+)
+def test_two_answers_have_the_stated_sensitivity(kind, stimuli, presented, yes, measure, d_prime):
+    question = Question(name="q", kind=kind, text="?")
+    block = Block(name="b", stimuli=tuple(presented), questions=("q",), repetitions=40)
     drawn = draw_plan(
         Design(name="try", participants=20, seed=3, stimuli=stimuli, questions=(question,), blocks=(block,))
     )
-    given = answers(SimulatedParticipant(d_prime=2.5, spread=0, lapse=0), drawn, question)
-    hits = sum(answer == "different" for trial, answer in given if trial.stimulus == "ab")
-    alarms = sum(answer == "different" for trial, answer in given if trial.stimulus == "aa")
-    assert d_prime_same_different(hits, 800, alarms, 800).d_prime == pytest.approx(2.5, abs=0.3)
+    given = answers(SimulatedParticipant(d_prime=d_prime, spread=0, lapse=0), drawn, question)
+    hits, alarms = (sum(said == yes for trial, said in given if trial.stimulus == one) for one in presented)
+    assert measure(hits, 800, alarms, 800).d_prime == pytest.approx(d_prime, abs=0.2 if kind == "yes-no" else 0.3)
 
 
 @pytest.mark.long

@@ -5,7 +5,6 @@ from hashlib import sha256
 import pytest
 
 from midair.errors import DeviceStateError, InputError, LinkLostError, MismatchError, SilentFramesError
-from midair.model import Medium
 from midair.study.design.plan import draw_plan
 from midair.study.design.session_state import answers_table, replay, session_notes
 from midair.study.folder import read_design, template_text
@@ -99,17 +98,6 @@ def test_a_whole_session(plan, tmp_path):
     assert plan.design.consent in screen.seen
     assert not any("Ctrl" in text for text in screen.seen), "the browser shows the same texts"
     assert "rest 60" in screen.seen
-
-
-@pytest.mark.parametrize(
-    ("room", "stored"),
-    [(None, None), (Medium.at(temperature=23.5, humidity=0.4), {"temperature_c": 23.5, "humidity": 0.4})],
-    ids=["not stated", "stated"],
-)
-def test_the_air_of_the_room_is_in_the_log(plan, tmp_path, room, stored):
-    with session(plan, tmp_path / "log.jsonl", room=room):
-        pass
-    assert read_events(tmp_path / "log.jsonl")[0]["room"] == stored
 
 
 def test_no_step_reveals_the_condition(plan, tmp_path):
@@ -212,24 +200,6 @@ def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
     assert first.asked + second.asked == [(trial.code, name) for trial in plan.of(1) for name in trial.questions]
     assert presenter.done[0] == plan.of(1)[12].stimulus  # the unfinished trial is presented again
     assert [event["event"] for event in read_events(tmp_path / "log.jsonl")].count("resume") == 1
-
-
-@pytest.mark.long
-def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
-    interrupted(plan, tmp_path / "a.jsonl", after=21)
-    for name in ("a", "b"):
-        with session(plan, tmp_path / f"{name}.jsonl") as one:
-            run(one, Script(plan))
-    a, b = (replay(read_events(tmp_path / f"{name}.jsonl"), plan, 1).answers for name in "ab")
-    assert {key: one.answer for key, one in a.items()} == {key: one.answer for key, one in b.items()}
-
-
-def test_a_finished_session_asks_nothing_again(plan, tmp_path):
-    for _ in range(2):
-        screen = Script(plan)
-        with session(plan, tmp_path / "log.jsonl") as one:
-            assert run(one, screen).kind == "done"
-    assert screen.asked == []
 
 
 def test_stop_silences_first_and_ends_the_session(plan, tmp_path):

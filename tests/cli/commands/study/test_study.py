@@ -5,7 +5,6 @@ import shlex
 
 import numpy as np
 import pytest
-from rich.console import Console
 from tests.drives import log, save_drive
 from tests.palms import palm_path
 
@@ -18,9 +17,6 @@ from midair.settings import Settings
 from midair.study import template_text
 from midair.study.folder import StudyFolder
 from midair.study.session.event_log import read_events
-from midair.study.session.presenters import SilentPresenter
-from midair.study.session.trials import Session, run
-from midair.study.stimulus_rig import TerminalScreen
 from midair.study.tables import read_csv, write_csv
 
 
@@ -170,35 +166,6 @@ def test_refusals_are_one_clear_line(tmp_path):
         study("export", tmp_path / "s", tmp_path / "b")
 
 
-class Typist(Console):
-    def __init__(self, lines):
-        super().__init__(record=True, width=200, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
-        self.lines = iter(lines)
-
-    def input(self, *args, **kwargs):
-        line = next(self.lines)
-        if line is None:
-            raise KeyboardInterrupt
-        return line
-
-
-def test_a_person_at_the_terminal(tmp_path):
-    study("new", tmp_path / "s", "--participants", 1, "--drives", "none")
-    folder = StudyFolder(tmp_path / "s")
-    plan = folder.plan()
-    console = Typist(["", "AB12", "1", "", "cat", "brush", "2", None])
-    with pytest.raises(KeyboardInterrupt), Session(plan, 1, folder.log(1), SilentPresenter()) as session:
-        run(session, TerminalScreen(console))
-    console.file.close()
-    (progress,) = folder.sessions()
-    assert [one.answer for one in progress.answers.values()] == ["brush", "sponge"]
-    assert not progress.simulated
-    said = console.export_text()
-    assert "1 of 42 Which object did it feel closest to?" in said
-    assert "expected one of brush, sponge, towel, got 'cat'" in said
-    assert not any(stimulus.name in said for stimulus in plan.design.stimuli)
-
-
 BY_HAND = """
 name = "hand"
 participants = 1
@@ -216,9 +183,11 @@ blocks = [{ name = "all", stimuli = ["b", "t"], questions = ["which"] }]
 def test_a_whole_session_by_hand(tmp_path, monkeypatch, capsys):
     (tmp_path / "hand.toml").write_text(BY_HAND)
     study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n\nbrush\n\ntowel\n"))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\ncat\nbrush\n\ntowel\n"))
     assert study("run", tmp_path / "s", "--participant", 1) == 0
     said = capsys.readouterr()
+    assert "expected one of brush, towel, got 'cat'" in said.out
+    assert "1 of 2 Which?" in " ".join(said.out.split())
     assert "present: the brush" in said.err
     assert "the brush" not in said.out  # the participant's screen
     (progress,) = StudyFolder(tmp_path / "s").sessions()
@@ -242,26 +211,18 @@ def study_of_drives(folder, level, frames=10):
 
 
 @pytest.mark.long
-def test_the_air_of_the_room_is_printed_and_stored(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
+def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch, capsys):
     folder = study_of_drives(tmp_path, level=0.001)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
-    air = ("--temperature", "15C", "--humidity", "40%")
-    assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *air) == 0
-    told = " ".join(capsys.readouterr().err.split())
-    assert told.count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
+    assert study("run", folder, "--participant", 1, "--array", array, "--temperature", "15C", "--humidity", "40%") == 0
+    assert (
+        " ".join(capsys.readouterr().err.split()).count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
+    )
     first = json.loads((folder / "sessions" / "sub-01.jsonl").read_text(encoding="utf-8").splitlines()[0])
     assert first["room"] == {"temperature_c": 15.0, "humidity": 0.4}
     assert [entry["room"] for entry in log() if entry["event"] == "play"] == [first["room"]] * 2
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
-def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
-    folder = study_of_drives(tmp_path, level=0.001)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
-    assert study("run", folder, "--participant", 1, "--array", array) == 0
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in log()]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
     assert {entry["participant"] for entry in log() if entry["event"] == "play"} == {"s/1"}
@@ -312,6 +273,8 @@ def test_no_session_begins_without_its_hardware_stop(line, word, tmp_path, monke
 
 def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=0.001)
+    with pytest.raises(InputError, match="expected 1 to 1, got 9"):
+        study("run", folder, "--participant", 9, "--array", "virtual")
     with (folder / "focus.drive.h5").open("ab") as file:
         file.write(b"\0")
     with pytest.raises(InputError, match=r"focus\.drive\.h5: .* changed after the plan was drawn"):
@@ -348,13 +311,6 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     assert study(*shlex.split(said[0].partition("midair study ")[2])) == 0
     assert "participant 1 has already finished" in capsys.readouterr().out
-
-
-def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
-    folder = study_of_drives(tmp_path, level=0.001)
-    with pytest.raises(InputError, match="expected 1 to 1, got 9"):
-        study("run", folder, "--participant", 9, "--array", "virtual")
-    assert not (folder / "sessions").exists()
 
 
 def test_every_command_reports_a_damaged_log(tmp_path, capsys):
