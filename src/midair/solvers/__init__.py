@@ -30,8 +30,8 @@ from .solve_plan import automatic_level as automatic_level
 from .solve_plan import frames_per_part as frames_per_part
 from .solving import solve as solve
 from .solving import solve_parts as solve_parts
-from .terms import Cells as Cells
-from .terms import Guard as Guard
-from .terms import QuietEars as QuietEars
-from .terms import QuietPalm as QuietPalm
-from .terms import Windows as Windows
+from .terms.fit import Cells as Cells
+from .terms.fit import Windows as Windows
+from .terms.guard import Guard as Guard
+from .terms.quiet_ears import QuietEars as QuietEars
+from .terms.quiet_palm import QuietPalm as QuietPalm

@@ -14,18 +14,12 @@ from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
 from midair.solvers.problem import Start
-from midair.solvers.terms import (
-    Amplitudes,
-    Cells,
-    Fit,
-    FitName,
-    Guard,
-    QuietEars,
-    QuietPalm,
-    Windows,
-    airs_around,
-    pressure_means,
-)
+from midair.solvers.terms.amplitudes import Amplitudes
+from midair.solvers.terms.fit import Cells, Fit, FitName, Windows, pressure_means
+from midair.solvers.terms.guard import Guard
+from midair.solvers.terms.quiet_ears import QuietEars
+from midair.solvers.terms.quiet_palm import QuietPalm
+from midair.solvers.terms.temperatures import airs_around
 from midair.validation import Declared, documented, one_of, setting, within
 
 Method = LevenbergMarquardt | Fast | Glide | Free | Live

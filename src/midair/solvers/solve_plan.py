@@ -20,7 +20,10 @@ from midair.solvers.methods import Method, SolverSettings
 from midair.solvers.mirror_symmetry import Lattice, mirror_images
 from midair.solvers.phases import spreading_phase
 from midair.solvers.problem import CellTarget, GuardField, Problem, WarmStart, error_of, phases_and_errors
-from midair.solvers.terms import Cells, Guard, Windows, doubled, psi_at_temperatures, with_amplitudes
+from midair.solvers.terms.amplitudes import doubled, with_amplitudes
+from midair.solvers.terms.fit import Cells, Windows
+from midair.solvers.terms.guard import Guard
+from midair.solvers.terms.temperatures import psi_at_temperatures
 
 TOGETHER = 256
 """Approximate number of sounding frames in a part."""

@@ -5,7 +5,7 @@ from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Transd
 from midair.physics import focus_amplitude, propagate, transfer_matrix
 from midair.solvers import solve
 from midair.solvers.problem import GuardField
-from midair.solvers.terms import QuietEars
+from midair.solvers.terms.quiet_ears import QuietEars
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 GRID = ControlGrid(rows=4, columns=4, pitch=11e-3)

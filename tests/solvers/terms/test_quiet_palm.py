@@ -6,7 +6,7 @@ from midair.model import Acoustics, ControlGrid, Palm, TransducerArray
 from midair.physics import propagate, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
-from midair.solvers.terms import QuietPalm
+from midair.solvers.terms.quiet_palm import QuietPalm
 
 
 def around(grid):

@@ -3,7 +3,7 @@ import pytest
 
 from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
 from midair.physics import transfer_matrix
-from midair.solvers.terms import airs_around, psi_at_temperatures
+from midair.solvers.terms.temperatures import airs_around, psi_at_temperatures
 
 ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.3), directivity="point")
 

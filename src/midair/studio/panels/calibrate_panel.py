@@ -15,7 +15,7 @@ from midair.studio.studio_state import Page
 class CalibratePanel(Panel):
     """Calibrations of takes and calibration files."""
 
-    name, title, script = "calibrate", "Calibrate", WEB / "room-calibrate.js"
+    name, title, script, place = "calibrate", "Calibrate", WEB / "room-calibrate.js", 3
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

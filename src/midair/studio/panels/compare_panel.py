@@ -13,7 +13,7 @@ from midair.studio.work import budget_of_take, compare_takes, palm_of_take
 class ComparePanel(Panel):
     """Comparisons of this session; runs after each play."""
 
-    name, title, script = "compare", "Compare", WEB / "room-compare.js"
+    name, title, script, place = "compare", "Compare", WEB / "room-compare.js", 5
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

@@ -139,7 +139,7 @@ class SaveForm(PatternForm):
 class DrawPanel(Panel):
     """The palette, the preview of a pattern, its file and its drive."""
 
-    name, title, script = "draw", "Draw", WEB / "room-draw.js"
+    name, title, script, place = "draw", "Draw", WEB / "room-draw.js", 6
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

@@ -23,7 +23,7 @@ class TouchNamed(Arguments):
 class GalleryPanel(Panel):
     """The gallery; a chosen touch becomes a file of the folder."""
 
-    name, title, script = "gallery", "Gallery", WEB / "room-gallery.js"
+    name, title, script, place = "gallery", "Gallery", WEB / "room-gallery.js", 9
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

@@ -60,7 +60,7 @@ class KeepLast(Arguments):
 class LivePanel(Panel):
     """Live touch: borrows the array, and the sensor of the panel Record."""
 
-    name, title, script = "live", "Live", WEB / "room-live.js"
+    name, title, script, place = "live", "Live", WEB / "room-live.js", 8
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

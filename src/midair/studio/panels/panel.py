@@ -55,6 +55,8 @@ class Panel:
     name: ClassVar[str]
     title: ClassVar[str]
     script: ClassVar[Path]
+    place: ClassVar[float]
+    """Place of the tab, from left to right."""
 
     def __init__(self, context: PanelContext) -> None:
         self._context, self._store, self._takes = context, context.store, context.takes

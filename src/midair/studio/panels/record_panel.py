@@ -148,7 +148,7 @@ class VisibleRange(Arguments):
 class RecordPanel(Panel):
     """The sensor process and its takes."""
 
-    name, title, script = "record", "Record", WEB / "room-record.js"
+    name, title, script, place = "record", "Record", WEB / "room-record.js", 2
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

@@ -82,7 +82,7 @@ class JobNumber(Arguments):
 class ReproducePanel(Panel):
     """Takes and drives."""
 
-    name, title, script = "reproduce", "Reproduce", WEB / "room-reproduce.js"
+    name, title, script, place = "reproduce", "Reproduce", WEB / "room-reproduce.js", 4
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)

@@ -141,7 +141,7 @@ SHOWN = ("kind", "text", "code", "number", "total", "rest_s", "consent")
 class StudyPanel(Panel):
     """Studies of the folder, and the running session."""
 
-    name, title, script = "study", "Study", WEB / "room-study.js"
+    name, title, script, place = "study", "Study", WEB / "room-study.js", 7
 
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
