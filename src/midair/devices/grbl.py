@@ -11,12 +11,12 @@ import tomllib
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 
 from midair.devices.safety.stop_guard import device_lock
-from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
+from midair.errors import DeviceError, InputError, LinkLostError
 from midair.model import Place, StageStamp
 from midair.registry import load_object
 
@@ -29,7 +29,6 @@ GREETINGS = ("Grbl ", "GrblHAL ")
 """Begin of the line that Grbl and grblHAL send after a reset."""
 
 _STORED = tomllib.loads(Path(__file__).with_name("grbl_messages.toml").read_text(encoding="utf-8"))
-MEANINGS: Mapping[str, str] = _STORED["alarms_and_errors"]
 STATES: Mapping[str, str] = _STORED["states"]
 """Explanations of the machine's states other than Idle and Alarm."""
 
@@ -48,18 +47,18 @@ class GrblStage:
     """
 
     def __init__(self, port: str, *, baud: int = 115_200, search: float = 5.0) -> None:
-        self.name = f"grbl:{port}"
+        self.name, self.firmware = f"grbl:{port}", "Grbl"
+        self.stands = "an unknown position"
+        """Last position that was reported, in words."""
         self._address, self._baud, self._search = port, baud, search
         self._serial: Any = load_object("grbl", "serial:Serial [serial]")
         self._resources = ExitStack()
         self._port: Any = None
-        # starting: until the first report, answers are old ones. holding: cancelled lines may still be answered.
-        self._state: Literal["starting", "ready", "holding", "locked"] = "starting"
-        self._line, self._received = "", b""
+        self._line, self._received, self._locked = "", b"", False
+        # None while it starts: greetings are expected then.
         self._report: tuple[str, StageStamp, str] | None = None
         self._asked = self._reported = -np.inf
         self._settings: dict[int, float] = {}
-        self._version = ""
 
     def __enter__(self) -> Self:
         """Open the port and wait for the first status report; nothing moves."""
@@ -70,7 +69,7 @@ class GrblStage:
             try:
                 self._port = self._serial(self._address, self._baud, timeout=0.01, write_timeout=1.0, **only)
             except (OSError, ValueError) as wrong:
-                raise DeviceError(f"{self.name}: expected a port, got: {wrong}; see midair doctor") from wrong
+                raise self._wrong(f"expected a port, got: {wrong}; see midair doctor") from wrong
             hold.callback(self._port.close)
             self._start()
             self._resources = hold.pop_all()
@@ -78,20 +77,6 @@ class GrblStage:
 
     def __exit__(self, *_: object) -> None:
         self._resources.close()
-        self._port = None
-
-    @property
-    def firmware(self) -> str:
-        """Firmware with its version, once it was ready."""
-        return f"Grbl {self._version}"
-
-    @property
-    def stands(self) -> str:
-        """Last position that was reported, in words."""
-        if self._report is None:
-            return "an unknown position"
-        x, y, z = (1e3 * part for part in self._report[1].position)
-        return f"x {x:.3f}, y {y:.3f}, z {z:.3f} mm"
 
     def ready(self, *, homing: bool) -> StageStamp:
         """Return the position if the machine is at rest, not locked, and knows its position.
@@ -100,32 +85,32 @@ class GrblStage:
         """
         state, _, fields = self._query()
         if state == "Alarm":
-            raise DeviceError(
-                f"{self.name}: it is locked (Alarm) and its position is unknown; remove all obstacles, "
-                "then home it: --home"
+            raise self._wrong(
+                "it is locked (Alarm) and its position is unknown; remove all obstacles, then home it: --home"
             )
         if state != "Idle":
-            means = STATES[state.partition(":")[0]]
-            raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {state}: {means}")
+            raise self._wrong(f"expected a machine at rest (Idle), got {state}: {STATES[state.partition(':')[0]]}")
         self._send("$$")
         self._send("$I")
-        if not self._version.startswith("1.1"):
-            raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
-        if self._settings.get(13):
-            raise DeviceError(f"{self.name}: expected reports in mm, got inches; set $13=0")
-        if pressed := sorted(set("XYZ").intersection("".join(re.findall(r"\|Pn:(\w+)", fields)))):
-            raise DeviceError(f"{self.name}: a limit switch is pressed ({', '.join(pressed)}); move it off by hand")
-        if homing and not self._settings.get(22):
-            raise DeviceError(
-                f"{self.name}: it has no limit switches ($22=0), so that 0 is the position at power-on; if you set "
-                'that position by hand each time, write homing = "by hand" into the stage\'s file'
-            )
+        pressed = ", ".join(sorted(set("XYZ").intersection("".join(re.findall(r"\|Pn:(\w+)", fields)))))
+        for wrong, words in (
+            (not self.firmware.startswith("Grbl 1.1"), f"expected Grbl 1.1, got {self.firmware}"),
+            (self._settings.get(13), "expected reports in mm, got inches; set $13=0"),
+            (pressed, f"a limit switch is pressed ({pressed}); move it off by hand"),
+            (
+                homing and not self._settings.get(22),
+                "it has no limit switches ($22=0), so that 0 is the position at power-on; if you set that position "
+                'by hand each time, write homing = "by hand" into the stage\'s file',
+            ),
+        ):
+            if wrong:
+                raise self._wrong(words)
         return self._query()[1]
 
     def home(self, stopped: Callable[[], bool]) -> None:
         """Find the limit switches ($H); the machine moves, and does not answer until it has found them."""
         if (state := self._query()[0]) not in ("Idle", "Alarm"):
-            raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
+            raise self._wrong(f"expected a machine at rest, got {state}")
         homed = None
         try:
             homed = self._send("$H", HOMING, stopped)
@@ -134,30 +119,27 @@ class GrblStage:
                 # During homing Grbl ignores a hold, but not a reset.
                 self._line = ""
                 with suppress(DeviceError):
-                    self._write(RESET)
+                    self._io(lambda port: port.write(RESET))
         if homed is None:
-            raise DeviceError(f"{self.name}: stopped during homing; its position is unknown, home it again")
-        self._state = "ready"
+            raise self._wrong("stopped during homing; its position is unknown, home it again")
+        self._locked = False
 
     def check_speed(self, speed: float, way: float, axis: int) -> None:
         """Raise InputError unless it reaches a speed (m/s) and keeps it over at least half of a way (m) along an axis.
 
         Speeding up and slowing down take speed**2 / acceleration together.
         """
-        try:
-            largest, growth = self._settings[110 + axis] / 60e3, self._settings[120 + axis] / 1e3
-        except KeyError as wrong:
-            raise DeviceError(f"{self.name}: expected the setting ${wrong}, got none; see its answer to $$") from None
-        if speed > largest:
+        # Grbl's units: mm/min and mm/s2.
+        largest, growth = (self._settings.get(number + axis, 0.0) for number in (110, 120))
+        if 60e3 * speed > largest:
             raise InputError(
-                f"--speed: expected up to {1e3 * largest:g} mm/s, the machine's own limit along the stroke, got "
-                f"{1e3 * speed:g} mm/s; the machine would go slower; choose a lower speed"
+                f"--speed: expected up to {largest / 60:g} mm/s, the machine's own limit along the stroke, got "
+                f"{1e3 * speed:g} mm/s; choose a lower speed"
             )
-        if speed**2 / growth > way / 2:
+        if 2e3 * speed**2 > growth * way:
             raise InputError(
-                f"--speed: {1e3 * speed:g} mm/s is reached over less than half of {1e3 * way:g} mm: speeding up at "
-                f"{1e3 * growth:g} mm/s2 and slowing down take {1e3 * speed**2 / growth:.4g} mm; make the stroke "
-                "longer or slower"
+                f"--speed: {1e3 * speed:g} mm/s is reached over less than half of {1e3 * way:g} mm, with speeding up "
+                f"at {growth:g} mm/s2 and slowing down; make the stroke longer or slower"
             )
 
     def move(
@@ -191,18 +173,16 @@ class GrblStage:
 
         A reset in motion would lose the position.
         """
-        locked, self._line = self._state == "locked", ""
+        self._line = ""
         try:
-            self._write(HOLD)
-            if locked:
+            self._io(lambda port: port.write(HOLD))
+            if self._locked:
                 return f"the stage is locked; its last position was {self.stands}"
-            self._state = "holding"
             end = time.monotonic() + 2 * ANSWER
             while (state := self._query()[0]) not in ("Hold:0", "Idle"):
                 if state == "Alarm" or time.monotonic() > end:
-                    raise DeviceError(f"{self.name}: expected standstill (Hold:0), got {state}")
-            self._state = "starting"
-            self._write(RESET)
+                    raise self._wrong(f"expected standstill (Hold:0), got {state}")
+            self._io(lambda port: port.write(RESET))
             self._start()
             return f"the stage was stopped at {self.stands}"
         except LinkLostError as wrong:
@@ -212,8 +192,6 @@ class GrblStage:
             )
         except DeviceError as wrong:
             return f"the stage was stopped, but: {wrong}"
-        finally:
-            self._state = "locked" if self._state == "locked" else "ready"
 
     def _start(self) -> None:
         """Wait for the first report; a board that restarts sends its greeting first and does not answer before."""
@@ -226,7 +204,6 @@ class GrblStage:
                     f"{self.name}: expected a status report of Grbl 1.1 with MPos, got none in {self._search:g} s; "
                     "check the port, set $10=1, and after an alarm reset the machine by its button"
                 )
-        self._state = "ready"
 
     def _query(self) -> tuple[str, StageStamp, str]:
         """State, position and other fields of the next status report."""
@@ -248,7 +225,7 @@ class GrblStage:
         runs; it must not be in another state than Idle or Run.
         """
         self._line = line
-        self._write(f"{line}\n".encode())
+        self._io(lambda port: port.write(f"{line}\n".encode()))
         begun = running = time.monotonic()
         while self._line:
             if stopped():
@@ -265,7 +242,7 @@ class GrblStage:
                 state = self._report[0]
                 if state not in ("Idle", "Run"):
                     means = STATES.get(state.partition(":")[0], "home it before the next stroke")
-                    raise DeviceError(f"{self.name}: expected it to move (Run), got {state}: {means}")
+                    raise self._wrong(f"expected it to move (Run), got {state}: {means}")
                 stamp(self._report[1])
                 running = self._reported if state == "Run" else running
         return time.monotonic()
@@ -277,7 +254,7 @@ class GrblStage:
             raise LinkLostError(f"{self.name}: expected a status report, got no answer for {ANSWER:g} s")
         # A damaged report is queried again.
         if now - self._asked >= (QUERY_INTERVAL if self._reported > self._asked else 0.5):
-            self._write(QUERY)
+            self._io(lambda port: port.write(QUERY))
             # Taken after writing, so that delays of this computer do not count as transmission time.
             self._asked = time.monotonic()
 
@@ -291,50 +268,46 @@ class GrblStage:
         return False
 
     def _handled(self, line: str) -> bool:
-        """Handle one line; True if it is a status report."""
+        """Handle one line; True if it is a status report. Answers to no line are old ones."""
         if found := REPORT.fullmatch(line):
             self._reported = time.monotonic()
             # The position is that at about the middle between query and answer.
             when = (self._reported + max(self._asked, self._reported - ANSWER)) / 2
-            x, y, z = (1e-3 * float(part) for part in found.groups()[1:4])
-            fields = found[5] or ""
-            feed = re.search(r"\|FS?:([\d.]+)", fields)
-            stamp = StageStamp(time=when, position=(x, y, z), feed=float(feed[1]) / 60e3 if feed else 0.0)
-            self._report = found[1], stamp, fields
+            x, y, z = (float(part) for part in found.groups()[1:4])
+            feed = re.search(r"\|FS?:([\d.]+)", fields := found[5] or "")
+            stamp = StageStamp(
+                time=when, position=(1e-3 * x, 1e-3 * y, 1e-3 * z), feed=float(feed[1]) / 60e3 if feed else 0.0
+            )
+            self._report, self.stands = (found[1], stamp, fields), f"x {x:.3f}, y {y:.3f}, z {z:.3f} mm"
             return True
-        if line == "ok" or line.startswith("error:"):
-            if self._state in ("starting", "holding"):
-                return False
-            answered, self._line = self._line, ""
-            if not answered:
-                raise DeviceError(f"{self.name}: got an answer to no line; close other programs that use the port")
-            if line != "ok":
-                raise DeviceError(f"{self.name}: Grbl rejected {answered}: {with_meaning(line)}")
-        elif line.startswith("ALARM:"):
-            self._state = "locked"
-            raise DeviceError(f"{self.name}: {with_meaning(line)}; reset the machine, inspect it, and home it again")
-        elif line.startswith(GREETINGS) and self._state != "starting":
+        if line.startswith("ALARM:"):
+            self._locked = True
+            raise self._wrong(f"{_with_meaning(line)}; reset the machine, inspect it, and home it again")
+        if line.startswith(GREETINGS) and self._report is not None:
             self._line = ""
-            raise DeviceError(f"{self.name}: the machine was reset or restarted; home it again")
-        elif found := re.fullmatch(r"\$(\d+)=(-?\d+\.?\d*)(\s.*)?", line):
+            raise self._wrong("the machine was reset or restarted; home it again")
+        if self._line and (line == "ok" or line.startswith("error:")):
+            answered, self._line = self._line, ""
+            if line != "ok":
+                raise self._wrong(f"Grbl rejected {answered}: {_with_meaning(line)}")
+        elif found := re.fullmatch(rf"\$(\d+)={_NUMBER}(\s.*)?", line):
             self._settings[int(found[1])] = float(found[2])
         elif line.startswith("[VER:"):
-            self._version = line[5:].split(":")[0].rstrip("]")
+            self.firmware = f"Grbl {line[5:].split(':')[0].rstrip(']')}"
         return False
-
-    def _write(self, data: bytes) -> None:
-        self._io(lambda port: port.write(data))
 
     def _io(self, call: Callable[[Any], Any]) -> Any:
         """Call the port, and convert pyserial's errors: OSError, and TypeError if it was closed meanwhile."""
-        if self._port is None:
-            raise DeviceStateError(f"{self.name}: expected open first")
         try:
             return call(self._port)
         except (OSError, TypeError) as wrong:
             raise LinkLostError(f"{self.name}: lost the port: {wrong}") from wrong
 
+    def _wrong(self, words: str) -> DeviceError:
+        return DeviceError(f"{self.name}: {words}")
 
-def with_meaning(line: str) -> str:
+
+def _with_meaning(line: str) -> str:
     """An alarm or error with its meaning, such as "ALARM:1, a limit switch was hit"."""
-    return f"{line}, {MEANINGS[line]}" if line in MEANINGS else line
+    means: str | None = _STORED["alarms_and_errors"].get(line)
+    return line if means is None else f"{line}, {means}"
