@@ -210,14 +210,12 @@ class _LiveSupervisor:
         if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
-        cooling = Cooling(report=lambda text: self._pipe.send("heat", text=text))
 
         def told(text: str) -> None:
-            if text.startswith("follow"):
-                self._pipe.send("follow", text=text)
+            self._pipe.send("follow" if text.startswith("follow") else "heat", text=text)
 
-        token = order["token"]
-        session = live(settings=settings, lease=(self._lease, token), cooling=cooling, report=told)
+        token, limit = order["token"], Cooling().limit
+        session = live(settings=settings, cooling_limit=limit, lease=(self._lease, token), report=told)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()

@@ -64,16 +64,16 @@ def live_command(
     $ midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3
     """
     options = options or LiveOptions()
-    settings = options.settings()
+    heat = heat or HeatOptions()
+    settings = options.settings().but(cooling_limit=heat.cooling_limit if heat.when_hot == "wait" else None)
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: already exists; give another name")
         may_write(keep, True, ".h5")
-    cooling = (heat or HeatOptions()).cooling()
     with (
         signals_noted() as signals,
         stop_on_input(stop_input),
-        begin(settings=settings, cooling=cooling, keep=keep, report=print_note) as session,
+        begin(settings=settings, keep=keep, report=print_note) as session,
     ):
         if not json:
             print_table(

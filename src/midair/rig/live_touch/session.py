@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import Cooling, ExposureClearance, LeaseToken, PlayLease
+from midair.devices import ExposureClearance, LeaseToken, PlayLease
 from midair.errors import DeviceError, DeviceStateError, MidairError
 from midair.model import RATE, Placement
 from midair.processes import start_process
@@ -286,7 +286,6 @@ def live(
     device: str | None = None,
     *,
     settings: LiveSettings | None = None,
-    cooling: Cooling | None = None,
     keep: str | Path | None = None,
     notes: dict[str, str] | None = None,
     lease: tuple[PlayLease, LeaseToken] | None = None,
@@ -304,8 +303,6 @@ def live(
         Names of the sensor and of the array, as in `LiveSettings`.
     settings : LiveSettings, optional
         All settings; the defaults if None.
-    cooling : Cooling, optional
-        How to wait in silence for units that are too hot; without it they end the session with TooHotError.
     keep : str or Path, optional
         File for a take of the sensor's samples and the emitted phases.
     notes : dict of str to str, optional
@@ -313,7 +310,7 @@ def live(
     lease : (PlayLease, LeaseToken), optional
         Lease that another program renews and can stop, and the token of its arming; a lease of its own if None.
     report : callable, optional
-        Called by ``wait`` with one line when following the palm begins or ends; with ``cooling`` also for its pauses.
+        Called by ``wait`` with one line when following the palm, or a pause of ``cooling_limit``, begins or ends.
     **changes
         Fields of `LiveSettings` that differ from `settings`, such as ``height=0.15``. Calibration, wiring and placement
         may be the path of a file.
@@ -332,16 +329,8 @@ def live(
     named: dict[str, Any] = {
         name: value for name, value in (("sensor", sensor), ("device", device)) if value is not None
     }
-    if cooling is not None:
-        named["cooling_limit"] = cooling.limit
     order = (settings or LiveSettings()).but(**named, **changes)
-    return LiveSession(
-        order,
-        keep=None if keep is None else Path(keep),
-        notes=notes,
-        lease=lease,
-        report=report or (None if cooling is None else cooling.report),
-    )
+    return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, lease=lease, report=report)
 
 
 def live_clearance(order: LiveSettings) -> ExposureClearance:
