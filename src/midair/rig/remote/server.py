@@ -35,8 +35,8 @@ LEAVES, AHEAD = 5.0, 1.0
 STATES, MOST, LINES = 60, 1000, 20
 """States that each client gets a second; messages of one client a second; refusals that are printed."""
 ENDINGS = (".drive.h5", *PATTERN_ENDINGS)
-Read = Callable[[], tuple[str, BaseModel]]
-"""Returns name and fields of a message; InputError if it is none."""
+Message = str | bytes | tuple[str, BaseModel]
+"""Text of a message, or its name and fields."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -51,10 +51,6 @@ class Client:
     count: int = 0
     """Number of messages in that second."""
     gone: bool = False
-
-
-def _message(name: str, fields: BaseModel) -> tuple[str, BaseModel]:
-    return name, fields
 
 
 class Server(asyncio.DatagramProtocol):
@@ -136,7 +132,7 @@ class Server(asyncio.DatagramProtocol):
         alive = asyncio.create_task(self._watch(client, connection))
         try:
             async for text in connection:
-                self._answer(client, partial(self.read, text))
+                self._answer(client, text)
         except (ConnectionClosed, InputError):
             pass
         finally:
@@ -156,13 +152,13 @@ class Server(asyncio.DatagramProtocol):
         now, clock = time.monotonic(), datetime.now(UTC).timestamp()
         try:
             for number, (stamp, key, name, fields) in enumerate(read_osc(data)):
-                ahead, read = 0.0 if stamp is None else stamp - clock, partial(_message, name, fields)
+                ahead, message = 0.0 if stamp is None else stamp - clock, (name, fields)
                 if not compare_digest(key.encode(), self._key):
                     if name != "stop":
                         raise InputError("expected the key as the first value, got another")
                     self._stop()
                     if not self._one_too_many(self._strangers):
-                        self._begin(Client(number=0, send=partial(self._send_osc, addr)), read)
+                        self._begin(Client(number=0, send=partial(self._send_osc, addr)), message)
                     continue
                 if ahead > AHEAD and name != "stop":
                     raise InputError(
@@ -171,7 +167,7 @@ class Server(asyncio.DatagramProtocol):
                     )
                 client = self._clients.get(addr) or self._enter(addr, partial(self._send_osc, addr))
                 # Messages of one bundle keep their order.
-                self._answer(client, read, now + ahead + 1e-6 * number if 0 < ahead <= AHEAD else 0.0)
+                self._answer(client, message, now + ahead + 1e-6 * number if 0 < ahead <= AHEAD else 0.0)
         except InputError as wrong:
             self._refuse(f"OSC: {wrong}")
             if not self._one_too_many(self._strangers):
@@ -214,25 +210,27 @@ class Server(asyncio.DatagramProtocol):
         client.second = now
         return client.count > MOST
 
-    def _answer(self, client: Client, read: Read, due: float = 0.0) -> None:
+    def _answer(self, client: Client, message: Message, due: float = 0.0) -> None:
         """Do what a message asks, in the order of arrival, or when it is due; InputError if there are too many."""
         if self._one_too_many(client):
             self._lose_control(client)
             self._refuse(wrong := f"client {client.number}: expected at most {MOST} messages a second, got more")
             raise InputError(wrong)
         if due:
-            asyncio.get_running_loop().call_at(due, self._begin_due, client, read, time.monotonic(), due)
+            asyncio.get_running_loop().call_at(due, self._begin_due, client, message, time.monotonic(), due)
         else:
-            self._begin(client, read)
+            self._begin(client, message)
 
-    def _begin_due(self, client: Client, read: Read, arrived: float, due: float) -> None:
+    def _begin_due(self, client: Client, message: Message, arrived: float, due: float) -> None:
         if arrived < self._stopped < due:
-            client.send("answer", {"to": read()[0], "error": "expected no stop before the time of its bundle, got one"})
+            client.send(
+                "answer", {"to": message[0], "error": "expected no stop before the time of its bundle, got one"}
+            )
         else:
-            self._begin(client, read)
+            self._begin(client, message)
 
-    def _begin(self, client: Client, read: Read) -> None:
-        task = asyncio.create_task(self._do(client, read))
+    def _begin(self, client: Client, message: Message) -> None:
+        task = asyncio.create_task(self._do(client, message))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -241,12 +239,12 @@ class Server(asyncio.DatagramProtocol):
         self._player.lease.stop()
         self._stopped = time.monotonic()
 
-    async def _do(self, client: Client, read: Read) -> None:
+    async def _do(self, client: Client, asked: Message) -> None:
         name, held = "", self._control
         if client.gone or client.count > MOST:
             return
         try:
-            name, message = read()
+            name, message = asked if isinstance(asked, tuple) else self.read(asked)
             self._lives(client)
             if held is not client and name not in self.free:
                 if held is not None and time.monotonic() - held.seen < LEASE:
