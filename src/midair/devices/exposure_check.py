@@ -68,7 +68,7 @@ class ExposureClearance:
     """Permission to play a drive on one array a number of times; created only by the functions of this module."""
 
     drive: Drive | None = None
-    """The drive to play, after any attenuation; None if the frames come later (see `frames`)."""
+    """The drive to play, after any attenuation; None if the frames come later."""
     array: TransducerArray
     """The device's array, for which the exposure was computed."""
     exposure: Exposure
@@ -126,18 +126,6 @@ class ExposureClearance:
         steps = np.arange(256, dtype=np.uint8)
         # The tolerance keeps a level that equals a step from being rounded down.
         return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])
-
-    def frames(self, drive: Drive) -> "ExposureClearance":
-        """Clear frames within the level of `check_exposure_level`, computed after the check.
-
-        Raises MismatchError if array or rate differ, ExposureError if the frames exceed the cleared level.
-        """
-        if not self.array.same_as(drive.array):
-            raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
-        if drive.rate != self.exposure.rate:
-            raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
-        self.check_level(drive)
-        return replace(self, drive=replace(drive, array=self.array), _key=_KEY)
 
     def check_level(self, frames: Drive) -> None:
         """Raise ExposureError if frames that come later exceed the cleared level."""
