@@ -22,19 +22,19 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1871,
-    "settings streaming .": 2578,
+    "settings streaming .": 2586,
     "physics": 3380,
     "recordings targets correct evaluate": 4057,
     "calibration": 2942,
-    "solvers": 4380,
+    "solvers": 4362,
     "files": 4316,
-    "devices": 7929,
-    "rig": 8850,
+    "devices": 7872,
+    "rig": 8747,
     "patterns datasets": 1777,
     "view figures": 2001,
-    "cli": 6490,
-    "study": 6047,
-    "studio": 6051,
+    "cli": 6376,
+    "study": 6022,
+    "studio": 6040,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_463, "benchmarks": 4_500}
+BESIDE = {"tests": 48_263, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
