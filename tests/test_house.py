@@ -26,7 +26,7 @@ LINES = {
     "physics": 3380,
     "recordings targets correct evaluate": 4057,
     "calibration": 2942,
-    "solvers": 4362,
+    "solvers": 4390,
     "files": 4316,
     "devices": 7872,
     "rig": 8747,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_263, "benchmarks": 4_500}
+BESIDE = {"tests": 48_306, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from midair.model import ControlGrid, Medium, TransducerArray
-from midair.physics import wavenumber
-from midair.solvers.phases import hold, rippled, spreading_phase, unit
+from midair.model import AmplitudeFrames, ControlGrid, Medium, TransducerArray
+from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure, wavenumber
+from midair.solvers import Glide, solve
+from midair.solvers.phases import hold, needed_convergence, rippled, spreading_phase, unit
 
 
 def test_unit_of_nothing_is_one():
@@ -43,3 +46,35 @@ def test_moving_the_grid_moves_the_spreading_phase():
     array, medium = TransducerArray.autd3(), Medium()
     here, there = (spreading_phase(ControlGrid(centre=c), array, medium) for c in ((0, 0), (0.02, -0.01)))
     np.testing.assert_allclose(here, there, atol=1e-6)
+
+
+def test_the_needed_convergence_concentrates_a_plane_wave_to_the_amplitude():
+    """An array of 100 transducers 1 cm apart, of 5 Pa m, has a plane wave of 5 Pa m * 1e4 / m2 * lambda."""
+    grid, medium = ControlGrid(rows=2, columns=2, pitch=0.03), Medium()
+    x, y = np.meshgrid(*2 * [0.01 * np.arange(10)])
+    array = TransducerArray(position=np.stack([x, y, 0 * x], -1).reshape(-1, 3), normal=[[0, 0, 1]] * 100, pressure=5.0)
+    plane = 5.0 * 100 / 0.09**2 * 2 * np.pi / wavenumber(array, medium)
+    found = [needed_convergence(times * plane, grid, array, medium) for times in (0.5, 2.0, 2.5, 3.0, 9.0)]
+    np.testing.assert_allclose(found, [0.3, 0.5, 0.75, 1.0, 1.0])
+
+
+@pytest.mark.long
+def test_less_convergence_holds_a_weak_touch_over_heights():
+    """A spot that beats is read 3 mm above and below the palm with less of its own part wrong, by 2 dB and more."""
+    grid, array, sensor, air = ControlGrid(), TransducerArray.autd3(columns=2, rows=2), SensorModel(), Medium()
+    x, y = (grid.position[:, :2] - [6e-3, -3e-3]).T
+    beat = np.sqrt(1 + 0.6 * np.sin(2 * np.pi * np.arange(33)[:, None] / 32 + 100 * x))
+    amplitude = 0.06 * focus_amplitude(grid, array) * beat * np.exp(-(x**2 + y**2) / 4e-4)
+    spot = AmplitudeFrames(amplitude=amplitude, rate=4e3, grid=grid)
+    wanted = radiation_pressure(amplitude, air) @ cell_weights(sensor, grid, between="lines").T
+    missed = []
+    for part in (1.0, "auto"):
+        found = solve(spot, array, method=Glide(coarse=16, wide=8), fit="windows", guard=0.025, convergence=part)
+        for height in (-3e-3, 3e-3):
+            there = replace(grid, height=grid.height + height)
+            field = np.abs(propagate(found.drive, there))
+            cells = radiation_pressure(field, air) @ cell_weights(sensor, there, between="waves").T
+            apart = cells - wanted * (cells * wanted).sum() / (wanted**2).sum()
+            missed.append(np.linalg.norm(apart - apart.mean(axis=0)))
+    assert found.drive.provenance.steps[-1].settings["convergence"] == pytest.approx(0.43, abs=0.01)
+    assert max(missed[2:]) < 0.8 * min(missed[:2])

@@ -124,6 +124,11 @@ class SolverSettings(Declared):
         "Drive of every transducer, above 0 to 1: the equal amplitude A (4.2); auto takes what the loudest frame "
         "needs, see `automatic_level`. Silent frames get 0.",
     )
+    convergence: float | Literal["auto"] = setting(
+        1.0,
+        "Part of the phase that maps the whole array onto the square, 0 to 1: less keeps a weak touch over a range of "
+        "heights, and quieter beside it; auto takes what the loudest frame needs, see `needed_convergence`.",
+    )
     backend: str | None = setting(
         None, "Array library of fast and glide: numpy, torch, torch:cuda, cupy; NumPy if None."
     )
@@ -150,6 +155,8 @@ class SolverSettings(Declared):
         name_of(self.method)
         if self.level != "auto":
             within(self.level, "level", 0, 1, above=True, advice="in parts of full drive, or auto")
+        if self.convergence != "auto":
+            within(self.convergence, "convergence", 0, 1, advice="a part of the phase, or auto")
         one_of(self.amplitudes, Amplitudes, "amplitudes")
         if not isinstance(self.fit, Windows | Cells):
             one_of(self.fit, FitName, "fit")

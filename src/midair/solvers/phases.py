@@ -41,7 +41,7 @@ def spreading_phase(grid: ControlGrid, array: TransducerArray, medium: Medium) -
     all: with psi = k (x^2 / 2 R_x + y^2 / 2 R_y) the ray through a point at x comes from the array at x - x h / R_x,
     with the height h. R = -h w / (W - w), with the half widths w and W of grid and array, maps one onto the other; the
     sign is that of a converging wave. The phase is constant along an axis in which the array is not wider than the
-    grid. `medium` gives the wavelength.
+    grid. `medium` gives the wavelength. See `needed_convergence` for a smaller part of this phase.
     """
     away = grid.position - array.position.mean(axis=0)
     phase = np.zeros(grid.count)
@@ -53,3 +53,17 @@ def spreading_phase(grid: ControlGrid, array: TransducerArray, medium: Medium) -
             radius = height * w / (W - w)
             phase -= wavenumber(array, medium) * (grid.position[:, axis] - centre) ** 2 / (2 * radius)
     return phase
+
+
+def needed_convergence(amplitude: float, grid: ControlGrid, array: TransducerArray, medium: Medium) -> float:
+    """Part of `spreading_phase`, .3 to 1, at which full drive reaches an amplitude in Pa on the grid, by rays.
+
+    An array of n transducers per area has a plane wave of p n lambda at full drive, with p in Pa m. A part c of the
+    phase maps 1 + c (W / w - 1) times the width of the grid onto it, along each axis, and so concentrates the power.
+    """
+    widths = np.ptp(array.position[:, :2], axis=0)
+    plane = array.pressure * array.count / max(widths.prod(), 1e-9) * 2 * np.pi / wavenumber(array, medium)
+    a, b = np.maximum(widths / np.maximum(np.ptp(grid.position[:, :2], axis=0), 1e-9) - 1, 1e-9)
+    # The root of (1 + a c) (1 + b c) = (amplitude / plane)^2.
+    root = np.sqrt((a + b) ** 2 + 4 * a * b * max((amplitude / plane) ** 2 - 1, 0.0))
+    return float(np.clip((root - a - b) / (2 * a * b), 0.3, 1.0))

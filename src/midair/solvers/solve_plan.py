@@ -18,7 +18,7 @@ from midair.solvers.glide import Glide, frames_in_block
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.methods import Method, SolverSettings
 from midair.solvers.mirror_symmetry import Lattice, mirror_images
-from midair.solvers.phases import spreading_phase
+from midair.solvers.phases import needed_convergence, spreading_phase
 from midair.solvers.problem import CellTarget, GuardField, Problem, WarmStart, error_of, phases_and_errors
 from midair.solvers.terms.amplitudes import doubled, with_amplitudes
 from midair.solvers.terms.fit import Cells, Windows
@@ -129,18 +129,19 @@ class NormalisedSetup:
         known = self.mirrored
         return (self.target.grid, slice(None)) if known is None else (known.grid, known.order)
 
-    def problem(self, level: float, settings: SolverSettings | None = None) -> Problem:
+    def problem(self, level: float, settings: SolverSettings | None = None, convergence: float = 1.0) -> Problem:
         """The problem for a solver: the target in all airs, and the terms of the settings, none if None.
 
         With bounded amplitudes it has twice as many transducers, see `terms.amplitudes`.
         """
         times, (grid, order) = len(self.airs), self._samples
         amplitude = (self.target.amplitude / self.focus)[:, order]
+        psi = convergence * spreading_phase(grid, self.array, self.airs[0].medium)[order]
         problem = Problem(
             G=self.G[0] if times == 1 else np.concatenate(self.G),
             amplitude=np.tile(amplitude, (1, times)),
             level=level,
-            psi=psi_at_temperatures(self.G, spreading_phase(grid, self.array, self.airs[0].medium)[order]),
+            psi=psi_at_temperatures(self.G, psi),
             position=self.array.position,
             lattice=self.lattice,
         )
@@ -178,6 +179,7 @@ class SolvePlan:
     own: NormalisedSetup
     scene: NormalisedSetup
     level: float
+    convergence: float
     bits: int | None
 
     @classmethod
@@ -206,7 +208,11 @@ class SolvePlan:
             scene = NormalisedSetup.of(target, array, airs)
         elif folds(settings):
             scene = own.folded(settings.ring)
-        return cls(settings=settings, solver=solver, own=own, scene=scene, level=level, bits=bits)
+        convergence = settings.convergence
+        if convergence == "auto":
+            convergence = needed_convergence(target.amplitude.max() / level, target.grid, array, acoustics.medium)
+        solved = {"level": level, "convergence": convergence}
+        return cls(settings=settings, solver=solver, own=own, scene=scene, **solved, bits=bits)
 
     @property
     def leads(self) -> bool:
@@ -226,7 +232,7 @@ class SolvePlan:
         self, target: AmplitudeFrames, after: WarmStart | None, progress: Progress | None
     ) -> tuple[Solution, WarmStart | None]:
         """Solve a part from the end of the part before it; returns the solution and its own end."""
-        problem = replace(self.scene, target=target).problem(self.level, self.settings)
+        problem = replace(self.scene, target=target).problem(self.level, self.settings, self.convergence)
         # Mean pressures are never asked for in several airs, see `SolvePlan.of`.
         reported = replace(self.own, target=target)
         own = replace(reported.problem(self.level), cells=reported.cells(self.settings.means))
@@ -270,6 +276,7 @@ class SolvePlan:
             "method": self.settings.name,
             "level": self.level,
             **self.settings.noted(),
+            "convergence": self.convergence,
             "bits": self.bits,
             "directivity": acoustics.directivity,
             "speed_m_s": acoustics.medium.speed,
