@@ -1,7 +1,6 @@
 import errno
 import os
 import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -14,8 +13,6 @@ from midair.errors import BrokenFileError, DeviceStateError, FileError, NonFinit
 from midair.files import check_not_recording, lock_or_raise, open_take, save
 from midair.files.atomic import atomic_file, atomic_folder, collect_written_files, existing_file, parse_errors
 from midair.model import Recording
-
-SRC = Path(__file__).parents[2] / "src" / "midair"
 
 
 def test_a_file_appears_when_the_block_ends(tmp_path):
@@ -275,13 +272,3 @@ def test_a_disk_without_locks_is_reported_once_and_not_refused(tmp_path):
     done = run("study", "run", "s", "--simulate", "--participant", "1")
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("no locks") == 1
-
-
-def test_files_in_src_are_written_by_those_that_write_them_whole():
-    writes = re.compile(r"""\.(write_text|write_bytes|to_csv|savefig)\(|open\(["'][wxa]""")
-    texts = {path.relative_to(SRC).as_posix(): path.read_text(encoding="utf-8") for path in SRC.rglob("*.py")}
-    by_hand = {name for name, text in texts.items() if writes.search(text) and "atomic_" not in text}
-    logs = {"study/session/event_log.py", "devices/safety/play_log.py"}
-    held = {"devices/safety/lock_files.py", "devices/safety/stop_channel.py", "cli/output.py"}
-    in_memory = {"figures/style.py"}
-    assert by_hand <= logs | held | in_memory

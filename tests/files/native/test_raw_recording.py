@@ -3,6 +3,7 @@
 import errno
 import os
 import random
+import shutil
 import subprocess
 import sys
 import threading
@@ -273,6 +274,25 @@ def test_twenty_kills_at_random_moments_lose_no_frame_that_was_appended(tmp_path
     assert max(counts) > 200
 
 
+@pytest.fixture
+def tiny_disk(tmp_path):
+    """A disk in memory of that many kB."""
+    made = []
+
+    def mount(size):
+        folder = tmp_path / f"disk{size}"
+        folder.mkdir()
+        words = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "tmpfs", str(folder)]
+        if shutil.which("mount") is None or subprocess.run(words, capture_output=True, check=False).returncode:
+            pytest.skip("only root may mount a disk of a chosen size")
+        made.append(folder)
+        return folder
+
+    yield mount
+    for folder in made:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
 def written_in(path, *, reserve, **how):
     """The last message of a program that writes as much as possible, and the number of frames that it reports."""
     words = [sys.executable, "-c", WRITE, path, str(reserve), "0"]
@@ -280,6 +300,19 @@ def written_in(path, *, reserve, **how):
     assert done.stderr == ""
     said, frames = done.stdout.splitlines()[-2:]
     return said, int(frames)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("size", "reserve"), [(4, 2**24), (16384, 2**24), (4, 0), (128, 0), (512, 0), (2048, 0)])
+def test_a_full_disk_keeps_the_frames_reported_as_safe(size, reserve, tiny_disk, tmp_path):
+    folder = tiny_disk(size)
+    said, frames = written_in(folder / "live.h5", reserve=reserve)
+    assert "GB on the disk" in said or "No space left on device" in said
+    assert [each.name for each in folder.iterdir()] == ["live.h5"] * (frames > 0)
+    assert (frames > 0) == (reserve == 0 and size > 100)
+    if frames:
+        shutil.copy(folder / "live.h5", tmp_path / "copy.h5")
+        np.testing.assert_array_equal(load(tmp_path / "copy.h5").samples[:, 0, 0], np.arange(frames))
 
 
 @pytest.mark.long
