@@ -170,6 +170,18 @@ class Look:
         found = Axe().run(self.page).response["violations"]
         return [(one["id"], one["nodes"][0]["html"]) for one in found if one["impact"] in ("serious", "critical")]
 
+    def shown(self, name, folder, *sizes):
+        """Show the page in each scheme and width; then keep a picture, and find it accessible and not too wide."""
+        from axe_playwright_python.sync_playwright import Axe
+
+        for scheme, width in sizes:
+            self.page.emulate_media(color_scheme=scheme)
+            self.page.set_viewport_size({"width": width, "height": 800})
+            yield scheme
+            self.page.screenshot(path=f"{os.environ.get('MIDAIR_PICTURES', folder)}/{name}-{scheme}-{width}.png")
+            assert self.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+            assert Axe().run(self.page).response["violations"] == []
+
     def unhelped(self):
         """Names of the controls without a line of help."""
         return self.page.evaluate(

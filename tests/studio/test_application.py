@@ -261,6 +261,26 @@ def test_invalid_request_gets_an_error_message(subtests, talk):
             assert "ok" not in answer
 
 
+WRONG = (
+    ("reproduce", "rename", {"take": "x.h5", "name": "../x"}, "name: expected letters, digits, spaces, _ and -, a"),
+    ("reproduce", "solve", {"take": "x.h5", "gain": -1}, "gain: expected greater than 0, got '-1'"),
+    ("record", "listen", {"sensor": "towel"}, "sensor: expected one such as lsl:NAME, got 'towel'"),
+    ("draw", "save", {"name": "", "pattern": {}}, "name: expected at least 1 character, got ''"),
+    (
+        "reproduce",
+        "import",
+        {"file": "x", "options": {"force": "1"}},
+        "options.force.[key]: expected another text, got 'force'",
+    ),
+)
+
+
+def test_wrong_values_are_refused_in_words_and_not_in_code(talk):
+    assert [
+        talk.order(room, order, **given)["error"].partition(" letter or")[0] for room, order, given, _ in WRONG
+    ] == [words for *_, words in WRONG]
+
+
 def test_malformed_message_is_ignored(subtests, talk):
     for text in ["[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}']:
         with subtests.test(text=text):
@@ -480,7 +500,7 @@ def test_drawn_pattern_is_saved_opened_and_never_replaced_silently(studio, monke
     form = SaveForm(name="tap", pattern=pattern, drive=True)
     assert asyncio.run(panel.save(None, form)) == {"saved": ["tap.toml", "tap.drive.h5"]}
     assert panel.open(None, one) == pattern
-    assert len({Pattern.from_plain(plain).name for plain in panel._state["palette"].values()}) == 13
+    assert len({Pattern.from_plain(plain).name for plain, *_ in panel._state["palette"].values()}) == 13
     louder = form.model_copy(update={"pattern": {**pattern, "spot": [{"pressure_pa": 40}]}})
     asked, quiet = asyncio.run(panel.save(None, louder))["asks"], load_solution(drive).drive.level.max()
     assert asked["files"] == ["tap.toml", "tap.drive.h5"]

@@ -453,18 +453,28 @@ def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
     """Choose a file, correct a wrong word, look at the preview, import; the take is that of the same command."""
     wave = tmp_path / "Corduroy.wav"
     soundfile.write(wave, 0.5 * np.sin(2 * np.pi * 150 * np.arange(8000) / 8000), 8000)
-    studio = studio_at()
-    page = look(studio)
-    page.until("studio.room?.add && !studio.room.add.disabled")
+    page = look(studio := studio_at(), at="start")
+    page.until("studio.name === 'start' && !studio.room.file.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
-    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    page.until("document.querySelector('#import .course polygon')", timeout=60)
     size = page.page.get_by_role("textbox", name="How large?")
-    size.fill("30")
+    size.fill("3o")
     size.press("Tab")
     assert "expected a quantity such as" in page.until("document.querySelector('#import-wrong').textContent")
     assert page.page.get_by_role("button", name="Import").is_disabled()
-    size.fill("15mm")
+    size.fill("15")
     size.press("Tab")
+    page.until("!document.querySelector('#import .main').disabled")
+    page.page.get_by_label("How does it move?").select_option("circles on the palm")
+    assert page.page.get_by_label("At the edge?").is_hidden(), "a circle stays on the palm"
+    page.until("document.querySelector('#import pre').textContent.includes('circle:15mm --path=circle --speed=50mm/s')")
+    palm = "[...document.querySelector('#import canvas').getContext('2d').getImageData(0, 0, 280, 372).data].join()"
+    whole = page.page.evaluate(palm)
+    page.page.get_by_label("time of the film").fill("0.5")
+    page.until(f"{palm} !== {whole!r} && document.querySelector('.player output').value === '0.50 s'")
+    page.page.get_by_role("button", name="Play", exact=True).click()
+    page.until(f"{palm} === {whole!r}")  # the film has ended
+    assert Axe().run(page.page).response["violations"] == []
     page.until("!document.querySelector('#import .main').disabled")
     command = page.page.locator("#import pre").inner_text()
     if kept := os.environ.get("MIDAIR_PICTURES"):
@@ -487,7 +497,7 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     page = look(studio_at())
     page.until("studio.room?.add && !studio.room.add.disabled")
     page.page.locator("input[type=file]").set_input_files(bare)
-    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    page.until("document.querySelector('#import .course polygon')", timeout=60)
     shown = "[...document.querySelectorAll('#import .field')].filter((one) => one.checkVisibility())"
     names = (
         shown
@@ -506,7 +516,7 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     page.page.locator("#import").get_by_role("button", name="Cancel", exact=True).click()
     page.page.locator("input[type=file]").set_input_files(whole)
     page.until("document.querySelector('#import-title').textContent.includes('whole')", timeout=60)
-    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    page.until("document.querySelector('#import .course polygon')", timeout=60)
     assert page.page.evaluate(names) == []
     assert page.page.get_by_text("The file states all that is needed.").is_visible()
 
@@ -593,7 +603,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
 
     page.until("studio.room?.add && !studio.room.add.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
-    page.until("document.querySelector('#import-said polygon')", timeout=60)
+    page.until("document.querySelector('#import .course polygon')", timeout=60)
     page.page.get_by_label("How strong?").select_option("strong")
     page.page.get_by_role("textbox", name="How fast").fill("150mm/s")
     page.page.get_by_role("textbox", name="How fast").press("Tab")

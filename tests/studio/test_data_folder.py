@@ -43,7 +43,7 @@ def test_no_process_of_the_studio_runs_a_data_folder(studio_at, tmp_path, monkey
         headers = {"Cookie": cookie, "X-Name": "a.csv", "X-Page": str(first["page"])}
         answer, text = studio.ask("POST", "/upload", b"t,x\n0,1\n0.001,2\n0.002,3\n", headers)
         assert answer.status == 200, text
-        order("reproduce", "import", file=json.loads(text)["ok"], unit="V", save=False)
+        order("reproduce", "import", file=json.loads(text)["ok"], options={"unit": "V"}, save=False)
         order("record", "listen", sensor="virtual:towel")
         until(lambda _: state["player"]["state"] == "ready")
         order("live", "check", sensor="virtual:brush")

@@ -23,7 +23,7 @@ def test_invalid_live_order_gets_an_error_message(subtests, talk):
         ("check", {"sensor": "virtual:towel", "delay_ms": 1}, "greater than or equal to 2"),
         ("check", {"sensor": "virtual:towel", "height_mm": 19}, "greater than or equal to 20"),
         ("check", {"sensor": "virtual:towel", "height_mm": 1001}, "less than or equal to 1000"),
-        ("check", {"sensor": "/etc/passwd"}, "match pattern"),
+        ("check", {"sensor": "/etc/passwd"}, "expected one such as lsl:NAME"),
         ("check", {"sensor": "virtual:towel", "calibration": "../other.h5"}, "leads out"),
         ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),
     ]:

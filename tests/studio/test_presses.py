@@ -73,7 +73,7 @@ def test_each_press_is_answered_at_once_and_each_job_can_be_cancelled(studio_at,
     with stopped(studio):
         page.page.locator("input[type=file]").set_input_files(tmp_path / "wool.csv")
         page.until("document.querySelector('#import[open] progress')")
-    page.until("document.querySelector('#import-said polygon')", timeout=400)
+    page.until("document.querySelector('#import .course polygon')", timeout=400)
     page.page.locator("#import").get_by_role("button", name="Cancel", exact=True).click()
     print({name: round(each) for name, each in took.items()}, "ms")
     assert min(took.values()) > 0, took

@@ -59,6 +59,10 @@ def test_edits_are_previewed_and_notes_marks_and_folders_are_kept(takes_at, look
     label("New name").fill("wool/felt")
     label("New name").press("Enter")
     page.until("studio.room.take?.name === 'wool/felt.h5'")
+    gain = label("Gain", exact=True)
+    gain.fill("")
+    gain.press("Tab")
+    assert gain.input_value() == "1", "an empty number is the usual one"
     assert page.serious() == []
     page.page.screenshot(path=f"{os.environ.get('MIDAIR_PICTURES', tmp_path)}/notes.png")
     page.page.get_by_label("order of the takes").select_option("name")
@@ -92,6 +96,12 @@ def test_edits_are_previewed_and_notes_marks_and_folders_are_kept(takes_at, look
 
 def test_time_is_zoomed_by_drag_and_wheel_and_a_part_is_chosen(takes_at, look):
     page = look(takes_at(), reduced_motion="reduce")
+    for address, words in (
+        ("reproduce/%", "% cannot be opened"),
+        ("compare/gone.h5", "gone.h5: there is no such take"),
+    ):
+        page.go(f"#{address}")
+        page.until(f"document.querySelector('#main').innerText.includes({words!r})")
     page.go("#reproduce/wool.h5")
     page.until("studio.room.take?.pictures.length && studio.room.take.samples.last > 150", timeout=400)
     mouse, value = page.page.mouse, page.page.evaluate

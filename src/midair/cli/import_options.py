@@ -107,7 +107,7 @@ class FileOptions:
     speed: Annotated[float, quantity("m/s"), Parameter(allow_leading_hyphen=True)] = 50e-3
     """Speed of the footprint over the sensor; negative reverses it, 0 keeps it in place."""
     path: Path = "x"
-    """Direction of the footprint: x, y or diagonal."""
+    """Path of the footprint: x, y, diagonal, or a circle within the sensor."""
     turn: Turn = "stop"
     """When the footprint has left the sensor: stop, move back, or move over it again."""
 

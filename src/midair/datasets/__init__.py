@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from midair.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from .gallery import PICTURES as PICTURES
     from .gallery import TOUCHES as TOUCHES
     from .stimuli import am_stimulus as am_stimulus
     from .stimuli import binary_patterns as binary_patterns
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from .stimuli import probe_signal as probe_signal
     from .stimuli import taps as taps
     from .strokes import SAMPLES as SAMPLES
+    from .strokes import STORED as STORED
     from .strokes import Motion as Motion
     from .strokes import Object as Object
     from .strokes import Sample as Sample

@@ -27,7 +27,7 @@ class TouchView:
     simulated: bool
     """Whether it is a model; a pattern is shown as ideal foci."""
     pictures: Array
-    """Pressure, rms of each 20 ms, shape (picture, row, column), in Pa; the first row is at the top."""
+    """Pressure, rms of each 20 ms, shape (picture, row, column), in Pa; the first row is towards the fingers."""
     pitch: float
     """Distance of the points in m."""
     sound: bytes
@@ -93,13 +93,13 @@ class Touch:
         else:
             foci, palm = Pattern.from_plain(self.pattern).foci(), Palm.disc()
             pressure, rate = palm_pressure(foci, TransducerArray.autd3(), palm, acoustics=Acoustics())
-            pressure, pitch, simulated = pressure[:, ::-1], palm.pitch, True  # upwards is towards the fingers
+            pitch, simulated = palm.pitch, True
         every = round(rate / PICTURES)
         whole = pressure[: len(pressure) // every * every].reshape(-1, every, *pressure.shape[1:])
         place = np.unravel_index(int(pressure.var(axis=0).argmax()), pressure.shape[1:])
         heard = Channels(values=pressure[:, place[0], place[1], None], unit="Pa", label=self.name)
         sound = channel_sound(heard, 0, rate, sound_rate=8000.0).data
-        pictures = np.sqrt((whole**2).mean(axis=1))
+        pictures = np.sqrt((whole**2).mean(axis=1))[:, ::-1]  # upwards is towards the fingers
         return TouchView(title=self.name, simulated=simulated, pictures=pictures, pitch=pitch, sound=sound)
 
 

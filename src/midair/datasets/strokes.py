@@ -90,8 +90,7 @@ class Motion:
 
     def passage(self, sensor: SensorGrid) -> Array:
         """Time at which the centre of the contact passes the centre of each row, shape (row,), in s."""
-        first = (self.contact + self.edge) / 2 + self.lead
-        return (first + sensor.y - sensor.y[0]) / self.speed
+        return ((self.contact + self.edge) / 2 + self.lead + sensor.y - sensor.y[0]) / self.speed
 
     def duration(self, sensor: SensorGrid) -> float:
         """Time from the start until the contact has left the last cell and its lead, in s."""
@@ -235,7 +234,7 @@ class Sample:
 
 
 STORED = read_toml(Path(__file__).with_name("gallery.toml"), "a gallery")
-"""The tables ``sample`` and ``touch`` of the gallery."""
+"""The tables ``sample``, ``touch`` and ``drawn`` of the gallery."""
 
 SAMPLES: Mapping[str, Sample] = {name: Sample(name=name, **about) for name, about in STORED["sample"].items()}
 """By name."""
@@ -266,8 +265,7 @@ def with_credits(name: str, recording: Recording) -> Recording:
 
 def _with_notes(recording: Recording, about: Sample) -> Recording:
     notes = {"licence": about.licence, "origin": about.source, **about.notes}
-    life = replace(recording.provenance, notes={**recording.provenance.notes, **notes})
-    return replace(recording, provenance=life)
+    return replace(recording, provenance=replace(recording.provenance, notes={**recording.provenance.notes, **notes}))
 
 
 def _read(about: Sample) -> Recording:

@@ -266,8 +266,7 @@ def mend(samples: Array, rate: float, mending: Mending) -> Mended:
 def _gaps(wave: Array) -> list[tuple[int, int]]:
     """First frame of each gap, and the first frame after it."""
     missing = np.concatenate([[False], ~np.isfinite(wave), [False]])
-    ends = np.flatnonzero(missing[1:] != missing[:-1])
-    return [(int(first), int(last)) for first, last in ends.reshape(-1, 2)]
+    return [(int(first), int(last)) for first, last in np.flatnonzero(missing[1:] != missing[:-1]).reshape(-1, 2)]
 
 
 def _check(channel: int, first: int, frames: int, rate: float, mending: Mending) -> None:

@@ -19,13 +19,13 @@ import numpy as np
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
-from midair.validation import length, one_of
+from midair.validation import length, one_of, within
 
 Shape = Literal["circle", "square", "line"]
 """Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""
 
-Path = Literal["x", "y", "diagonal"]
-"""Along the columns, along the rows, or along both at 45 degrees; through the centre of the sensor."""
+Path = Literal["x", "y", "diagonal", "circle"]
+"""Through the centre of the sensor along columns, rows, or both at 45 degrees; or round it at a quarter of its side."""
 
 Turn = Literal["stop", "back", "again"]
 """After the footprint has left the sensor it stops, moves back, or starts again from the first side."""
@@ -33,7 +33,7 @@ Turn = Literal["stop", "back", "again"]
 FASTEST = 10.0
 """Greatest speed of a footprint in m/s, far above that of a hand."""
 
-_DIRECTION = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (np.sqrt(0.5), np.sqrt(0.5))}
+_DIRECTION = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (np.sqrt(0.5), np.sqrt(0.5)), "circle": (1.0, 0.0)}
 _BLOCK = 1 << 16  # frames per block, to bound the memory
 
 
@@ -53,12 +53,9 @@ class Footprint:
         for name, known in (("shape", Shape), ("path", Path), ("turn", Turn)):
             one_of(getattr(self, name), known, f"footprint, {name}")
         length(self.size, "size of the footprint", (1e-6, 1.0))
-        if not np.isfinite(self.speed):
-            raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")
-        if abs(self.speed) > FASTEST:
-            raise InputError(
-                f"speed of the footprint: expected at most {FASTEST:g} m/s, got {self.speed:g} m/s; give mm/s"
-            )
+        within(self.speed, "speed of the footprint", -FASTEST, FASTEST, unit="m/s", advice="give mm/s")
+        if self.path == "circle" and self.shape == "line":
+            raise InputError("path of the footprint: expected x, y or diagonal for a line, got circle")
 
     def reach(self, sensor: SensorGrid) -> float:
         """Distance from the centre of the sensor from which the footprint does not touch it, in m.
@@ -70,11 +67,15 @@ class Footprint:
         return float(x * sensor.columns + y * sensor.rows) * sensor.pitch / 2 + half
 
     def crossing(self, sensor: SensorGrid) -> float:
-        """Time from the first contact to the last, in s; infinite at speed 0."""
-        return 2 * self.reach(sensor) / abs(self.speed) if self.speed else np.inf
+        """Time from the first contact to the last, in s; infinite at speed 0 and on a circle."""
+        return 2 * self.reach(sensor) / abs(self.speed) if self.speed and self.path != "circle" else np.inf
 
     def centre(self, time: Array, sensor: SensorGrid) -> Array:
         """Centre of the footprint at each time, shape (time, 2): x and y from the centre of the sensor, in m."""
+        if self.path == "circle" and self.speed:
+            radius = min(sensor.shape) * sensor.pitch / 4
+            angle = self.speed / radius * np.asarray(time, float)
+            return radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         reach, way = self.reach(sensor), abs(self.speed) * np.asarray(time, float)
         if self.turn == "again":
             way = way % (2 * reach)

@@ -182,7 +182,8 @@ class Studio:
             Route("/upload", self._upload, methods=["POST"]),
             WebSocketRoute("/socket", self._socket),
         ]
-        app = Starlette(routes=routes, lifespan=self.running)
+        told: Callable[[Request, Exception], Response] = lambda _, wrong: PlainTextResponse(f"{wrong}\n", 404)  # noqa: E731
+        app = Starlette(routes=routes, lifespan=self.running, exception_handlers={MidairError: told})
         return RequestGuard(app, self.keys, stop_port=self.playing.port)
 
     def _begin(self) -> None:
@@ -220,16 +221,13 @@ class Studio:
         take = request.query_params.get("take", "")
         if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
             return PlainTextResponse("not there\n", 404)
-        try:
-            data = self.takes.data(take)
-            key = (f"{data.take} {data.stamp}", stream, second)
-            if key not in self._kept:
-                while len(self._kept) > 64:
-                    self._kept.pop(next(iter(self._kept)))
-                order = data, stream, second
-                self._kept[key] = await self.reading.result(f"frames of {take}", frames_of, order, after=NEVER)
-        except MidairError as wrong:
-            return PlainTextResponse(f"{wrong}\n", 404)
+        data = self.takes.data(take)
+        key = (f"{data.take} {data.stamp}", stream, second)
+        if key not in self._kept:
+            while len(self._kept) > 64:
+                self._kept.pop(next(iter(self._kept)))
+            order = data, stream, second
+            self._kept[key] = await self.reading.result(f"frames of {take}", frames_of, order, after=NEVER)
         return Response(self._kept[key], media_type="application/octet-stream")
 
     async def _sound(self, request: Request) -> Response:
@@ -237,25 +235,19 @@ class Studio:
         stream, take = request.path_params["stream"], request.query_params.get("take", "")
         if stream not in ("original", "again"):
             return PlainTextResponse("not there\n", 404)
-        try:
-            order = self.takes.data(take), stream
-            found = await self.reading.result(f"sound of {take}", sound_of, order, after=NEVER)
-        except MidairError as wrong:
-            return PlainTextResponse(f"{wrong}\n", 404)
+        order = self.takes.data(take), stream
+        found = await self.reading.result(f"sound of {take}", sound_of, order, after=NEVER)
         return Response(found, media_type="audio/wav")
 
     async def _file(self, request: Request) -> Response:
         """A file of the folder; a report is served in a sandbox."""
         name = request.path_params["name"]
-        try:
-            if name.startswith("sample:"):
-                path = self.takes.beside(name.removesuffix(".report.html"), ".report.html")
-                if not path.exists():
-                    raise InputError(f"{name}: expected a report, found none")
-            else:
-                path = self.folder.find(name)
-        except MidairError as wrong:
-            return PlainTextResponse(f"{wrong}\n", 404)
+        if name.startswith("sample:"):
+            path = self.takes.beside(name.removesuffix(".report.html"), ".report.html")
+            if not path.exists():
+                raise InputError(f"{name}: expected a report, found none")
+        else:
+            path = self.folder.find(name)
         if not path.is_file():
             return PlainTextResponse("not a file\n", 404)
         if path.name.endswith("report.html"):

@@ -3,60 +3,42 @@
 import json
 import re
 import subprocess
+from base64 import b64encode
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
+from midair.array_types import Array
+from midair.datasets import PICTURES
 from midair.errors import InputError
 from midair.files import open_take
 from midair.processes import python_command
-from midair.recordings import Path as Direction
-from midair.recordings import Shape, Turn
 from midair.streaming import blocks
 from midair.studio.jobs import Progressed
 from midair.studio.studio_state import Arguments
 
+OPTIONS = (
+    *("felt", "unit", "scale", "sensitivity", "peak", "rate", "time", "field", "decimal", "mend", "channels", "layout"),
+    *("resample", "footprint", "speed", "path", "turn"),
+)
+"""Options of `midair import` in the form, without ``--``."""
+
 Text = Annotated[str, Field(max_length=100)]
+Option = Annotated[str, Field(pattern=f"^({'|'.join(OPTIONS)})$")]
 
 
 class ImportForm(Arguments):
-    """Options of `midair import`, each as it is typed there; an empty one is not given."""
+    """A file, and options of `midair import`, each as it is typed there; an empty one is not given."""
 
     file: str = Field(max_length=300)
-    felt: Literal["", "soft", "medium", "strong"] = ""
-    unit: Literal["", "V", "count", "Pa"] = ""
-    scale: Text = ""
-    sensitivity: Text = ""
-    peak: Text = ""
-    rate: Text = ""
-    time: Text = ""
-    field: Text = ""
-    decimal: Literal["", "point", "comma"] = ""
-    mend: Text = ""
-    channels: Text = ""
-    layout: Text = ""
-    resample: Text = ""
-    footprint: Literal["", Shape] = ""
-    size: Text = ""
-    speed: Text = ""
-    path: Literal["", Direction] = ""
-    turn: Literal["", Turn] = ""
+    options: dict[Option, Text] = Field(default_factory=dict[Option, str])
     save: bool = False
 
     def words(self) -> tuple[str, ...]:
-        """Options of the command; those of a footprint only with one."""
-        given = {name: str(getattr(self, name)) for name in OPTIONS if getattr(self, name)}
-        if self.footprint:
-            given["footprint"] = f"{self.footprint}:{self.size}"
-        else:
-            given = {name: value for name, value in given.items() if name not in ("speed", "path", "turn")}
-        return tuple(f"--{name}={value}" for name, value in given.items())
-
-
-OPTIONS = tuple(name for name in ImportForm.model_fields if name not in ("file", "size", "save"))
-"""Names of the options, without ``--``."""
+        """Options of the command."""
+        return tuple(f"--{name}={value}" for name, value in self.options.items() if value)
 
 
 def run_import(order: tuple[str, str, tuple[str, ...]], progress: Progressed) -> dict[str, Any]:
@@ -90,7 +72,7 @@ def run_command(*words: str) -> str:
         wrong = said[-1] if said else f"{words[0]}: failed without a message"
         for place in (word for word in words if word.startswith("/")):
             wrong = wrong.replace(place, Path(place).name)
-        raise InputError(wrong)
+        raise InputError(wrong.removesuffix(" (see midair --help)").replace("Invalid value for ", ""))
     return done.stdout
 
 
@@ -108,13 +90,43 @@ def run_edit(commands: tuple[tuple[str, ...], ...], progress: Progressed) -> dic
     return _course(commands[-1][-1])
 
 
-def _course(path: str, columns: int = 400) -> dict[str, Any]:
-    """Least and greatest value of the strongest channel in each of at most `columns` equal parts."""
+def _course(path: str, columns: int = 800) -> dict[str, Any]:
+    """Least and greatest values of the strongest channel, or of a footprint's sum, in at most `columns` parts."""
     recording = open_take(path).recording
-    samples = recording.samples
-    size = max(1, -(-len(samples) // columns))
-    parts = [block.reshape(len(block), -1) for block in blocks(samples, size)]
-    least, greatest = (np.array([getattr(part, name)(axis=0) for part in parts]) for name in ("min", "max"))
-    channel = int((greatest.max(axis=0) - least.min(axis=0)).argmax())
-    ends = {"least": least[:, channel].tolist(), "greatest": greatest[:, channel].tolist()}
-    return {"channel": channel, "seconds": recording.duration, **ends}
+    size, found = max(1, -(-recording.frames // columns)), list[tuple[Any, ...]]()
+    for block in blocks(recording.samples, size):
+        part = block.reshape(len(block), -1)
+        whole = part.sum(axis=1)
+        ends = np.append(part.min(axis=0), whole.min()), np.append(part.max(axis=0), whole.max())
+        found.append((*ends, part.mean(axis=0), (part**2).mean(axis=0)))
+    least, greatest, mean, square = (np.array(each) for each in zip(*found, strict=True))
+    channel = int((greatest.max(axis=0) - least.min(axis=0))[:-1].argmax())
+    shown = -1 if recording.provenance.last("footprint") else channel
+    # An offset of the electronics is no pressure.
+    rest = 0.0 if recording.unit == "Pa" else np.median(mean, axis=0)
+    power = np.maximum(square - 2 * rest * mean + rest**2, 0)
+    joined = max(1, round(recording.rate / PICTURES / size))
+    pictures = [np.sqrt(power[at : at + joined].mean(axis=0)) for at in range(0, len(power), joined)]
+    palm = np.reshape(pictures, (len(pictures), *recording.sensor.shape))[:, ::-1]
+    return {
+        "channel": channel,
+        "seconds": recording.duration,
+        "least": least[:, shown].tolist(),
+        "greatest": greatest[:, shown].tolist(),
+        "film": film_of(palm, recording.sensor.pitch, recording.duration),
+    }
+
+
+def film_of(pictures: Array, pitch: float, seconds: float) -> dict[str, Any]:
+    """Rms pictures (picture, row, column) in 255 steps of their highest value, for the palm of a page.
+
+    The first row is towards the fingers.
+    """
+    steps = np.rint(255 * pictures / max(float(pictures.max()), 1e-12)).astype(np.uint8)
+    width = round(1e3 * pitch * pictures.shape[2])
+    return {
+        "shape": pictures.shape,
+        "steps": b64encode(steps.tobytes()).decode(),
+        "width_mm": width,
+        "seconds": seconds,
+    }

@@ -66,6 +66,8 @@ class Control:
 LARGEST_ORDER = 2**20
 """Largest request in bytes."""
 
+_PATTERNS = {"name": "letters, digits, spaces, _ and -, a letter or digit first", "sensor": "one such as lsl:NAME"}
+
 MESSAGES_A_SECOND = 300
 """Messages of a page, of any kind, that are read in a second; 4 KiB more of a message count as one more."""
 
@@ -223,14 +225,12 @@ class StudioState:
             page.last_alive, page.visible = time.monotonic(), bool(said["alive"])
             for callback in self.alive:
                 callback(page)
-            return
-        if "drew" in said:
+        elif "drew" in said:
             page.credit = min(24, page.credit + int(said["drew"])) if isinstance(said["drew"], int) else page.credit
-            return
-        if "whole" in said:
+        elif "whole" in said:
             self.whole(page)
-            return
-        await self._order(page, said)
+        else:
+            await self._order(page, said)
 
     async def _order(self, page: Page, said: dict[str, Any]) -> None:
         number = said.get("id") if isinstance(said.get("id"), int) else 0
@@ -239,8 +239,10 @@ class StudioState:
             answer["ok"] = await self._act(page, said)
         except ValidationError as wrong:
             first = wrong.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            answer["error"] = f"request: {where}: {first['msg']}".replace(": :", ":")
+            where, asked = ".".join(map(str, first["loc"])), first["msg"].replace("String", "Input")
+            asked = asked.replace("Input should have", "expected").replace("Input should be", "expected")
+            asked = asked if "pattern" not in first["type"] else f"expected {_PATTERNS.get(where, 'another text')}"
+            answer["error"] = f"{where or 'request'}: {asked}, got {str(first['input'])[:60]!r}"
         except MidairError as wrong:
             answer["error"], answer["kind"] = str(wrong), type(wrong).__name__
         except OSError as wrong:

@@ -15,6 +15,7 @@ import tomli_w
 from pydantic import Field
 
 from midair.array_types import Array
+from midair.datasets import STORED
 from midair.devices import measure_exposure
 from midair.dsp import resample
 from midair.errors import InputError
@@ -145,7 +146,9 @@ class DrawPanel(Panel):
         super().__init__(context)
         self._offer(files=Arguments, open=TakeNamed, preview=PatternForm, watchers=True)
         self._offer(save=SaveForm, draft=PatternForm, change=PatternForm)
-        self._show(palette=PALETTE, files=[])
+        known = STORED["touch"] | STORED["drawn"]
+        figures = {name: (known[name]["felt"], known[name]["ears"], too_loud(known[name]["ears"])) for name in PALETTE}
+        self._show(palette={name: (one, *figures[name]) for name, one in PALETTE.items()}, files=[])
 
     def files(self, *_: object) -> None:
         """List the TOML files of the folder."""

@@ -4,11 +4,11 @@ from base64 import b64encode
 from functools import cache
 from typing import Any
 
-import numpy as np
 from pydantic import Field
 
-from midair.datasets import TOUCHES
+from midair.datasets import PICTURES, TOUCHES
 from midair.evaluate import too_loud
+from midair.studio.importing import film_of
 from midair.studio.jobs import NEVER, Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.studio_state import Arguments, Page
@@ -52,13 +52,9 @@ def view_of(name: str, _: Progressed) -> dict[str, Any]:
 @cache
 def _viewed(name: str) -> dict[str, Any]:
     view = TOUCHES[name].view()
-    top = float(view.pictures.max())
-    steps = np.rint(255 * view.pictures / top).astype(np.uint8)
     return {
-        "shape": view.pictures.shape,
-        "steps": b64encode(steps.tobytes()).decode(),
-        "top_pa": float(f"{top:.3g}"),
-        "width_mm": round(1e3 * view.pitch * view.pictures.shape[2]),
+        "film": film_of(view.pictures, view.pitch, len(view.pictures) / PICTURES),
+        "top_pa": float(f"{view.pictures.max():.3g}"),
         "simulated": view.simulated,
         "sound": b64encode(view.sound).decode(),
     }

@@ -87,12 +87,10 @@ class LivePanel(Panel):
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
         """Start or stop sending frames to a page."""
+        page.credit = 24
+        (self.feed.enter if order.shown else self.feed.leave)(page)
         if order.shown:
-            page.credit = 24
-            self.feed.enter(page)
             self._show(calibrations=self._takes.folder.names(".calibration.h5"))
-        else:
-            self.feed.leave(page)
         return True
 
     def left(self, page: Page) -> None:

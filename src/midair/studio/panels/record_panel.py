@@ -183,12 +183,9 @@ class RecordPanel(Panel):
 
     def sight(self, page: Page, order: VisibleRange) -> bool:
         """Start or stop sending frames to a page; the first page opens the sensor."""
-        if not order.shown:
-            self._feed.leave(page)
-            return True
         page.credit = 24
-        self._feed.enter(page)
-        if not self._sensor.process:
+        (self._feed.enter if order.shown else self._feed.leave)(page)
+        if order.shown and not self._sensor.process:
             self._open()
         return True
 

@@ -2,7 +2,7 @@
 
 import { Link } from "/web/socket.js";
 import { TABLE, listen } from "/web/keys.js";
-import { make, openModal, toast, tried } from "/web/dom.js";
+import { buttonOf, make, openModal, toast, tried } from "/web/dom.js";
 import { jobsShown } from "/web/jobs.js";
 import { colours } from "/web/take.js";
 import { airShown, heatWarning } from "/web/warnings.js";
@@ -40,7 +40,7 @@ export const studio = {
   name: "",
   /** Panel, take and time of the address. */
   get address() {
-    const [path, query = ""] = decodeURI(location.hash.slice(1)).split("?"),
+    const [path, query = ""] = decoded(location.hash.slice(1)).split("?"),
       [room, ...rest] = path.split("/");
     return {
       room: room in ROOMS ? room : "start",
@@ -64,6 +64,15 @@ export const studio = {
     showCode(title, commands, python);
   },
 };
+
+/** An address as text; one that was typed may have a % of its own. */
+function decoded(address) {
+  try {
+    return decodeURI(address);
+  } catch {
+    return address;
+  }
+}
 
 /** The tabs of the panels of one take lead to the chosen one. */
 function keep(take) {
@@ -159,21 +168,11 @@ link.on("control", control => {
   if (control.asking && link.controls) {
     banner(
       `Page ${control.asking} requests control.`,
-      make(
-        "button",
-        {
-          title: "This page then only watches",
-          onclick: () => tried(link.order("control", "give")),
-        },
-        "Give control",
+      buttonOf("Give control", "This page then only watches", () =>
+        tried(link.order("control", "give")),
       ),
-      make(
-        "button",
-        {
-          title: "The other page goes on watching",
-          onclick: () => tried(link.order("control", "refuse")),
-        },
-        "Keep control",
+      buttonOf("Keep control", "The other page goes on watching", () =>
+        tried(link.order("control", "refuse")),
       ),
     );
   } else if (!link.controls) {
@@ -181,17 +180,14 @@ link.on("control", control => {
       control.holder
         ? "This page may only watch: another page has control. STOP works here too."
         : "No page has control.",
-      make(
-        "button",
-        {
-          id: "take-control",
-          title: "Asks the other page first while something plays",
-          onclick: async () => {
-            if ((await tried(link.order("control", "take"))) === false)
-              toast("Something plays: the other page must consent first");
-          },
-        },
+      buttonOf(
         "Take control",
+        "Asks the other page first while something plays",
+        async () => {
+          if ((await tried(link.order("control", "take"))) === false)
+            toast("Something plays: the other page must consent first");
+        },
+        { id: "take-control" },
       ),
     );
   } else banner("");
@@ -209,7 +205,7 @@ function dialogOf(id, title, ...children) {
     make(
       "div.buttons",
       {},
-      make("button", { title: "Back to the panel", onclick: () => dialog.close() }, "Close"),
+      buttonOf("Close", "Back to the panel", () => dialog.close()),
     ),
   );
   openModal(dialog, link);
@@ -236,13 +232,8 @@ function showCode(title, commands, python) {
   const part = (name, text) => [
     make("h3", {}, name),
     make("pre", { tabIndex: 0 }, text),
-    make(
-      "button",
-      {
-        title: "For a terminal or a script",
-        onclick: () => navigator.clipboard.writeText(text).then(() => toast("copied")),
-      },
-      `Copy ${name.toLowerCase()}`,
+    buttonOf(`Copy ${name.toLowerCase()}`, "For a terminal or a script", () =>
+      navigator.clipboard.writeText(text).then(() => toast("copied")),
     ),
   ];
   dialogOf("code", title, ...part("Commands", commands), ...part("Python", python));

@@ -18,6 +18,10 @@ export function make(what, properties = {}, ...children) {
   return made;
 }
 
+/** A button with its words, a line of help, its act and further properties. */
+export const buttonOf = (words, title, onclick, more = {}) =>
+  make("button", { title, onclick, ...more }, ...[words].flat());
+
 /** The act of a button: until its promise ends, the button shows that it works and takes no other
     press; STOP takes every one. */
 function busy(button, act) {
@@ -120,11 +124,11 @@ export function openModal(dialog, link) {
   dialog.querySelector(".stop")?.remove();
   dialog.append(
     jobs,
-    make(
-      "button.stop",
-      { title: "Silences the array at once", onclick: () => tried(link.stop()) },
-      "STOP ",
-      make("kbd", {}, "Esc"),
+    buttonOf(
+      ["STOP ", make("kbd", {}, "Esc")],
+      "Silences the array at once",
+      () => tried(link.stop()),
+      { class: "stop" },
     ),
   );
   dialog.showModal();

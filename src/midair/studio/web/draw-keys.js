@@ -1,7 +1,7 @@
 /* Key frames of a spot on a time line: when its centre is where, and which part of its pressure
     it has. */
 
-import { choice, make, panel } from "/web/dom.js";
+import { buttonOf, choice, make, panel } from "/web/dom.js";
 import { drawn } from "/web/palm-view.js";
 
 const WIDE = 400,
@@ -21,7 +21,7 @@ export class TimeLine {
   constructor(room) {
     this.room = room;
     this.key = 0;
-    const button = (words, id, act, title) => make("button", { id, onclick: act, title }, words);
+    const button = (words, id, act, title) => buttonOf(words, title, act, { id });
     this.adds = button(
       "Add a key",
       "draw-key-add",
@@ -237,7 +237,8 @@ export class TimeLine {
     this.view.style.display = count ? "" : "none";
     if (held) this.view.querySelector(`[data-key="${held}"]`)?.focus({ preventScroll: true });
     this.help.textContent = count
-      ? "Upwards: part of the pressure. Drag a key, here in time and level, on the palm in place (diamonds). Arrow keys do the same, Delete removes it, a double click adds one."
+      ? "Upwards: part of the pressure. Drag a key, here in time and level, on the palm in " +
+        "place (diamonds). Arrow keys do the same, Delete removes it, a double click adds one."
       : "With key frames the spot moves, and its pressure changes, over time.";
     if (!whole) return;
     const field = (words, name, title, change) => {

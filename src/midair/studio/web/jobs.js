@@ -1,6 +1,6 @@
 /* Running jobs: progress bar, frames per second, remaining time, and a button to cancel. */
 
-import { make, openModal, tried } from "/web/dom.js";
+import { buttonOf, make, openModal, tried } from "/web/dom.js";
 
 /** Solve a take. If a drive exists, ask the user before it is replaced; null if nothing was
     solved. */
@@ -39,7 +39,7 @@ const mayReplace = (link, { files: [first, again], made, new: settings }) =>
 export function askToReplace(link, title, words, buttons) {
   const dialog = document.getElementById("replace"),
     button = ([value, text, title], autofocus = false) =>
-      make("button", { title, autofocus, onclick: () => dialog.close(value) }, text);
+      buttonOf(text, title, () => dialog.close(value), { autofocus });
   if (dialog.open) dialog.close("");
   dialog.returnValue = "";
   dialog.replaceChildren(
@@ -90,14 +90,11 @@ function build(link, { number, title }) {
   const bar = make("progress", { max: 1, "aria-label": title }),
     words = make("span.quiet"),
     state = make("span");
-  const cancel = make(
-    "button",
-    {
-      "aria-label": `cancel: ${title}`,
-      title: "Ends this job; nothing unfinished is kept",
-      onclick: () => tried(link.order("jobs", "cancel", { number })),
-    },
+  const cancel = buttonOf(
     "Cancel",
+    "Ends this job; nothing unfinished is kept",
+    () => tried(link.order("jobs", "cancel", { number })),
+    { "aria-label": `cancel: ${title}` },
   );
   const root = make(
     "div.job",

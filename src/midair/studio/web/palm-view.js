@@ -48,7 +48,11 @@ export function palmView(link) {
       .join(", ");
     words.textContent = !place
       ? `${palm.tracker}: ${palm.state}, no palm yet`
-      : `Palm at ${at(place)}, tilted ${palm.tilt.toFixed(0)}°, ${inside ? "in the box" : "outside the box"}; predicted at ${at(predicted)}. Confidence ${palm.confidence.toFixed(2)}. Tracker: ${palm.state}, ${palm.rate} poses/s, ${palm.latency_ms.toFixed(0)} ms late.${refused ? ` Reported: ${refused}.` : ""}`;
+      : `Palm at ${at(place)}, tilted ${palm.tilt.toFixed(0)}°, ` +
+        `${inside ? "in the box" : "outside the box"}; predicted at ${at(predicted)}. ` +
+        `Confidence ${palm.confidence.toFixed(2)}. Tracker: ${palm.state}, ${palm.rate} ` +
+        `poses/s, ${palm.latency_ms.toFixed(0)} ms ` +
+        `late.${refused ? ` Reported: ${refused}.` : ""}`;
     // Read aloud only when it changes, not 15 times a second.
     const now =
       palm.said ||

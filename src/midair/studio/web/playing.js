@@ -1,7 +1,7 @@
 /* The dialog before playing: exposure, remedies if it is too high, and a button that must be
     held. */
 
-import { field, make, openModal, table, tried, whenHeld } from "/web/dom.js";
+import { buttonOf, field, make, openModal, table, tried, whenHeld } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
 import { heatWarning } from "/web/warnings.js";
 
@@ -85,7 +85,8 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     make(
       "h2",
       { id: "exposure-title" },
-      `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`,
+      `Play ${take.replace(/^(sample|drawn):/, "").replace(/\.(h5|toml)$/, "")} on ` +
+        `${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`,
     ),
     verdict,
     hot,
@@ -122,13 +123,14 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       "div.buttons",
       {},
       hold,
-      make("button", { title: "Back to the panel", onclick: () => dialog.close() }, "Close"),
+      buttonOf("Close", "Back to the panel", () => dialog.close()),
     ),
     done,
     make(
       "p.quiet",
       {},
-      "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, STOP, or STOP on any other page of the studio silences it.",
+      "The array plays only while this page is visible, and stops at most 0.5 s later. Esc, " +
+        "STOP, or STOP on any other page of the studio silences it.",
     ),
   );
 
@@ -145,7 +147,9 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       return;
     }
     clearance = found.number;
-    measured.textContent = `Heat: ${found.heat}. Computed for ${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
+    measured.textContent =
+      `Heat: ${found.heat}. Computed for ` +
+      `${found.measured_in}.${given.correct_air ? " The phases are corrected for the air of the room." : ""}`;
     verdict.textContent =
       found.outcome === "exceeded"
         ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here: the array is simulated and emits no sound.`
@@ -170,37 +174,27 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       make(
         "div.buttons",
         {},
-        make(
-          "button",
-          {
-            title: "Plays more weakly, within the limits",
-            onclick: () => {
-              given.attenuate = true;
-              given.override = "";
-              return check();
-            },
-          },
-          "Attenuate to meet the profile",
-        ),
+        buttonOf("Attenuate to meet the profile", "Plays more weakly, within the limits", () => {
+          given.attenuate = true;
+          given.override = "";
+          return check();
+        }),
       ),
       field("Or play it on your own responsibility", name, "Your name is logged with the play"),
       make(
         "div.buttons",
         {},
-        make(
-          "button",
-          {
-            title: "Needs your name; wear hearing protection",
-            onclick: () => {
-              if (name.value.trim()) {
-                given.override = name.value;
-                given.attenuate = false;
-                return check();
-              }
-              return name.focus();
-            },
-          },
+        buttonOf(
           "Play above the profile on my responsibility",
+          "Needs your name; wear hearing protection",
+          () => {
+            if (name.value.trim()) {
+              given.override = name.value;
+              given.attenuate = false;
+              return check();
+            }
+            return name.focus();
+          },
         ),
       ),
     );
@@ -229,31 +223,25 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     verdict.className = report ? "good" : "bad";
     if (report) {
       const more = [
-        make(
-          "button",
-          {
-            id: "play-again",
-            title: "Replaces the re-recording",
-            onclick: () => {
-              for (const one of more) one.remove();
-              return check();
-            },
-          },
+        buttonOf(
           "Check and play again",
+          "Replaces the re-recording",
+          () => {
+            for (const one of more) one.remove();
+            return check();
+          },
+          { id: "play-again" },
         ),
         ...(report.output && !take.endsWith(".toml")
           ? [
-              make(
-                "button",
-                {
-                  id: "to-compare",
-                  title: "Re-recording beside the original",
-                  onclick: () => {
-                    dialog.close();
-                    studio.go("compare", take);
-                  },
-                },
+              buttonOf(
                 "Compare",
+                "Re-recording beside the original",
+                () => {
+                  dialog.close();
+                  studio.go("compare", take);
+                },
+                { id: "to-compare" },
               ),
             ]
           : []),

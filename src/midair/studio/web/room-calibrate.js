@@ -1,6 +1,6 @@
 /* Panel Calibrate: channels identified by taps, and the response of each with its uncertainty. */
 
-import { make, panel, rows, tried } from "/web/dom.js";
+import { buttonOf, make, panel, rows, tried } from "/web/dom.js";
 import { listed, takeOf, takesList } from "/web/take.js";
 
 export default class Calibrate {
@@ -33,14 +33,11 @@ export default class Calibrate {
   }
   _build() {
     this.list = takesList();
-    this.tap = make(
-      "button.main",
-      {
-        id: "tap",
-        title: "Finds which channel belongs to which cell",
-        onclick: () => tried(this.link.order("calibrate", "taps")),
-      },
+    this.tap = buttonOf(
       "Tap each cell in turn",
+      "Finds which channel belongs to which cell",
+      () => tried(this.link.order("calibrate", "taps")),
+      { class: "main", id: "tap" },
     );
     this.cells = make("div.cells");
     this.found = make(
@@ -279,10 +276,14 @@ export default class Calibrate {
       pen.globalAlpha = 1;
     }
     line(response[channel], ink("--view-second"), 2.2);
-    this.chosen.aside.textContent = `${unit}; channel ${channel} bold${uncertainty ? ", its uncertainty (k = 2) around it" : ", no uncertainty: stated, not measured"}`;
+    this.chosen.aside.textContent =
+      `${unit}; channel ${channel} ` +
+      `bold${uncertainty ? ", its uncertainty (k = 2) around it" : ", no uncertainty: stated, not measured"}`;
     canvas.setAttribute(
       "aria-label",
-      `Response of channel ${channel} over frequency, ${response[channel][0].toPrecision(2)} ${unit} at ${frequency[0]} Hz to ${response[channel].at(-1).toPrecision(2)} ${unit} at ${Math.round(frequency.at(-1))} Hz`,
+      `Response of channel ${channel} over frequency, ${response[channel][0].toPrecision(2)} ` +
+        `${unit} at ${frequency[0]} Hz to ${response[channel].at(-1).toPrecision(2)} ${unit} ` +
+        `at ${Math.round(frequency.at(-1))} Hz`,
     );
   }
 }

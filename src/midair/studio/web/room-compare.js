@@ -3,7 +3,7 @@
 
 import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { make, panel, rows, table, tried } from "/web/dom.js";
+import { buttonOf, make, panel, rows, table, tried } from "/web/dom.js";
 import { solveTake } from "/web/jobs.js";
 import {
   chosen,
@@ -59,56 +59,40 @@ export default class Compare {
   }
   _build() {
     this.list = takesList();
-    this.compare = make(
-      "button",
-      {
-        title: "computes the figures of this drive and its re-recording again",
-        onclick: () => tried(this.link.order("compare", "compare", { take: this.name })),
-      },
+    this.compare = buttonOf(
       "Compare again",
+      "computes the figures of this drive and its re-recording again",
+      () => tried(this.link.order("compare", "compare", { take: this.name })),
     );
-    this.report = make(
-      "button",
-      {
-        id: "report",
-        title:
-          "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare",
-        onclick: async () => {
-          const take = this.name,
-            settings = await this._settings();
-          if (settings) tried(this.link.order("compare", "report", { take, ...settings }));
-        },
-      },
+    this.report = buttonOf(
       "Make the report",
-    );
-    this.budget = make(
-      "button",
-      {
-        id: "budget",
-        title:
-          "error of each stage of the reproduction, simulated for the first second; takes some seconds",
-        onclick: () => tried(this.link.order("compare", "budget", { take: this.name })),
+      "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare",
+      async () => {
+        const take = this.name,
+          settings = await this._settings();
+        if (settings) tried(this.link.order("compare", "report", { take, ...settings }));
       },
+      { id: "report" },
+    );
+    this.budget = buttonOf(
       "Error budget",
+      "error of each stage of the reproduction, simulated for the first second; takes some seconds",
+      () => tried(this.link.order("compare", "budget", { take: this.name })),
+      { id: "budget" },
     );
-    this.palm = make(
-      "button",
-      {
-        id: "palm",
-        title: "pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
-        onclick: () => tried(this.link.order("compare", "palm", { take: this.name })),
-      },
+    this.palm = buttonOf(
       "Simulate the palm",
+      "pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
+      () => tried(this.link.order("compare", "palm", { take: this.name })),
+      { id: "palm" },
     );
     this.pressed = make("div");
     this.spent = make("div", { id: "spent" });
-    this.apply = make(
-      "button.main",
-      {
-        title: "solves again with the suggested gain, as another drive",
-        onclick: () => this._apply(),
-      },
+    this.apply = buttonOf(
       "Apply",
+      "solves again with the suggested gain, as another drive",
+      () => this._apply(),
+      { class: "main" },
     );
     this.shown = make(
       "a",
@@ -278,7 +262,9 @@ export default class Compare {
             make(
               "p.quiet",
               {},
-              `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its input. Touched cells: output against the original, later stages ideal.`,
+              `Signal-to-distortion ratio, ${budget.band[0]} to ${budget.band[1]} Hz, first ` +
+                `${budget.seconds.toPrecision(2)} s. Alone: output of the stage against its ` +
+                "input. Touched cells: output against the original, later stages ideal.",
             ),
           ]
         : []),
@@ -287,7 +273,9 @@ export default class Compare {
   }
   _empty(row) {
     const words = !row
-      ? "no takes yet"
+      ? this.name
+        ? `${this.name}: there is no such take in the folder`
+        : "no takes yet"
       : row.played
         ? "not compared in this session: press Compare again"
         : row.solved

@@ -3,9 +3,10 @@
 
    The document is the pattern as the dicts of its TOML file; a number can be "$NAME", a parameter with a slider. */
 
-import { choice, make, panel, playable, tried } from "/web/dom.js";
+import { buttonOf, choice, make, panel, playable, tried } from "/web/dom.js";
 import { TimeLine } from "/web/draw-keys.js";
 import { askToReplace } from "/web/jobs.js";
+import { badges } from "/web/palm-film.js";
 import { drawn } from "/web/palm-view.js";
 import { askToPlay } from "/web/playing.js";
 import { colours } from "/web/take.js";
@@ -301,7 +302,7 @@ export default class Draw {
 
   _build() {
     const button = (words, id, act, help) =>
-      make("button", { id, onclick: act, title: help, "aria-description": help }, words);
+      buttonOf(words, help, act, { id, "aria-description": help });
     this.palette = make("div.buttons.palette");
     this.spots = make("div.buttons");
     this.fileName = make("input", {
@@ -399,7 +400,11 @@ export default class Draw {
             "Start from",
             null,
             this.palette,
-            make("p.quiet", {}, "Replaces the pattern; Undo brings it back."),
+            make(
+              "p.quiet",
+              {},
+              "Replaces the pattern; Undo brings it back. Felt: by a model of skin. Ears: without protection.",
+            ),
           ),
           this.sliders,
           panel(
@@ -456,7 +461,8 @@ export default class Draw {
             make(
               "p.quiet",
               {},
-              "The exposure of the whole drive is checked before it plays. In a loop, each change is checked too, and then played in the next pass. Esc is STOP.",
+              "The exposure of the whole drive is checked before it plays. In a loop, each " +
+                "change is checked too, and then played in the next pass. Esc is STOP.",
             ),
           ),
           this.formPanel,
@@ -502,25 +508,24 @@ export default class Draw {
       },
     });
     const slides = isName(found),
-      slider = make(
-        "button",
+      slider = buttonOf(
+        slides ? found : "slider",
+        "A named parameter with a slider, also of the file",
+        () =>
+          this.edit(() =>
+            this._slider(
+              from,
+              path,
+              shown,
+              low,
+              Math.max(high, most ?? high, shown) > high && shown > high ? (most ?? shown) : high,
+            ),
+          ),
         {
           id: `${id}-slider`,
           "aria-pressed": slides ? "true" : "false",
           "aria-label": `${label}: slider`,
-          title: "A named parameter with a slider, also of the file",
-          onclick: () =>
-            this.edit(() =>
-              this._slider(
-                from,
-                path,
-                shown,
-                low,
-                Math.max(high, most ?? high, shown) > high && shown > high ? (most ?? shown) : high,
-              ),
-            ),
         },
-        slides ? found : "slider",
       );
     return this._row(
       unit ? `${label}, ${unit}` : label,
@@ -555,62 +560,47 @@ export default class Draw {
     this.formPanel.querySelector("h2").textContent = `Spot ${this.spot + 1}`;
     this.spots.replaceChildren(
       ...pattern.spot.map((_, i) =>
-        make(
-          "button",
-          {
-            "aria-pressed": i === this.spot ? "true" : "false",
-            title: "Shows the settings of this spot",
-            onclick: () => {
-              this.spot = i;
-              this.corner = 0;
-              this._shown();
-            },
-          },
+        buttonOf(
           `Spot ${i + 1}`,
+          "Shows the settings of this spot",
+          () => {
+            this.spot = i;
+            this.corner = 0;
+            this._shown();
+          },
+          { "aria-pressed": i === this.spot ? "true" : "false" },
         ),
       ),
-      make(
-        "button",
-        {
-          id: "draw-add",
-          title: "Adds a spot at the centre",
-          onclick: () =>
-            this.edit(() => {
-              this.spot =
-                pattern.spot.push({
-                  shape: { name: "points", places_mm: [[0, 0]] },
-                  centre_mm: [0, 0],
-                  pressure_pa: 50,
-                  am: { frequency_hz: 150, depth: 1 },
-                }) - 1;
-            }),
-        },
+      buttonOf(
         "Add",
+        "Adds a spot at the centre",
+        () =>
+          this.edit(() => {
+            this.spot =
+              pattern.spot.push({
+                shape: { name: "points", places_mm: [[0, 0]] },
+                centre_mm: [0, 0],
+                pressure_pa: 50,
+                am: { frequency_hz: 150, depth: 1 },
+              }) - 1;
+          }),
+        { id: "draw-add" },
       ),
-      make(
-        "button",
-        {
-          id: "draw-copy",
-          title: "Adds a copy 10 mm to the right",
-          onclick: () =>
-            this.edit(() => {
-              const twin = copy(one);
-              this.spot = pattern.spot.push(twin) - 1;
-              twin.centre_mm[0] = this.value(one, "centre_mm.0") + 10;
-            }),
-        },
+      buttonOf(
         "Duplicate",
+        "Adds a copy 10 mm to the right",
+        () =>
+          this.edit(() => {
+            const twin = copy(one);
+            this.spot = pattern.spot.push(twin) - 1;
+            twin.centre_mm[0] = this.value(one, "centre_mm.0") + 10;
+          }),
+        { id: "draw-copy" },
       ),
-      make(
-        "button",
-        {
-          id: "draw-delete",
-          title: "Removes the chosen spot",
-          disabled: pattern.spot.length < 2,
-          onclick: () => this._remove(),
-        },
-        "Delete",
-      ),
+      buttonOf("Delete", "Removes the chosen spot", () => this._remove(), {
+        id: "draw-delete",
+        disabled: pattern.spot.length < 2,
+      }),
     );
     const own = name in SHAPES ? [] : [[name, name]];
     const shape = choice(
@@ -687,24 +677,17 @@ export default class Draw {
           make(
             "div.buttons",
             {},
-            make(
-              "button",
-              {
-                id: "draw-corner-add",
-                title: "Adds a corner after the chosen one",
-                onclick: () => this._addCorner(),
-              },
+            buttonOf(
               name === "points" ? "Add a place" : "Add a corner",
+              "Adds a corner after the chosen one",
+              () => this._addCorner(),
+              { id: "draw-corner-add" },
             ),
-            make(
-              "button",
-              {
-                id: "draw-corner-delete",
-                title: "Removes the chosen corner",
-                disabled: many.length <= (name === "points" ? 1 : 3),
-                onclick: () => this._removeCorner(),
-              },
+            buttonOf(
               name === "points" ? "Delete the place" : "Delete the corner",
+              "Removes the chosen corner",
+              () => this._removeCorner(),
+              { id: "draw-corner-delete", disabled: many.length <= (name === "points" ? 1 : 3) },
             ),
           ),
           ...[0, 1].map(axis =>
@@ -1180,7 +1163,8 @@ export default class Draw {
       make(
         "p",
         {},
-        `Pressure: ${pressure.top} Pa rms ${place}, ${found.highest_pa} Pa at most, ${(100 * found.reach).toFixed(0)} % of what the array can do.`,
+        `Pressure: ${pressure.top} Pa rms ${place}, ${found.highest_pa} Pa at most, ` +
+          `${(100 * found.reach).toFixed(0)} % of what the array can do.`,
       ),
       make("p", {}, `Skin: moves by ${motion.top} µm rms ${skin}, 20 to 470 Hz.`),
       make(
@@ -1223,18 +1207,16 @@ export default class Draw {
   _files({ palette, files }) {
     if (!this.palette.children.length)
       this.palette.append(
-        ...Object.values(palette).map(one =>
-          make(
-            "button",
-            {
-              title: "Replaces the pattern",
-              onclick: () =>
-                this.edit(() => {
-                  this.pattern = copy(one);
-                  this.spot = this.corner = 0;
-                }),
-            },
-            one.name,
+        ...Object.values(palette).map(([one, felt, ears, loud]) =>
+          buttonOf(
+            [one.name, badges(felt, ears, loud.replace(" without protection", ""))],
+            "Replaces the pattern",
+            () =>
+              this.edit(() => {
+                this.pattern = copy(one);
+                this.spot = this.corner = 0;
+              }),
+            { "aria-label": one.name, "aria-description": `felt by ${felt} of 10; ears: ${loud}` },
           ),
         ),
       );

@@ -18,7 +18,18 @@ import {
   KINDS,
 } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, panel, playable, rows, toast, tried, whenHeld } from "/web/dom.js";
+import {
+  buttonOf,
+  choice,
+  field,
+  make,
+  panel,
+  playable,
+  rows,
+  toast,
+  tried,
+  whenHeld,
+} from "/web/dom.js";
 import { colours } from "/web/take.js";
 
 const KEPT = 60; // s
@@ -292,14 +303,11 @@ export default class Live {
         "Time from a pose of the palm to its arrival; empty: as measured",
       ),
     );
-    this.check = make(
-      "button",
-      {
-        id: "live-check",
-        title: "Computes the worst case of these settings at ears, bystander and palm",
-        onclick: () => this._check(),
-      },
+    this.check = buttonOf(
       "Check exposure",
+      "Computes the worst case of these settings at ears, bystander and palm",
+      () => this._check(),
+      { id: "live-check" },
     );
     this.hold = make(
       "button.main.hold",
@@ -330,14 +338,11 @@ export default class Live {
       },
       onchange: () => tried(this.link.order("live", "turn", { share: this.share.value / 100 })),
     });
-    this.end = make(
-      "button",
-      {
-        id: "live-end",
-        title: "Ends live touch in silence",
-        onclick: () => tried(this.link.order("live", "end")),
-      },
+    this.end = buttonOf(
       "End",
+      "Ends live touch in silence",
+      () => tried(this.link.order("live", "end")),
+      { id: "live-end" },
     );
     const loudness = field("Loudness", this.share, "Share of the level, while it plays");
     loudness.append(this.loud);
@@ -431,15 +436,11 @@ export default class Live {
       title: "Looks at the last minute while live touch goes on: Space",
       onclick: () => this.freeze(),
     });
-    this.keeps = make(
-      "button",
-      {
-        id: "live-keep",
-        title: "Stores the last minute as a take: R",
-        onclick: () => this.record(),
-      },
-      "Keep the last 60 s ",
-      make("kbd", {}, "R"),
+    this.keeps = buttonOf(
+      ["Keep the last 60 s ", make("kbd", {}, "R")],
+      "Stores the last minute as a take: R",
+      () => this.record(),
+      { id: "live-keep" },
     );
     this.kept = make("span.quiet", { role: "status" });
     this.bar = make("div.row");
@@ -463,14 +464,7 @@ export default class Live {
         "span.keys",
         {},
         make("span", {}, make("kbd", {}, "?"), " keys"),
-        make(
-          "button",
-          {
-            title: "Commands and Python that do the same",
-            onclick: () => this._code(),
-          },
-          "Show the code",
-        ),
+        buttonOf("Show the code", "Commands and Python that do the same", () => this._code()),
       ),
     );
     this.boxes.overview.hidden = !this.frozen;
@@ -686,7 +680,9 @@ export default class Live {
     const side = this.soundPicture.down.length / about.grid_rows;
     panels.touch.aside.textContent = `${about.rows} × ${about.columns} cells, Pa`;
     panels.sound.aside.textContent = `${about.simulated ? "simulated" : "computed"}, ${side} × ${side}`;
-    panels.array.aside.textContent = `phases of ${about.transducers}${about.array_calibration ? `, array calibration ${about.array_calibration}` : ""}`;
+    panels.array.aside.textContent =
+      "phases of " +
+      `${about.transducers}${about.array_calibration ? `, array calibration ${about.array_calibration}` : ""}`;
     panels.traces.querySelector("h2").textContent = `${about.rows * about.columns} cells, Pa`;
     this.studio.shownLive = about.sensor;
     this._choose(Math.min(this.state.channel, about.rows * about.columns - 1));
@@ -865,10 +861,15 @@ export default class Live {
     const work = goes.work_ms,
       left = goes.left_ms,
       of = value => (value === null ? "–" : value.toFixed(2));
-    this.counted.textContent = `${goes.frames} frames, ${goes.played} played; ${goes.late} late (previous frame held); ${goes.lost} lost (last good frame repeated); ${goes.hurried} hurried; ${goes.gaps} gaps`;
+    this.counted.textContent =
+      `${goes.frames} frames, ${goes.played} played; ${goes.late} late (previous frame held); ` +
+      `${goes.lost} lost (last good frame repeated); ${goes.hurried} hurried; ${goes.gaps} gaps`;
     this.counted.title =
-      "late: ready after its deadline; lost: missing from the sensor; hurried: solved in half the time; gap: 20 ms without a frame, followed by a fade-out";
-    this.delay.aside.textContent = `computation ${of(work.half)} ms per frame, 99.9 % below ${of(work["99.9%"])} ms; 99.9 % sent within ${of(left["99.9%"])} ms`;
+      "late: ready after its deadline; lost: missing from the sensor; hurried: solved in " +
+      "half the time; gap: 20 ms without a frame, followed by a fade-out";
+    this.delay.aside.textContent =
+      `computation ${of(work.half)} ms per frame, 99.9 % below ${of(work["99.9%"])} ms; 99.9 % ` +
+      `sent within ${of(left["99.9%"])} ms`;
     this.counted.className = `counted ${goes.late + goes.lost + goes.gaps ? "" : "quiet"}`;
   }
   _code() {

@@ -2,7 +2,7 @@
     take. */
 
 import { Track, TracesPicture, SpectrogramPicture, decode } from "/web/view.js";
-import { choice, field, make, panel, rows, tried } from "/web/dom.js";
+import { buttonOf, choice, field, make, panel, rows, tried } from "/web/dom.js";
 import { colours } from "/web/take.js";
 
 const SOURCES = [
@@ -93,15 +93,11 @@ export default class Record {
     this.level = make("input", { type: "number", min: 0, step: "any", value: "0.02" });
     this.pre = make("input", { type: "number", min: 0, max: 60, step: 0.1, value: "0.2" });
     this.repeats = make("input", { type: "number", min: 1, max: 100, value: "1" });
-    this.big = make(
-      "button.main.big",
-      {
-        id: "record",
-        title: "Starts a recording, or ends it and keeps the take: R",
-        onclick: () => this.record(),
-      },
-      "Record ",
-      make("kbd", {}, "R"),
+    this.big = buttonOf(
+      ["Record ", make("kbd", {}, "R")],
+      "Starts a recording, or ends it and keeps the take: R",
+      () => this.record(),
+      { class: "main big", id: "record" },
     );
     this.touched = make(
       "div.column",
@@ -115,13 +111,8 @@ export default class Record {
     );
     this.done = make("div", { role: "status", id: "kept" });
     this.lost = make("div.column", { role: "alert", id: "sensor-lost", hidden: true });
-    this.again = make(
-      "button",
-      {
-        title: "After the cable or the stream is back",
-        onclick: () => this._listen(this.link.state.record.sensor),
-      },
-      "Open the sensor again",
+    this.again = buttonOf("Open the sensor again", "After the cable or the stream is back", () =>
+      this._listen(this.link.state.record.sensor),
     );
     this.events = make("ol.events", { "aria-live": "polite" });
     this.about = make("div");
@@ -251,7 +242,8 @@ export default class Record {
       make(
         `p${broken ? ".bad" : ""}`,
         {},
-        `${broken ? "The take ended early; the frames recorded until then are kept. " : ""}${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`,
+        `${broken ? "The take ended early; the frames recorded until then are kept. " : ""}${take.name}: ` +
+          `${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`,
       ),
       rows(take.problems),
       make(

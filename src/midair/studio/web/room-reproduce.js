@@ -9,9 +9,20 @@ import {
   BarPicture,
 } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
-import { choice, field, make, openModal, panel, playable, rows, tried } from "/web/dom.js";
-import { bringFile, pictureOf } from "/web/import.js";
+import {
+  buttonOf,
+  choice,
+  field,
+  make,
+  openModal,
+  panel,
+  playable,
+  rows,
+  tried,
+} from "/web/dom.js";
+import { bringFile } from "/web/import.js";
 import { solveTake } from "/web/jobs.js";
+import { courseOf } from "/web/palm-film.js";
 import {
   TakeView,
   chosen,
@@ -134,14 +145,10 @@ export default class Reproduce {
         file.value = "";
       },
     });
-    this.add = make(
-      "button",
-      {
-        title:
-          "A recording of this computer, or a project as ZIP of at most 4 GiB; you can also drop it on the page",
-        onclick: () => file.click(),
-      },
+    this.add = buttonOf(
       "Add a file",
+      "A recording of this computer, or a project as ZIP of at most 4 GiB; you can also drop it on the page",
+      () => file.click(),
     );
     this.sort = choice(
       [
@@ -169,7 +176,7 @@ export default class Reproduce {
       oninput: () => this._found(),
     });
     const own = (words, title, act) =>
-      make("button", { disabled: true, title, "data-help": title, onclick: act }, words);
+      buttonOf(words, title, act, { disabled: true, "data-help": title });
     this.own = [
       own("Rename", "Gives the take and its drives another name or folder", () => this._rename()),
       own("Duplicate", "Copies the take without its drives", () => this._own("duplicate")),
@@ -183,43 +190,28 @@ export default class Reproduce {
         this._export(),
       ),
     ];
-    this.solve = make(
-      "button.main",
-      {
-        title: "Computes the phases of the transducers for every frame",
-        onclick: () => this._solve(),
-      },
+    this.solve = buttonOf(
       "Solve",
+      "Computes the phases of the transducers for every frame",
+      () => this._solve(),
+      { class: "main" },
     );
     this.play = make("button", { onclick: () => this._play() }, "Play on array");
     this.otherAir = warningBox(
       "other-air",
-      make(
-        "button",
-        {
-          title: "Turns the phases for the air of now, exact at the centre of the points",
-          onclick: () => this._play(true),
-        },
+      buttonOf(
         "Correct phases",
+        "Turns the phases for the air of now, exact at the centre of the points",
+        () => this._play(true),
       ),
-      make(
-        "button",
-        {
-          title: "Solves a new drive for the air of now",
-          onclick: () => this._solve(),
-        },
-        "Solve again",
-      ),
+      buttonOf("Solve again", "Solves a new drive for the air of now", () => this._solve()),
     );
     this.form = make("div.column");
     this.listen = listening(this.link);
-    this.palm = make(
-      "button",
-      {
-        title: "Pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
-        onclick: () => tried(this.link.order("compare", "palm", { take: this.take.name })),
-      },
+    this.palm = buttonOf(
       "Simulate the palm",
+      "Pressure of the drive on a palm of 85 mm, simulated; takes some seconds",
+      () => tried(this.link.order("compare", "palm", { take: this.take.name })),
     );
     this.pressed = make("div");
     this.verdict = make("section.panel.verdict", { "aria-label": "Verdict", hidden: true });
@@ -231,7 +223,7 @@ export default class Reproduce {
       ({ target }) => {
         const value =
           target.value === "" || Number.isNaN(Number(target.value))
-            ? target.value
+            ? target.value || USUAL[name]
             : Number(target.value);
         // The solver of one mode may not support the terms of another.
         this._fill({
@@ -556,7 +548,7 @@ export default class Reproduce {
           "div.buttons",
           {},
           make("button.main", { type: "submit", title }, button),
-          make("button", { title: "Changes nothing", onclick: () => dialog.close() }, "Cancel"),
+          buttonOf("Cancel", "Changes nothing", () => dialog.close()),
         ),
       ),
     );
@@ -627,7 +619,11 @@ export default class Reproduce {
             ...given(),
           });
           parts = [
-            pictureOf(course, `channel ${course.channel} over ${course.seconds.toFixed(2)} s`),
+            make(
+              "div.course",
+              {},
+              ...courseOf(course, `channel ${course.channel} over ${course.seconds.toFixed(2)} s`),
+            ),
             make(
               "p.quiet",
               {},
@@ -693,7 +689,7 @@ export default class Reproduce {
         return make(
           "div.mark",
           {},
-          make("button", { title: "Goes to this mark", onclick: () => transport.seek(mark) }, at),
+          buttonOf(at, "Goes to this mark", () => transport.seek(mark)),
           make("input", {
             type: "text",
             maxLength: 100,
@@ -706,15 +702,11 @@ export default class Reproduce {
               this._note();
             },
           }),
-          make(
-            "button",
-            {
-              "aria-label": `remove the mark at ${at}`,
-              title: "Removes this mark",
-              onclick: () =>
-                transport.set({ marks: transport.marks.filter(each => each !== mark) }),
-            },
+          buttonOf(
             "×",
+            "Removes this mark",
+            () => transport.set({ marks: transport.marks.filter(each => each !== mark) }),
+            { "aria-label": `remove the mark at ${at}` },
           ),
         );
       }),
@@ -944,14 +936,7 @@ export default class Reproduce {
       make(
         "div.buttons",
         {},
-        make(
-          "button",
-          {
-            title: "Closes this message",
-            onclick: () => this._nothing("choose a take"),
-          },
-          "Close",
-        ),
+        buttonOf("Close", "Closes this message", () => this._nothing("choose a take")),
       ),
     );
   }
@@ -1074,9 +1059,7 @@ export default class Reproduce {
         ["delete", "Delete", "Makes a take without the chosen part: key Delete"],
         ["fade in", "Fade in", "Makes a take that fades in up to the end of the part"],
         ["fade out", "Fade out", "Makes a take that fades out from the start of the part"],
-      ].map(([edit, words, title]) =>
-        make("button", { title, onclick: () => this.part(edit) }, words),
-      ),
+      ].map(([edit, words, title]) => buttonOf(words, title, () => this.part(edit))),
     );
     const shown = () => {
       const { loop, last } = transport;
@@ -1092,14 +1075,7 @@ export default class Reproduce {
         key(make("kbd", {}, ","), " ", make("kbd", {}, "."), " one frame"),
         key(make("kbd", {}, "M"), " mark"),
         key(make("kbd", {}, "?"), " keys"),
-        make(
-          "button",
-          {
-            title: "Commands and Python that do the same",
-            onclick: () => this._code(),
-          },
-          "Show the code",
-        ),
+        buttonOf("Show the code", "Commands and Python that do the same", () => this._code()),
       ),
     );
     return overview;
@@ -1144,7 +1120,9 @@ export default class Reproduce {
       ]),
     );
     this.panels.spectrogram.aside.textContent = `channel ${channel}, 0 to ${Math.min(1000, take.facts.rate_hz / 2)} Hz`;
-    this.panels.traces.aside.textContent = `${span >= 1 ? span.toPrecision(2) : span.toFixed(3)} s around the playhead; channel ${channel} chosen`;
+    this.panels.traces.aside.textContent =
+      `${span >= 1 ? span.toPrecision(2) : span.toFixed(3)} s around the playhead; channel ` +
+      `${channel} chosen`;
   }
   _about() {
     const { facts } = this.take,

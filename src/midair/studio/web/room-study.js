@@ -1,6 +1,6 @@
 /* Panel Study: the experimenter's page, and the participant's with one question at a time. */
 
-import { choice, field, make, panel, rows, table, tried } from "/web/dom.js";
+import { buttonOf, choice, field, make, panel, rows, table, tried } from "/web/dom.js";
 
 const TEMPLATES = [
   ["own", "my takes and patterns"],
@@ -191,26 +191,22 @@ export default class Study {
           make(
             "div.buttons",
             {},
-            make(
-              "button",
-              {
-                disabled: !controls,
-                id: "new-study",
-                title: "Draws the order of all trials and solves the drives, which takes a while",
-                onclick: async () => {
-                  if (
-                    await tried(
-                      this.link.order("study", "new", {
-                        name: name.value.trim(),
-                        ...given(),
-                        participants: Number(people.value) || 1,
-                      }),
-                    )
-                  )
-                    this.chosen = name.value.trim();
-                },
-              },
+            buttonOf(
               "Draw the plan",
+              "Draws the order of all trials and solves the drives, which takes a while",
+              async () => {
+                if (
+                  await tried(
+                    this.link.order("study", "new", {
+                      name: name.value.trim(),
+                      ...given(),
+                      participants: Number(people.value) || 1,
+                    }),
+                  )
+                )
+                  this.chosen = name.value.trim();
+              },
+              { disabled: !controls, id: "new-study" },
             ),
           ),
         ),
@@ -246,15 +242,11 @@ export default class Study {
           ...(session.due
             ? [
                 make("p", {}, make("strong", { id: "due" }, session.due)),
-                make(
-                  "button.main",
-                  {
-                    id: "presented",
-                    disabled: !controls,
-                    title: "Press it when the participant has touched it",
-                    onclick: () => tried(this.link.order("study", "presented")),
-                  },
+                buttonOf(
                   "Stimulus presented",
+                  "Press it when the participant has touched it",
+                  () => tried(this.link.order("study", "presented")),
+                  { class: "main", id: "presented", disabled: !controls },
                 ),
               ]
             : []),
@@ -262,36 +254,23 @@ export default class Study {
           make(
             "div.buttons",
             {},
-            make(
-              "button",
-              {
-                title: "One question at a time, on this screen",
-                onclick: () => this.studio.go("study", "participant"),
-              },
-              "Participant's page here",
+            buttonOf("Participant's page here", "One question at a time, on this screen", () =>
+              this.studio.go("study", "participant"),
             ),
-            make(
-              "button",
-              {
-                title: "One question at a time, on a second screen",
-                onclick: () =>
-                  open("/#study/participant", "participant", "popup,width=1100,height=760"),
-              },
+            buttonOf(
               "Participant's page in a new window",
+              "One question at a time, on a second screen",
+              () => open("/#study/participant", "participant", "popup,width=1100,height=760"),
             ),
           ),
           make(
             "div.buttons",
             {},
-            make(
-              "button",
-              {
-                disabled: !controls,
-                id: "end-session",
-                title: "Answers so far are stored",
-                onclick: () => tried(this.link.order("study", "end")),
-              },
+            buttonOf(
               over ? "Close the session" : "Leave the session (it can be resumed)",
+              "Answers so far are stored",
+              () => tried(this.link.order("study", "end")),
+              { disabled: !controls, id: "end-session" },
             ),
           ),
         ),
@@ -389,26 +368,17 @@ export default class Study {
           make(
             "div.buttons",
             {},
-            make(
-              "button",
-              {
-                id: "simulate",
-                disabled: !controls || study.participants.some(each => each.done),
-                title:
-                  "answers of a model for everyone, to try plan and analysis before people come; all that is made of them is marked SIMULATED",
-                onclick: () => tried(this.link.order("study", "simulate", { study: study.name })),
-              },
+            buttonOf(
               "Simulate participants",
+              "answers of a model for everyone, to try plan and analysis before people come; all that is made of them is marked SIMULATED",
+              () => tried(this.link.order("study", "simulate", { study: study.name })),
+              { id: "simulate", disabled: !controls || study.participants.some(each => each.done) },
             ),
-            make(
-              "button",
-              {
-                id: "analyse",
-                disabled: !controls || !study.participants.some(each => each.done),
-                title: "needs an answer",
-                onclick: () => tried(this.link.order("study", "analyse", { study: study.name })),
-              },
+            buttonOf(
               "Analyse",
+              "needs an answer",
+              () => tried(this.link.order("study", "analyse", { study: study.name })),
+              { id: "analyse", disabled: !controls || !study.participants.some(each => each.done) },
             ),
             ...(study.report
               ? [
@@ -433,22 +403,18 @@ export default class Study {
               study.participants.map(each => [
                 String(each.number),
                 `${each.done} of ${each.total}`,
-                make(
-                  "button",
-                  {
-                    disabled: !controls,
-                    "data-participant": each.number,
-                    title: `Session of participant ${each.number}`,
-                    onclick: () =>
-                      this._begin({
-                        study: study.name,
-                        participant: each.number,
-                        pilot: pilot.checked,
-                        noise: noise.value,
-                        override: answers.value.trim(),
-                      }),
-                  },
+                buttonOf(
                   each.done === 0 ? "Begin" : each.done < each.total ? "Resume" : "Open",
+                  `Session of participant ${each.number}`,
+                  () =>
+                    this._begin({
+                      study: study.name,
+                      participant: each.number,
+                      pilot: pilot.checked,
+                      noise: noise.value,
+                      override: answers.value.trim(),
+                    }),
+                  { disabled: !controls, "data-participant": each.number },
                 ),
               ]),
               3,

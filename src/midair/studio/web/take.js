@@ -1,6 +1,6 @@
 /* A take in the page: its facts and its frames, loaded second by second. */
 
-import { make, panel, rows } from "/web/dom.js";
+import { buttonOf, make, panel, rows } from "/web/dom.js";
 import { Track, Colours, decode } from "/web/view.js";
 
 const tables = new Map();
@@ -142,15 +142,11 @@ export function driveButtons(studio, name, figure) {
           { role: "group", "aria-label": "Drives of this take" },
           ...all.map(each => {
             const [label, said, title] = figure(each);
-            return make(
-              "button",
-              {
-                title,
-                "aria-pressed": each.name === name ? "true" : "false",
-                onclick: () => studio.go(studio.name, each.name),
-              },
-              make("strong", {}, label),
-              ...(said ? [` ${said}`] : []),
+            return buttonOf(
+              [make("strong", {}, label), ...(said ? [` ${said}`] : [])],
+              title,
+              () => studio.go(studio.name, each.name),
+              { "aria-pressed": each.name === name ? "true" : "false" },
             );
           }),
         ),
@@ -242,7 +238,9 @@ export function palmFound(link, name) {
         make(
           "p.quiet",
           {},
-          `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on flat model skins, soft and stiff, on bone and deep: a simulation, without participants`,
+          `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal-to-distortion ratio on ` +
+            "flat model skins, soft and stiff, on bone and deep: a simulation, without " +
+            "participants",
         ),
       ]
     : [];

@@ -1,10 +1,10 @@
 /* The air of the room in the header, and warnings that stay while their cause lasts: other air,
     hot units. */
 
-import { field, make, openModal, tried } from "/web/dom.js";
+import { buttonOf, field, make, openModal, tried } from "/web/dom.js";
 
 const shown = degrees => `${degrees.toFixed(1)} °C`;
-const button = (words, onclick, title, id) => make("button", { onclick, title, id }, words);
+const button = (words, onclick, title, id) => buttonOf(words, title, onclick, { id });
 
 /** The warning that the room differs by 1 K from the air that a drive was solved for, or "". */
 export function otherAir({ state: { air } }, solved) {
@@ -98,7 +98,8 @@ export function airShown(link) {
       make(
         "p",
         {},
-        "Drives are solved for this air, and the exposure check covers it. Without it, drives are solved for the air of their mode, and the check covers 14 to 30 °C.",
+        "Drives are solved for this air, and the exposure check covers it. Without it, " +
+          "drives are solved for the air of their mode, and the check covers 14 to 30 °C.",
       ),
       field("Temperature", temperature, "Degrees Celsius such as 22C"),
       field("Humidity, %", humidity, "Relative humidity, which damps the sound"),

@@ -714,7 +714,8 @@ export class TracesPicture extends Picture {
       left = Math.round(34 * ratio),
       base = height - Math.round(18 * ratio),
       span = (state.span ?? 1) * track.rate;
-    const w = width - left - Math.round(4 * ratio),
+    // The scale bar has a place of its own at the right.
+    const w = width - left - Math.round(56 * ratio),
       step = w / span,
       lane = base / (track.width || 1),
       all = Math.max(track.top, this.over?.top ?? 0);
@@ -739,7 +740,7 @@ export class TracesPicture extends Picture {
     ]);
     context.save();
     context.beginPath();
-    if (from > left) context.rect(from, 0, left + w - from, base);
+    if (from > left) context.rect(from, 0, width - from, base);
     else context.rect(0, 0, width, height);
     context.clip();
     this.clear(width, height);
@@ -798,8 +799,8 @@ export class TracesPicture extends Picture {
     context.globalCompositeOperation = "copy";
     context.drawImage(this.canvas, left + gone, 0, w - gone, base, left, 0, w - gone, base);
     context.restore();
-    // The scale bar does not move with the traces.
-    return Math.max(left + 1, left + w - gone - Math.ceil(this._barWidth ?? 0));
+    // The last lines were cut off at the edge.
+    return Math.max(left + 1, left + w - gone - Math.ceil(40 * this.ratio));
   }
   _lines(context, track, colour, scale, from, wide = 1) {
     const { left, w, lane, begin, span } = this.lanes,
@@ -871,9 +872,10 @@ export class TracesPicture extends Picture {
     this.barOf = value;
     context.fillStyle = this.colour.ink;
     context.fillRect(x, 6 * ratio, 2 * ratio, h);
-    const words = `${said(value)} ${this.track.unit}`;
-    this.text(words, x - 4 * ratio, 6 * ratio + h / 2, { align: "right", colour: this.colour.ink });
-    this._barWidth = context.measureText(words).width + 14 * ratio;
+    this.text(`${said(value)} ${this.track.unit}`, x - 4 * ratio, 6 * ratio + h / 2, {
+      align: "right",
+      colour: this.colour.ink,
+    });
   }
   /** Frame at a place of the canvas, in CSS pixels. */
   _frame(x) {
