@@ -6,6 +6,7 @@ import pytest
 
 from midair.evaluate import felt
 from midair.files import load, load_solution, load_target
+from midair.settings import Settings
 from midair.studio.folders import StudioFolder
 from midair.studio.solved_sample import STORED, orbit
 from midair.studio.takes_list import TakesList
@@ -17,6 +18,7 @@ SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "solved_sample.
 
 def test_a_small_file_holds_one_period_without_a_seam():
     kept = load_solution(STORED)
+    assert Settings.of(kept.drive.provenance), "the panel shows the settings of a drive"
     assert STORED.stat().st_size < 1.5e6
     assert kept.drive.frames / kept.drive.rate == pytest.approx(0.2)
     phase = kept.drive.phase
