@@ -14,7 +14,7 @@ BUSTED = b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted"
 @pytest.mark.parametrize("data", [b"RIFX\0\0\0\0WAVE", b"RIFF\0\0\0\0AVI ", b"RI", BUSTED])
 def test_refuses_other_files_than_wav(data, tmp_path):
     (tmp_path / "a.wav").write_bytes(data)
-    with pytest.raises(BrokenFileError, match="expected a WAV"):
+    with pytest.raises(BrokenFileError, match=r"expected a WAV file, got (a damaged|one that begins with ')"):
         load(tmp_path / "a.wav", unit="V")
 
 

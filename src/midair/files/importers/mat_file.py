@@ -170,7 +170,7 @@ def read_mat(path: Path, given: ImportOptions) -> ImportedData:
         return from_arrays(_version_73(path), "MAT v7.3", given)
     # A file of version 4 has a 0 in its first four bytes; SciPy crashes on some other files.
     if start[124:128] not in (b"\x00\x01IM", b"\x01\x00MI") and 0 not in start[:4]:
-        raise BrokenFileError(f"expected a MATLAB file, got one that begins with {start[:12]!r}")
+        raise BrokenFileError(f"expected a MATLAB file, got one that begins with {start[:12].decode('latin-1')!r}")
     try:
         arrays: dict[str, Any] = scipy.io.loadmat(str(path), appendmat=False, simplify_cells=True)
     except scipy.io.matlab.MatReadError as wrong:

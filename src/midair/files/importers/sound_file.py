@@ -76,7 +76,7 @@ def read_wav(path: Path, given: ImportOptions) -> ImportedData:
     """
     data = path.read_bytes()
     if data[:4] not in (b"RIFF", b"RF64") or data[8:12] != b"WAVE":
-        raise BrokenFileError(f"expected a WAV, got a file that begins with {data[:12]!r}")
+        raise BrokenFileError(f"expected a WAV file, got one that begins with {data[:12].decode('latin-1')!r}")
     place, letters, length = 12, b"", 0
     while letters != b"data":
         letters, length = struct.unpack_from("<4sI", data, place)
