@@ -46,12 +46,15 @@ def test_page_and_files_are_served(client):
 
 
 def test_takes_that_a_command_wrote_are_listed(client, studio, talk):
-    """When the page is loaded, and when it gets the focus again."""
+    """When the page is loaded, and when it gets the focus again; one that it removed, until it is pressed."""
     takes = studio.folder.path
     for name, seen in (("loaded.h5", lambda: client.get("/")), ("focus.h5", lambda: talk.order("reproduce", "list"))):
         (takes / name).write_bytes((takes / "towel.h5").read_bytes())
         seen()
         assert name in [row["name"] for row in studio.store.state["takes"]]
+    (takes / "focus.h5").unlink()
+    assert "focus.h5: expected a file" in talk.order("reproduce", "open", take="focus.h5")["error"]
+    assert [row["name"] for row in studio.store.state["takes"]] == ["loaded.h5", "towel.h5"]
 
 
 @pytest.mark.long

@@ -34,27 +34,19 @@ def test_further_drives_belong_to_their_take(takes):
         (takes.folder.path / name).write_text(name)
     rows = {row["name"]: row for row in takes.rows()}
     assert set(rows) == {"a.h5", "b.h5", "b.wav"}, "drives are no takes"
-    assert [(each["name"], each["played"]) for each in rows["a.h5"]["drives"]] == [
-        ("a.h5@best-2", False),
-        ("a.h5@paper", True),
-    ]
+    drives = [(each["name"], each["played"]) for each in rows["a.h5"]["drives"]]
+    assert drives == [("a.h5@best-2", False), ("a.h5@paper", True)]
     assert takes.drives("a.h5@paper") == ["a.h5", "a.h5@best-2", "a.h5@paper"]
-    assert [takes.free_drive("a.h5", mode) for mode in ("best", "paper", "quick")] == [
-        "a.h5@best",
-        "a.h5@paper-2",
-        "a.h5@quick",
-    ]
+    free = [takes.free_drive("a.h5", mode) for mode in ("best", "paper", "quick")]
+    assert free == ["a.h5@best", "a.h5@paper-2", "a.h5@quick"]
     takes.rename("a.h5@paper", "c")
     assert names(takes) >= {"c.h5", "c.drive.h5", "c.paper.drive.h5", "c.paper.rerecorded.h5", "c.best-2.drive.h5"}
     assert takes.restore(takes.delete("c.h5@best-2")) == "c.h5"
 
 
 def test_a_copy_has_a_free_name_and_no_drive(takes):
-    assert [takes.duplicate("a.h5"), takes.duplicate("a-01.h5"), takes.duplicate("b.wav")] == [
-        "a-01.h5",
-        "a-02.h5",
-        "b-01.wav",
-    ]
+    copies = [takes.duplicate(name) for name in ("a.h5", "a-01.h5", "b.wav")]
+    assert copies == ["a-01.h5", "a-02.h5", "b-01.wav"]
     assert (takes.folder.path / "a-02.h5").read_text() == "a.h5"
     assert "a-01.drive.h5" not in names(takes)
 

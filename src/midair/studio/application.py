@@ -263,7 +263,7 @@ class Studio:
             page = int(request.headers.get("x-page", "0"))
             self.store.control.check(page)
             suffix = Path(name).suffix.lower()
-            own = suffix in (".h5", ".json")
+            own = suffix == ".h5"
             # A file of another program waits in a folder of its own, with its name, for what it does not state.
             root = self.folder if own else self.takes.incoming_files
             folder = root if own else StudioFolder(Path(tempfile.mkdtemp(dir=root.path)))

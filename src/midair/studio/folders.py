@@ -26,8 +26,8 @@ LARGEST, PROJECT = 256 * 2**20, 4 * 2**30
 PROJECT_FILES = 10_000
 """Largest number of files of a project."""
 
-READABLE = (*FORMATS, ".json", ".zip", ".html")
-"""Endings of files that may be uploaded or downloaded."""
+READABLE = (*FORMATS, ".zip")
+"""Endings of files that may be uploaded: recordings, and a project."""
 
 _OF_PROJECTS = (*FORMATS, ".json", ".html", ".toml", ".jsonl", ".tsv", ".md", ".gif", ".mp4", ".adaptics")
 """Endings of a project's files, besides the pictures and sounds of studies."""
@@ -110,8 +110,9 @@ class StudioFolder:
     async def receive(self, name: str, parts: AsyncIterator[bytes], *, largest: int | None = None) -> Path:
         """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""
         ending = Path(name).suffix.lower()
-        if ending not in READABLE or ending == ".html":
-            raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")
+        if ending not in READABLE:
+            kinds, got = " ".join(READABLE[:-1]), ending or "no ending"
+            raise InputError(f"upload: expected a recording ({kinds}) or a project (.zip), got {got}")
         path = self.free(Path(name).stem, ending)
         size, largest = 0, largest or (PROJECT if ending == ".zip" else LARGEST)
         with atomic_file(path) as partial, partial.open("wb") as file:

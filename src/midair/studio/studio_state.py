@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from midair.errors import DeviceStateError, InputError, MidairError
+from midair.errors import DeviceStateError, InputError, MidairError, MissingFileError
 from midair.files import json_of
 
 
@@ -155,6 +155,7 @@ class StudioState:
         self._orders: dict[tuple[str, str], tuple[Handler, type[Arguments], bool]] = {}
         self.left: list[Callable[[Page], None]] = []
         self.alive: list[Callable[[Page], None]] = []
+        self.missing: list[Callable[[], None]] = []
 
     def offer(
         self, room: str, order: str, act: Handler, model: type[Arguments] = Arguments, *, watchers: bool = False
@@ -245,6 +246,8 @@ class StudioState:
             answer["error"] = f"{where or 'request'}: {asked}, got {str(first['input'])[:60]!r}"
         except MidairError as wrong:
             answer["error"], answer["kind"] = str(wrong), type(wrong).__name__
+            for callback in self.missing if isinstance(wrong, MissingFileError) else ():
+                callback()  # the list of takes may name a file that another program removed
         except OSError as wrong:
             answer["error"] = f"{wrong.strerror or type(wrong).__name__}"
         except Exception as wrong:  # noqa: BLE001  # a page must not wait for an answer that does not come

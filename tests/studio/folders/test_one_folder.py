@@ -97,7 +97,7 @@ def test_upload_above_the_limit_is_refused_and_leaves_no_file(folder):
 
 
 def test_only_recordings_can_be_uploaded(subtests, folder):
-    for name in ["page.html", "run.py", "take", "take.h5.exe"]:
+    for name in ["page.html", "run.py", "take", "take.h5.exe", "a.json"]:
         with subtests.test(name=name), pytest.raises(InputError, match="expected a recording"):
             asyncio.run(folder.receive(name, sent(b"x")))
 

@@ -100,6 +100,7 @@ class ReproducePanel(Panel):
         store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
         store.put(edits={"undo": "", "redo": ""}, exported="")
+        store.missing.append(context.show_takes)
         context.show_takes()
 
     def start(self) -> None:

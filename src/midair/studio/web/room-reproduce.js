@@ -179,7 +179,7 @@ export default class Reproduce {
       buttonOf(words, title, act, { disabled: true, "data-help": title });
     this.own = [
       own("Rename", "Gives the take and its drives another name or folder", () => this._rename()),
-      own("Duplicate", "Copies the take without its drives", () => this._own("duplicate")),
+      own("Duplicate", "Copies the take without its drives", () => tried(this._own("duplicate"))),
       own("Delete", "Moves the take and its drives to the folder bin", () => this._delete()),
     ];
     this.editing = [
@@ -500,10 +500,8 @@ export default class Reproduce {
     reached(this.list);
   }
   async _own(order, given = {}) {
-    const take = await tried(
-      this.link.order("reproduce", order, { take: this.take.name, ...given }),
-    );
-    if (take) this.studio.go("reproduce", take);
+    const take = await this.link.order("reproduce", order, { take: this.take.name, ...given });
+    this.studio.go("reproduce", take);
   }
   _rename() {
     const name = make("input", {
@@ -521,33 +519,39 @@ export default class Reproduce {
     );
     name.select();
   }
-  /** A dialog with a form; `act` is called with the values of its inputs. */
+  /** A dialog with a form; `act` is called with the values of its inputs, and a refusal keeps the
+      dialog open. */
   _ask(title, words, inputs, button, act, ...more) {
-    const dialog = document.getElementById("replace");
+    const dialog = document.getElementById("replace"),
+      refused = make("p.bad", { role: "alert", id: "refused" });
+    const acts = async ({ target: { form } }) => {
+      if (!form.checkValidity()) return;
+      try {
+        await act(
+          Object.fromEntries(Object.entries(inputs).map(([name, [, { value }]]) => [name, value])),
+        );
+        if (form.isConnected) dialog.close();
+      } catch (wrong) {
+        refused.textContent = wrong.message;
+      }
+    };
     dialog.replaceChildren(
       make("h2", { id: "replace-title" }, title),
       make(
         "form",
-        {
-          method: "dialog",
-          onsubmit: () =>
-            act(
-              Object.fromEntries(
-                Object.entries(inputs).map(([name, [, input]]) => [name, input.value]),
-              ),
-            ),
-        },
+        { onsubmit: event => event.preventDefault() },
         make(
           "div.column",
           { id: "replace-words" },
           make("p.quiet", {}, words),
           ...Object.values(inputs).map(([label, input, help]) => field(label, input, help)),
           ...more,
+          refused,
         ),
         make(
           "div.buttons",
           {},
-          make("button.main", { type: "submit", title }, button),
+          buttonOf(button, title, acts, { class: "main", type: "submit" }),
           buttonOf("Cancel", "Changes nothing", () => dialog.close()),
         ),
       ),
@@ -565,7 +569,7 @@ export default class Reproduce {
       "fade in": { edit: "fade", start: end || seconds(last + 1), end: "0s" },
       "fade out": { edit: "fade", start: "0s", end: seconds(last + 1 - loop.from) },
     }[edit] ?? { edit, start, end };
-    await this._own("edit", given);
+    await tried(this._own("edit", given));
   }
   /** Edit a whole take: the result is another take. */
   _edit() {
@@ -612,7 +616,9 @@ export default class Reproduce {
       const mine = ++turn;
       clearTimeout(timer);
       timer = setTimeout(async () => {
-        let parts;
+        const refused = document.getElementById("refused");
+        let parts = [],
+          words = "";
         try {
           const course = await this.link.order("reproduce", "look", {
             take: take.name,
@@ -631,9 +637,11 @@ export default class Reproduce {
             ),
           ];
         } catch (wrong) {
-          parts = [make("p.bad", {}, wrong.message)];
+          words = wrong.message;
         }
-        if (mine === turn) seen.replaceChildren(...parts);
+        if (mine !== turn) return;
+        seen.replaceChildren(...parts);
+        refused.textContent = words;
       }, 200);
     };
     const fit = () => {
@@ -647,12 +655,7 @@ export default class Reproduce {
       "The result is another take; this one stays as it is.",
       inputs,
       "Make the take",
-      async asked => {
-        const made = await tried(
-          this.link.order("reproduce", "edit", { take: take.name, ...asked }),
-        );
-        if (made) this.studio.go("reproduce", made);
-      },
+      asked => this._own("edit", asked),
       make("div.import", {}, seen),
     );
     for (const [, input] of Object.values(inputs).slice(1))
@@ -760,15 +763,13 @@ export default class Reproduce {
       },
       "Export",
       given =>
-        tried(
-          given.of === "folder"
-            ? this.link.order("reproduce", "pack")
-            : this.link.order("reproduce", "export", {
-                take: this.take.name,
-                channel: this.transport.channel,
-                ...given,
-              }),
-        ),
+        given.of === "folder"
+          ? this.link.order("reproduce", "pack")
+          : this.link.order("reproduce", "export", {
+              take: this.take.name,
+              channel: this.transport.channel,
+              ...given,
+            }),
     );
   }
   _exported(name) {
@@ -791,26 +792,18 @@ export default class Reproduce {
     const name = takeOf(this.take.name),
       folder = await tried(this.link.order("reproduce", "delete", { take: name }));
     if (!folder) return;
-    const undo = make(
-      "button",
-      {
-        id: "undo",
-        onclick: async () => {
-          const take = await tried(this.link.order("reproduce", "restore", { take: folder }));
-          if (take) {
-            note.remove();
-            this.wish = this._opening = "";
-            this.studio.go("reproduce", take);
-          }
-        },
-      },
-      "Undo",
-    );
+    const undo = async () => {
+      const take = await tried(this.link.order("reproduce", "restore", { take: folder }));
+      if (!take) return;
+      note.remove();
+      this.wish = this._opening = "";
+      this.studio.go("reproduce", take);
+    };
     const note = make(
       "div.toast",
       {},
       `${name} and its drives are in the folder bin/${folder} `,
-      undo,
+      buttonOf("Undo", "Moves the take and its drives back", undo, { id: "undo" }),
     );
     document.getElementById("toasts").append(note);
     setTimeout(() => note.remove(), 20000);
