@@ -282,6 +282,8 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
 def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
     page = look(studio_at())
     page.until("studio.link.state.takes?.some((row) => row.name === 'sample:towel')", timeout=120)
+    page.go("#calibrate/sample:orbit")
+    page.until("document.querySelector('.cells').innerText.includes('this take has no calibration')")
     page.go("#calibrate/sample:towel")
     page.until("!!studio.room?.known")
     assert "no dead channels" in page.page.locator(".card").inner_text()

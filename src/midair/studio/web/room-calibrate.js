@@ -144,8 +144,9 @@ export default class Calibrate {
       taps = this.link.state.taps,
       count = known ? known.sensitivity.length : (taps?.channel?.length ?? 0),
       columns = known?.columns ?? 4;
-    this.cells.style.gridTemplateColumns = `repeat(${columns}, 1fr)`;
+    this.cells.style.gridTemplateColumns = count ? `repeat(${columns}, 1fr)` : "";
     this.cells.replaceChildren(
+      count ? "" : make("p.quiet", {}, "No sensitivities: this take has no calibration."),
       ...Array.from({ length: count }, (_, cell) => {
         const channel = taps?.state === "done" ? taps.channel[cell] : null,
           doubtful = taps?.state === "done" && taps.doubtful.includes(cell),

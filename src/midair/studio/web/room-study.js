@@ -3,7 +3,7 @@
 import { buttonOf, choice, field, make, panel, rows, table, tried } from "/web/dom.js";
 
 const TEMPLATES = [
-  ["own", "my takes and patterns"],
+  ["own", "takes and patterns"],
   ["threshold", "threshold of a take"],
   ["paper", "the paper's experiment"],
   ["detection", "vibration threshold"],
@@ -107,7 +107,7 @@ export default class Study {
         choice(
           [
             ["", "one of the names"],
-            ["scale", "a number from 1 to 7"],
+            ["scale", "a number, 1 to 7"],
           ],
           kind,
         ),
