@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2001,
     "cli": 6376,
     "study": 6022,
-    "studio": 6040,
+    "studio": 6045,
     "sweep": 502,
     "paper": 425,
 }
@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_648
+SCRIPTS = 9_642
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 
