@@ -165,3 +165,14 @@ def test_a_recording_shorter_than_the_filter_is_handled():
     frames = calibrate(of(tone(100.0, frames=60)))
     assert frames.frames == 60
     assert frames.pressure[20:40] == pytest.approx(tone(100.0, frames=60)[20:40], abs=0.3)
+
+
+@pytest.mark.parametrize("frequency", [25.0, 100.0, 250.0, 450.0])
+def test_a_tone_keeps_amplitude_and_phase(frequency):
+    time = np.arange(2000) / RATE
+    pressure = np.zeros((2000, 4, 4))
+    rise = np.sin(np.pi / 2 * np.clip(np.minimum(time, 2 - time) / 0.3, 0, 1)) ** 2
+    pressure[:, 2, 1] = 50 * np.sin(2 * np.pi * frequency * time) * rise
+    heard = calibrate(recorded(pressure), CALIBRATION).pressure
+    assert heard[500:1500, 2, 1] == pytest.approx(pressure[500:1500, 2, 1], abs=0.06)
+    assert np.abs(np.delete(heard.reshape(2000, 16), 9, axis=1)).max() < 1e-6

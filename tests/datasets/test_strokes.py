@@ -156,3 +156,9 @@ def test_provenance_has_simulated_and_object():
     assert (step.stage, step.settings["seed"], step.settings["groove"]) == ("stroke", 9, True)
     assert step.settings["peak_pa"] == frames.pressure.max()
     assert frames.band is None
+
+
+@pytest.mark.long
+def test_pressure_is_positive_except_for_ringing():
+    assert min(stroke(name, groove=True, seed=seed).pressure.min() for name in OBJECTS for seed in range(4)) > -3
+    assert stroke("towel", groove=True, rate=8000.0).pressure.min() == 0

@@ -67,6 +67,14 @@ def test_a_point_source_and_a_point_change_places(point, source):
     assert there == pytest.approx(back, rel=1e-12)
 
 
+def test_the_array_mirrors_left_and_right():
+    # positions of two mirror images around x = 0
+    two = sources((-0.03, 0.01, 0.0), (0.03, 0.01, 0.0))
+    left = transfer_matrix(np.array([[-0.02, 0.0, 0.2]]), two)
+    right = transfer_matrix(np.array([[0.02, 0.0, 0.2]]), two)
+    assert left == pytest.approx(right[:, ::-1], rel=1e-12)
+
+
 def test_a_tilted_transducer_radiates_along_its_normal():
     normal = np.array([0.6, 0.0, 0.8])
     tilted = sources((0.0, 0.0, 0.0), normal=normal)

@@ -42,6 +42,14 @@ def test_response_agrees_with_its_transfer_function():
     assert response[:, 1, 2] == pytest.approx(wanted, rel=1e-9, abs=1e-15)
 
 
+def test_response_at_hand_computed_frequencies():
+    bare = SensorModel(relaxation=0.0, resonance=1e9, sensitivity=0.01)
+    at_corner, far_above = channel_response(bare, np.array([20.0, 2e4]))[:, 0, 0]
+    assert at_corner == pytest.approx(0.01 * (0.5 + 0.5j), rel=1e-6)
+    assert abs(far_above) == pytest.approx(0.01, rel=1e-5)
+    assert channel_response(bare, np.zeros(1))[0, 0, 0] == 0
+
+
 def test_a_tone_agrees_with_the_response(subtests):
     for frequency in [10.0, 25.0, 100.0, 250.0, 470.0]:
         with subtests.test(frequency=frequency):
@@ -183,6 +191,14 @@ def test_an_even_pressure_reads_itself_whatever_the_sensor(between, spread, aper
     assert weights.shape == (16, count**2)
     assert weights.sum(axis=1) == pytest.approx(np.ones(16), abs=1e-9)
     assert weights.min() >= -1e-11
+
+
+def test_weights_without_spread_are_shares_of_the_aperture():
+    # 1 cell of 8 mm, points of 4 mm: the middle two of four hold half each, along both axes
+    model = SensorModel(grid=SensorGrid(rows=1, columns=1), spread=1e-9, aperture=8e-3)
+    weights = cell_weights(model, ControlGrid(rows=4, columns=4, pitch=4e-3)).reshape(4, 4)
+    half = np.array([0, 0.5, 0.5, 0])
+    assert weights == pytest.approx(np.outer(half, half), abs=1e-6)
 
 
 def test_weights_agree_with_an_integral_over_the_plane():

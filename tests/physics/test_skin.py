@@ -71,6 +71,12 @@ def test_a_layer_agrees_with_its_equations_solved_as_they_stand():
     assert skin_compliance(tissue, k, omega) == pytest.approx(-a * A + a * ea * B + jk * (C + eb * D), rel=1e-9)
 
 
+def test_the_stiffest_skin_is_the_one_that_moves_least():
+    moved = {name: abs(skin_compliance(tissue, 300.0, 2 * np.pi * 30)) for name, tissue in SKINS.items()}
+    assert min(moved, key=moved.__getitem__) == "stiff, on bone"
+    assert max(moved, key=moved.__getitem__) == "soft, deep"
+
+
 def test_each_channel_is_whole_where_it_feels_best():
     assert TOUCH_CHANNELS["P"].weight(np.array([250.0])) == pytest.approx([1.0])
     assert TOUCH_CHANNELS["NP I"].weight(np.array([10.0, 25.0, 40.0])) == pytest.approx([1.0, 1.0, 1.0])

@@ -55,6 +55,12 @@ def drive(*phases):
     return np.exp(1j * np.array(phases))[:, None]
 
 
+def test_one_step_is_an_exponential():
+    still = TransducerDynamics(time_constant=200e-6, detuning=0.0)
+    response = envelope(np.ones((1, 1), complex), RATE, 10, still)[:, 0]
+    assert response == pytest.approx(1 - np.exp(-np.arange(1, 11) * 1e-4 / 200e-6), rel=1e-12)
+
+
 def test_agrees_with_its_differential_equation():
     dynamics = TransducerDynamics()
     frames = np.random.default_rng(0).uniform(-np.pi, np.pi, 4)

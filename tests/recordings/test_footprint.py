@@ -156,3 +156,28 @@ def test_the_field_is_marked_as_simulated():
     assert step.stage == "footprint"
     assert step.settings["field"].startswith("synthetic")
     assert (step.settings["shape"], step.settings["size_m"], step.settings["path"]) == ("square", 5e-3, "diagonal")
+
+
+def test_a_square_of_one_cell_in_the_middle_covers_a_quarter_of_four():
+    expected = np.zeros((4, 4))
+    expected[1:3, 1:3] = 0.25
+    np.testing.assert_allclose(still(shape="square", size=11e-3), expected, atol=1e-12)
+
+
+def test_a_line_of_one_cell_covers_half_of_two_columns_or_rows():
+    expected = np.zeros((4, 4))
+    expected[:, 1:3] = 0.5
+    np.testing.assert_allclose(still(shape="line", size=11e-3), expected, atol=1e-12)
+    np.testing.assert_allclose(still(shape="line", size=11e-3, path="y"), expected.T, atol=1e-12)
+
+
+def test_a_disc_within_the_sensor_has_all_its_area_on_the_cells():
+    share = still(shape="circle", size=20e-3)
+    assert share.sum() * CELL == pytest.approx(np.pi * 10e-3**2, rel=1e-12)
+    np.testing.assert_allclose(share, share.T, atol=1e-12)
+    np.testing.assert_allclose(share, share[::-1, ::-1], atol=1e-12)
+
+
+def test_the_default_stroke_has_the_expected_duration():
+    """44 mm of cells and a patch of 20 mm at 50 mm/s: 1.28 s."""
+    assert Footprint(shape="circle", size=20e-3, speed=50e-3).crossing(SENSOR) == pytest.approx(1.28)

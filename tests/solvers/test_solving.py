@@ -172,3 +172,11 @@ def test_robust_phases_hold_over_the_range(method, amplitudes):
     # E is reported in single precision.
     assert robust.error.mean() == pytest.approx(after[2], rel=1e-4)
     assert robust.drive.acoustics == ROOM
+
+
+@pytest.mark.parametrize("term", [{"guard": 0.014}, {"smooth": 0.01}, {"level": "auto"}], ids=str)
+def test_robust_goes_with_every_other_term(term):
+    wanted = target(wave(frames=3, points=64, pascal=900.0), ControlGrid(rows=8, columns=8, pitch=7e-3))
+    solution = solve(wanted, UNIT, method="fast", acoustics=ROOM, robust=2.0, **term)
+    assert solution.error.max() < 1
+    assert solution.drive.provenance.steps[-1].settings["robust_c"] == 2.0

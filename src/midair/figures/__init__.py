@@ -20,6 +20,7 @@ from .paper_figures import passes_figure as passes_figure
 from .paper_figures import stimuli_figure as stimuli_figure
 from .paper_figures import trials_figure as trials_figure
 from .shown import figure_of as figure_of
+from .shown import html_of as html_of
 from .style import STYLE as STYLE
 from .style import Picture as Picture
 from .style import label_axes as label_axes
