@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import midair
 from midair.evaluate import OVERALL, compare
 from midair.evaluate.place import fit_place
 from midair.model import PressureFrames, SensorGrid
@@ -33,7 +34,7 @@ def test_a_sensor_that_lies_aside_and_turned_finds_the_pattern(subtests):
     for aside, turn in (((3e-3, 0.0), 0.0), ((0.0, -4e-3), 0.0), ((2e-3, 2e-3), 6.0), ((-5e-3, 1e-3), -5.0)):
         with subtests.test(aside=aside, turn=turn):
             original, moved = read(), read(aside, np.radians(turn))
-            free, fixed = compare(original, moved), compare(original, moved, fixed_place=True)
+            free, fixed = compare(original, moved), midair.compare(original, moved, fixed_place=True)
             assert not fixed.place
             # The pattern lies on the other side, turned the other way; spots are rounder than the model's.
             assert np.degrees(free.place.turn) == pytest.approx(-turn, abs=3.2)

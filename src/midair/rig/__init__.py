@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .correction.budget_stages import BudgetPlan as BudgetPlan
     from .correction.budget_stages import error_budget as error_budget
     from .correction.correction_loop import Loop as Loop
-    from .correction.correction_loop import check_passes as check_passes
     from .correction.correction_loop import loop as loop
     from .correction.drive_rerecording import aligned_pair as aligned_pair
     from .correction.drive_rerecording import compare as compare

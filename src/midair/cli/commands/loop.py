@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from midair.cli.comparisons import comparison_lines, plain, stated_array_calibration, verdict_lines
 from midair.cli.console import print_grid, progress_bars, verbosity
@@ -10,9 +11,8 @@ from midair.cli.options import Force, Json, TakeOptions, options_from, settings_
 from midair.cli.output import may_write, pressure_lines, print_table
 from midair.errors import InputError
 from midair.evaluate import TOUCHED
-from midair.pipeline import required_lead
 from midair.pressure_level import level_of
-from midair.rig import Loop, Outcome, PlaySettings, check_passes, open_rig, pressure_of, write_report
+from midair.rig import Loop, Outcome, PlaySettings, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 from midair.table import Details, Line
 
@@ -36,6 +36,7 @@ def loop_command(
     options: TakeOptions | None = None,
     corrections: int = 1,
     iterate: int = 0,
+    fixed_place: bool = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -51,6 +52,8 @@ def loop_command(
         Number of amplitude corrections, each followed by another playback; the paper makes one.
     iterate
         Maximum number of waveform corrections after that; stops early when the error no longer falls.
+    fixed_place
+        Count a shift and a turn of the pattern in the plane of the palm as distortion.
 
     Examples
     --------
@@ -80,11 +83,9 @@ def loop_command(
         )
     opened = replace(opened, measured=stated_array_calibration(options.array_calibration, playing.device, settings))
     print_air(settings.acoustics.medium, stated=options.air_is_stated)
-    lead = required_lead(settings) if options.lead is None else options.lead
-    # Every pass plays another drive, whose exposure is checked first.
-    check_passes(corrections, iterate)
+    passes: Any = {"corrections": corrections, "iterate": iterate, "lead": options.lead, "fixed_place": fixed_place}
     with progress_bars() as stage, opened:
-        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
+        loop = go_round(original, settings, opened, stage=stage, **passes)
         write_report(loop, target, source=str(source), commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)
 

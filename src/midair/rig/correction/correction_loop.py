@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,14 +156,6 @@ def beam_test(rig: OpenRig, settings: Settings, *, top: float = 100.0, progress:
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
-def check_passes(corrections: int, iterate: int) -> None:
-    """Raise InputError unless both numbers of passes are 0 to 100."""
-    if not (0 <= corrections <= 100 and 0 <= iterate <= 100):
-        raise InputError(
-            f"corrections: expected 0 to 100 amplitude and waveform corrections, got {corrections} and {iterate}"
-        )
-
-
 def loop(
     original: OpenedTake | PressureFrames | str | Path,
     settings: Settings | Mode = "best",
@@ -171,6 +164,7 @@ def loop(
     corrections: int = 1,
     iterate: int = 0,
     lead: float | None = None,
+    fixed_place: bool = False,
     stage: Stage = no_progress,
 ) -> Loop:
     """Run the paper's loop (5.2): solve, play, re-record, correct, play again, compare; optionally iterate.
@@ -194,6 +188,8 @@ def loop(
         Maximum number of passes after those that correct the waveform.
     lead : float, optional
         Silence in s around the original, in which a bias can rise; the mapping's own value if None.
+    fixed_place : bool
+        Count a shift and a turn of the pattern in the plane of the palm as distortion, also in the gain that corrects.
     stage : callable
         Called with the name of each stage at its start; returns its progress callback.
 
@@ -210,23 +206,20 @@ def loop(
     if isinstance(original, OpenedTake):
         original = calibrated_pressure(original.recording, original.calibration, chosen)
     check_type(original, "original", PressureFrames)
+    if not (0 <= corrections <= 100 and 0 <= iterate <= 100):
+        raise InputError(
+            f"corrections: expected 0 to 100 amplitude and waveform corrections, got {corrections} and {iterate}"
+        )
+    how: Any = {"fixed_place": fixed_place, "stage": stage}
     if isinstance(rig, str):
         height, band = chosen.target.grid.height, chosen.calibration.band
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
-            return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
-    check_passes(corrections, iterate)
+            return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, **how)
     if chosen.target.mapping == "receptors":
         raise InputError("mapping: expected one that keeps the waveform in a loop, got receptors; use slow-bias")
-    if chosen.target.ears is not None:
-        raise InputError(
-            f"ears: expected none in a loop, which finds the level itself, got {chosen.target.ears:g}; use --profile "
-            "with --attenuate"
-        )
-    if chosen.target.strength is not None:
-        raise InputError(
-            "strength: expected none in a loop, which finds the level itself, got "
-            f"{chosen.target.strength:g}; leave it out"
-        )
+    for name, instead in (("ears", "use --profile with --attenuate"), ("strength", "leave it out")):
+        if (got := getattr(chosen.target, name)) is not None:
+            raise InputError(f"{name}: expected none in a loop, which finds the level itself, got {got:g}; {instead}")
     check_size(original.frames, rig.transducers, chosen, parts=False)
     if rig.measured is not None:
         _, chosen, original = rig.measured.applied(rig.array.array, chosen, original)
@@ -244,8 +237,8 @@ def loop(
         if passes:
             # Relative to the gain so far, with which the pass before was played.
             gain *= amplitude_gain(passes[-1].comparison.gain)
-        passes.append(play_pass(reference, asked, rig, chosen.but(gain=gain), f"pass {number + 1}", stage))
-    further, taken_back, end = run_iterations(reference, passes[-1], rig, chosen, iterate, stage=stage)
+        passes.append(play_pass(reference, asked, rig, chosen.but(gain=gain), f"pass {number + 1}", **how))
+    further, taken_back, end = run_iterations(reference, passes[-1], rig, chosen, iterate, **how)
     return Loop(
         settings=chosen,
         original=original,

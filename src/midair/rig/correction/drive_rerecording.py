@@ -186,7 +186,10 @@ _APART = 0.1
 
 
 def compare(
-    original: PressureFrames | OpenedTake, reproduced: PressureFrames | OpenedTake | Played
+    original: PressureFrames | OpenedTake,
+    reproduced: PressureFrames | OpenedTake | Played,
+    *,
+    fixed_place: bool = False,
 ) -> evaluate.Comparison:
     """Compare a reproduction with its original, as `midair compare` does.
 
@@ -200,6 +203,8 @@ def compare(
         Pressure that the drive was made from, or its recording with calibration.
     reproduced : Played, OpenedTake or PressureFrames
         Result of `play`, a re-recording with its calibration, or a pressure.
+    fixed_place : bool
+        Count a shift and a turn of the pattern in the plane of the palm as distortion.
 
     Raises
     ------
@@ -217,7 +222,7 @@ def compare(
     if isinstance(original, OpenedTake):
         original = calibrated_pressure(original.recording, original.calibration, settings)
     if not isinstance(reproduced, OpenedTake):
-        found = evaluate.compare(original, reproduced)
+        found = evaluate.compare(original, reproduced, fixed_place=fixed_place)
         lasts = [each.frames / each.rate for each in (original, reproduced)]
         if abs(lasts[0] - lasts[1]) > _APART:
             expected = f"expected the original's {lasts[0]:g} s, got {lasts[1]:g} s"
@@ -225,4 +230,4 @@ def compare(
         return found
     check_type(original, "original", PressureFrames)
     pair = aligned_pair(resample_pressure(original, settings.target.rate), reproduced, settings)
-    return evaluate.compare(pair.original, pair.heard, first=pair.first, noise=pair.noise)
+    return evaluate.compare(pair.original, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)

@@ -65,6 +65,7 @@ def play_pass(
     *,
     step: float | None = None,
     made: Reproduction | None = None,
+    fixed_place: bool = False,
 ) -> Pass:
     """Solve for a target, play it, re-record it, and compare with the original as a perfect rig would return it.
 
@@ -81,7 +82,7 @@ def play_pass(
     )
     if not virtual:
         heard = _cut_to_first_frame(heard, asked)
-    first = (asked.frames - original.frames) // 2
+    first, noise = (asked.frames - original.frames) // 2, known_noise(sensor.calibration, settings.calibration.band)
     again = heard if not first else heard.cut(first / heard.rate, original.frames / original.rate)
     return Pass(
         gain=settings.target.gain,
@@ -91,9 +92,7 @@ def play_pass(
         rerecorded=rerecorded,
         heard=heard,
         felt=again,
-        comparison=compare(
-            original, heard, first=first, noise=known_noise(sensor.calibration, settings.calibration.band)
-        ),
+        comparison=compare(original, heard, first=first, noise=noise, fixed_place=fixed_place),
     )
 
 
@@ -114,6 +113,7 @@ def run_iterations(
     times: int,
     *,
     correction: IterativeCorrection | None = None,
+    fixed_place: bool = False,
     stage: Stage = no_progress,
 ) -> tuple[tuple[Pass, ...], int, str]:
     """Run at most `times` further passes, those taken back included, each with a smaller waveform error.
@@ -139,7 +139,7 @@ def run_iterations(
             asked = best.asked
         else:
             made, asked = None, _next_target(original, best, rig, settings, correction, step, delay)
-        tried = play_pass(original, asked, rig, settings, name, stage, step=step, made=made)
+        tried = play_pass(original, asked, rig, settings, name, stage, step=step, made=made, fixed_place=fixed_place)
         before, after = (each.comparison.waveform_error for each in (passes[-1], tried))
         if after >= before:
             taken_back, step = taken_back + 1, step * correction.shrink
