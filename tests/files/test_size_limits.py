@@ -33,7 +33,7 @@ def test_silence_is_no_bomb(ending, tmp_path):
 
 def test_a_lack_of_memory_is_one_line(monkeypatch):
     monkeypatch.setattr("midair.ram.available_memory", lambda: 2_000_000_000)
-    said = r"a\.csv: expected 3 GB of free memory, because all of it is read at once, got 2 GB; cut it"
+    said = r"a\.csv: expected 3\.0 GB of free memory, because all of it is read at once, got 2\.0 GB; cut it"
     with pytest.raises(InputError, match=said):
         check_memory_for(3e9, "a.csv", "cut it")
     check_memory_for(2e9, "a.csv", "cut it")

@@ -11,6 +11,8 @@ from errno import EACCES, EAGAIN, EINVAL, ENOLCK, ENOSYS, ENOTSUP, EOPNOTSUPP
 from functools import cache
 from pathlib import Path
 
+from rich.filesize import decimal
+
 from midair.errors import BrokenFileError, DeviceStateError, FileError, MidairError, MissingFileError, did_you_mean
 
 try:
@@ -166,7 +168,7 @@ def check_disk_space(folder: Path, needed: int, path: str | os.PathLike[str]) ->
     """Raise FileError if the disk of a folder has fewer than `needed` bytes free for the file `path`."""
     free = shutil.disk_usage(folder).free
     if free < needed:
-        raise FileError(f"{path}: needs {needed / 1e9:,.1f} GB on the disk, {free / 1e9:,.1f} are free; use another")
+        raise FileError(f"{path}: needs {decimal(needed)} on the disk, {decimal(free)} are free; use another")
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from rich.filesize import decimal
+
 from midair import ram
 from midair.errors import BrokenFileError, InputError
 
@@ -27,6 +29,6 @@ def check_memory_for(needed: float, what: str, advice: str) -> None:
     free = ram.available_memory()
     if free is not None and needed > free:
         raise InputError(
-            f"{what}: expected {needed / 1e9:.3g} GB of free memory, because all of it is read at once, got "
-            f"{free / 1e9:.3g} GB; {advice}"
+            f"{what}: expected {decimal(int(needed))} of free memory, because all of it is read at once, got "
+            f"{decimal(free)}; {advice}"
         )

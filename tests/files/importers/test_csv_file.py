@@ -201,8 +201,9 @@ def test_reads_every_dialect_alike(text):
     [
         ("", BrokenFileError, "expected rows of numbers, got none"),
         ("a,b\n", BrokenFileError, "expected rows of numbers, got none"),
-        ("a,b\n1,2\n3\n", BrokenFileError, "expected 2 fields in line 3, got 1"),
-        ("a,b\n1,2,3\n", BrokenFileError, "expected 2 fields in line 2, got 3"),
+        ("a,b\n1,2\n3\n", BrokenFileError, "expected 2 columns in line 3, got 1"),
+        ("a,b\n1,2,3\n", BrokenFileError, "expected 2 columns in line 2, got 3"),
+        ("1;2;3\n4;5;6\n7;8;9;9\n1;2;3\n", BrokenFileError, "expected 3 columns in line 3, got 4"),
         ("a,b\n1,x\n", BrokenFileError, "got 'x' in line 2, column 'b'"),
         ("a,b\n1,1_000\n", BrokenFileError, "got '1_000' in line 2, column 'b'"),
         ("a,b\n1,\n1,2\n", NonFiniteError, "empty field in line 2, column 'b'"),

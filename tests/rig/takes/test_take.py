@@ -219,7 +219,7 @@ def test_a_full_disk_ends_the_take_and_keeps_it(path, monkeypatch):
     watcher.show = show
     made = take(source, path, watcher)
     assert (made.frames, made.end) == (200, "failure")
-    assert "GB on the disk" in made.problem
+    assert "needs 16.8 MB on the disk, 0 bytes are free" in made.problem
     monkeypatch.undo()
     assert load(path).frames == 200
 

@@ -246,7 +246,9 @@ def _is_value(field: str) -> bool:
 def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
     """Columns that hold anything in the second half of the rows, and the number of rows before the first numbers."""
     later = [row.fields for row in rows[len(rows) // 2 :]]
-    width = Counter(map(len, later)).most_common(1)[0][0] if later else 0
+    # Of two widths that are as common there, that of most rows: a row with a missing field is not the rule.
+    often, widths = Counter(map(len, later)), Counter(len(row.fields) for row in rows)
+    width = max(often, key=lambda each: (often[each], widths[each]), default=0)
     columns = [i for i in range(width) if any(len(fields) == width and fields[i] for fields in later)]
     labels = bool(later) and all(map(_LABEL.fullmatch, later[-1]))
     counted = [str(i) for i in range(len(columns))]
@@ -281,10 +283,7 @@ def _names(
     found = found or tuple(row.fields[i] for row in stated for i in columns)
     last = [field for row in head[-1:] for field in row.fields if field]
     if not found and not stated and 1 < len(last) <= columns[-1] and not any(map(is_number, last)):
-        raise BrokenFileError(
-            f"expected {len(last)} fields in line {line}, got {columns[-1] + 1}; the file is truncated or its "
-            "rows differ"
-        )
+        raise _ragged(len(last), line, columns[-1] + 1)
     return found, units, stated[0].line if stated else 0
 
 
@@ -330,10 +329,11 @@ def _labelled(body: Sequence[_Row]) -> tuple[tuple[str, ...], list[_Row]]:
 def _check_widths(body: Sequence[_Row], width: int) -> None:
     for row in body:
         if len(row.fields) < width or any(row.fields[width:]):
-            raise BrokenFileError(
-                f"expected {width} fields in line {row.line}, got {len(row.fields)}; the file is truncated or "
-                "its rows differ"
-            )
+            raise _ragged(width, row.line, len(row.fields))
+
+
+def _ragged(width: int, line: int, got: int) -> BrokenFileError:
+    return BrokenFileError(f"expected {width} columns in line {line}, got {got}; the file is truncated or rows differ")
 
 
 def _facts(

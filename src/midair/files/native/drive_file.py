@@ -15,12 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.native.hdf5 import (
-    new_file,
-    read_group,
-    write_frames,
-    write_group,
-)
+from midair.files.native.hdf5 import new_file, read_group, write_frames, write_group
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
 from midair.model import AmplitudeFrames, Drive, Solution

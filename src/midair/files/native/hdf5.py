@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from rich.filesize import decimal
 
 from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
@@ -132,8 +133,8 @@ def _check_fits(datasets: "Sequence[h5py.Dataset]", rate: float) -> None:
     if free is not None and needed > free:
         seconds = max(each.shape[0] for each in datasets) / rate
         raise InputError(
-            f"expected {needed / 1e9:.3g} GB of free memory for {seconds:.4g} s at {rate:g} Hz, got "
-            f"{free / 1e9:.3g} GB; {seconds * free / needed:.3g} s would fit: take a part of it, or a lower rate"
+            f"expected {decimal(needed)} of free memory for {seconds:.4g} s at {rate:g} Hz, got "
+            f"{decimal(free)}; {seconds * free / needed:.3g} s would fit: take a part of it, or a lower rate"
         )
 
 

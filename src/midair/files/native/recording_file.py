@@ -130,11 +130,7 @@ class RecordingBuffer:
         journal = tuple(self._events)
         life = with_journal(self.provenance, journal, self._stamps, self.frames, self.rate)
         recording = Recording(
-            samples=np.concatenate(self._blocks),
-            rate=self.rate,
-            sensor=self.sensor,
-            unit=self.unit,
-            provenance=life,
+            samples=np.concatenate(self._blocks), rate=self.rate, sensor=self.sensor, unit=self.unit, provenance=life
         )
         return OpenedTake(recording=recording, calibration=self.calibration, journal=journal)
 

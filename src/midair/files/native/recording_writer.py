@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from rich.filesize import decimal
 
 from midair.errors import FileError, InputError
 from midair.files.atomic import lock_recording, reason, writable_path
@@ -165,7 +166,7 @@ class RecordingWriter:
             self._failed = True
             far = f"the {self.frames} frames so far are safe, free some space and continue under another name"
             near = "free some space, record for a shorter time, or use another disk"
-            sizes = f"needs {needed / 1e9:,.1f} GB on the disk, {free / 1e9:,.1f} are free"
+            sizes = f"needs {decimal(needed)} on the disk, {decimal(free)} are free"
             raise FileError(f"{self.path}: {sizes}; {near if self._file is None else far}")
 
     def _write(self, data: bytes) -> None:
