@@ -3,7 +3,7 @@ import pytest
 
 from midair.devices import StreamedSensor
 from midair.devices.sensors.sources import Chunk, Source, Stream
-from midair.errors import DeviceError, MissingExtraError
+from midair.errors import DeviceError, MissingExtraError, UnknownDeviceError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
 from midair.rig.doctor.checkup import Check, device_findings, live_sensor_findings, readiness, run_checks
@@ -94,8 +94,8 @@ def test_a_missing_device_gives_advice():
     (finding,) = device_findings("autd3:[::1]:9")
     assert finding.state == "broken"
     assert "power" in finding.advice
-    (finding,) = device_findings("autd9")
-    assert finding.advice
+    with pytest.raises(UnknownDeviceError, match="did you mean autd3"):
+        device_findings("autd9")
 
 
 class Sick(Source):

@@ -29,14 +29,7 @@ from midair.calibration import (
     typical_uncertainty,
 )
 from midair.correct import focused_drive
-from midair.devices import (
-    ArrayDevice,
-    ExposureChoices,
-    SensorDevice,
-    Tracker,
-    amplitude_of,
-    read_frames,
-)
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, Tracker, amplitude_of, read_frames
 from midair.errors import DeviceError, InputError, RateError
 from midair.model import (
     HEIGHT,

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from midair.devices import close_orders, state_folder
-from midair.errors import DeviceError, FileError, MidairError, MissingExtraError
+from midair.errors import DeviceError, FileError, MidairError, MissingExtraError, UnknownDeviceError
 from midair.files import open_take, save
 from midair.model import RATE, AmplitudeFrames, ControlGrid, Recording, TransducerArray
 from midair.physics import focus_phase, transfer_matrix
@@ -143,7 +143,8 @@ def live_sensor_findings(name: str) -> list[Check]:
 
 
 def _refused(name: str, wrong: MidairError, otherwise: str) -> Check:
-    # A message of midair has advice after its semicolon.
+    if isinstance(wrong, UnknownDeviceError) and f"got {name!r}" in str(wrong):
+        raise wrong  # a name that is typed wrong, no fault of a device
     found, _, advice = str(wrong).partition("; ")
     return broken(name, found, advice or otherwise)
 

@@ -9,14 +9,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Literal
 
-from midair.devices import (
-    ArrayDevice,
-    SilencerChoice,
-    autd3_array,
-    make_state_folder,
-    pyautd3_array,
-    state_folder,
-)
+from midair.devices import ArrayDevice, SilencerChoice, autd3_array, make_state_folder, pyautd3_array, state_folder
 from midair.errors import InputError, UnknownDeviceError, did_you_mean
 from midair.files import ARRAY_SUFFIX, load_array_calibration, save_array_calibration, write_file
 from midair.model import ArrayCalibration, Medium, Placement, PressureFrames, TransducerArray

@@ -262,7 +262,7 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
     others = "".join(f"{kind}:PLACE, " for kind in SENSORS.others)
     raise UnknownDeviceError(
         f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
-        f"got {name!r}; try virtual:{name if name in ('brush', 'sponge') else 'towel'}"
+        f"got {name!r}; try {f'replay:{name}' if name.endswith('.h5') else 'virtual:towel'}"
     )
 
 
