@@ -24,15 +24,15 @@ LINES = {
     "model": 1871,
     "settings streaming .": 2586,
     "physics": 3380,
-    "recordings targets correct evaluate": 4057,
+    "recordings targets correct evaluate": 4050,
     "calibration": 2942,
     "solvers": 4390,
-    "files": 4316,
+    "files": 4313,
     "devices": 7872,
-    "rig": 8744,
+    "rig": 8731,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6377,
+    "cli": 6384,
     "study": 6022,
     "studio": 6045,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_712, "benchmarks": 4_500}
+BESIDE = {"tests": 48_727, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

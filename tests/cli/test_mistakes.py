@@ -1,6 +1,9 @@
 """What people type wrong, all in one table: one line that says so, the status, nothing left, nothing changed."""
 
+import os
 import shlex
+import signal
+import sys
 from contextlib import chdir
 from pathlib import Path
 
@@ -8,8 +11,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from midair.cli import run
-from midair.files import save
+from midair.cli import main, run
+from midair.files import atomic_file, save
 from midair.model import Recording, SensorGrid
 
 ROWS = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8").splitlines()
@@ -32,6 +35,7 @@ def files(tmp_path_factory):
         soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
         soundfile.write("silent.wav", [], 8000)
         Path("text.csv").write_text("this is\nno recording\n")
+        Path("ragged.csv").write_text("1,2,3\n4,5\n6,7,8\n")
         Path("truncated.h5").write_bytes(Path("take.h5").read_bytes()[:2000])
         np.savetxt("five.csv", rng.normal(size=(50, 5)), delimiter=",", header="a,b,c,d,e", comments="")
         gaps = rng.normal(size=(50, 16))
@@ -69,3 +73,14 @@ def test_a_mistake_is_one_line(files, monkeypatch, capsys, command):
 def test_there_are_as_many_as_were_tried():
     assert len(MISTAKES) >= 150
     assert len({typed for _, typed, _ in MISTAKES}) == len(MISTAKES)
+
+
+def test_a_request_to_end_leaves_no_unfinished_file(tmp_path, monkeypatch):
+    def work(tokens):
+        with atomic_file(tmp_path / tokens[0]):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(sys.modules["midair.cli.app"], "_run_to_exit", work)
+    with pytest.raises(SystemExit, match=str(128 + signal.SIGTERM)):
+        main(["stop", "it"])
+    assert list(tmp_path.iterdir()) == []

@@ -29,7 +29,7 @@ from cyclopts import (
 from midair.cli.commands import COMMANDS, FOLDERS, GROUPED, summary_of
 from midair.cli.console import elapsed_time, err, parse_flags, verbosity, with_verbosity
 from midair.cli.help_text import GROUPS, add_command
-from midair.errors import InputError, MidairError, UnknownDeviceError, did_you_mean
+from midair.errors import InputError, MidairError, MissingFileError, UnknownDeviceError, did_you_mean
 from midair.ram import address_limit
 from midair.version import __version__
 
@@ -102,10 +102,10 @@ def main(tokens: Sequence[str] | None = None) -> None:
     tokens = sys.argv[1:] if tokens is None else tokens
     if not _names_command(tokens):
         sys.exit(_run_to_exit(tokens))
-    from midair.devices import ordered_at, process_start_time
+    from midair.devices import ordered_at, process_start_time, signals_end_the_program
 
     # From here on `midair stop` applies, even before the command registers that it plays.
-    with ordered_at(process_start_time()):
+    with ordered_at(process_start_time()), signals_end_the_program():
         sys.exit(_run_to_exit(tokens))
 
 
@@ -163,11 +163,16 @@ def _status(tokens: Sequence[str]) -> int:
 
 def _message(wrong: MidairError) -> str:
     """The message of an error; a file of another program has to be imported before other commands read it."""
+    named = str(wrong).partition(":")[0]
+    if isinstance(wrong, MissingFileError) and "." not in named:
+        from midair.datasets import TOUCHES
+
+        if named in TOUCHES:
+            return f"{named}: no such file; midair gallery {named} writes this touch to {named}{TOUCHES[named].ending}"
     if not isinstance(wrong, InputError) or not wrong.parameters:
         return str(wrong)
     from midair.cli.import_options import TYPED
 
-    named = wrong.args[0].partition(":")[0]
     file = shlex.quote(named) if Path(named).is_file() else "FILE"
     return wrong.message(TYPED).replace("; give ", f"; import it first, midair import {file}, and give ")
 
@@ -214,10 +219,19 @@ def _advice(word: str, wrong: UnknownOptionError) -> str:
 
 
 def _elsewhere(option: str) -> str:
-    named = [(name, app[name]) for name in (*COMMANDS, *FOLDERS)]
-    described = [(name, each.assemble_argument_collection()) for name, each in named if each.default_command]
-    there = [name for name, known in described if any(option in each.names for each in known)]
-    return f"; it is an option of midair {' and '.join(there[:3])}" if there else ""
+    """The commands that have an option; those whose source, and what they share, does not declare it stay unread."""
+    cli, name = Path(__file__).parent, re.escape(option.strip("-"))
+    field, places = name.replace(r"\-", "_"), set[str]()
+    declared = re.compile(rf'(?m)^ +{field}: |"(--)?{name}[" =]')
+    for path in cli.parent.rglob("*.py"):
+        text, own = path.read_text(encoding="utf-8"), path.is_relative_to(cli / "commands")
+        if (path.is_relative_to(cli) or "setting(" in text) and declared.search(text):
+            places.add(path.relative_to(cli).parts[1].removesuffix(".py") if own else "")
+    likely = (app[name] for name in (*COMMANDS, *FOLDERS) if places & {"", COMMANDS.get(name, name)})
+    described = ((each, each.assemble_argument_collection()) for each in likely if each.default_command)
+    there = (each.name[0] for each, known in described if any(option in one.names for one in known))
+    named = " and ".join(itertools.islice(there, 3))
+    return f"; it is an option of midair {named}" if named else ""
 
 
 def _kept_files(files: Sequence[Path]) -> str:

@@ -176,14 +176,7 @@ def ratio_text(limits: Limits) -> str:
 
 
 def distortion_ratios(
-    power: Array,
-    own: Array,
-    gain: float,
-    apart: Array,
-    *,
-    noise: Array | None,
-    frames: int,
-    values: float,
+    power: Array, own: Array, gain: float, apart: Array, *, noise: Array | None, frames: int, values: float
 ) -> dict[str, Limits]:
     """Each ratio of `RATIOS` with its limits; those without noise only if `noise` is given.
 

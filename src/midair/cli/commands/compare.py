@@ -9,14 +9,7 @@ from midair.cli.console import print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Reflection, Seed, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
-from midair.evaluate import (
-    Comparison,
-    PalmFidelity,
-    PerceptualMetrics,
-    Verdict,
-    compare,
-    metrics_or_none,
-)
+from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, Verdict, compare, metrics_or_none
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
 from midair.model import Palm, PressureFrames
 from midair.settings import Settings
