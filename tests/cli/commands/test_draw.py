@@ -144,7 +144,7 @@ MISTAKES = {
     "45 degrees beside it, got (800, 0, 200) mm": "duration_s = 1.0\n[[spot]]\ncentre_mm = [800, 0]",
     "rate_hz: expected 1 to 8000 Hz, got 9000 Hz": "rate_hz = 9000\n[[spot]]",
     "frame rate: expected 40000 Hz over a whole number": "duration_s = 1.0\nrate_hz = 3000\n[[spot]]",
-    "GB of free memory": "duration_s = 1e5\nrate_hz = 8000\n" + 32 * "[[spot]]\n",
+    "TB of free memory": "duration_s = 1e5\nrate_hz = 8000\n" + 32 * "[[spot]]\n",
     "Pa in 2 foci at once, all that": "duration_s = 1.0\n"
     + "".join(f"[[spot]]\ncentre_mm = [{x}, 0]\npressure_pa = 1000.0\n" for x in (0, 20)),
     "am.frequency_hz: expected at most 2000 Hz": "[[spot]]\nam = { frequency_hz = 2500.0 }",
