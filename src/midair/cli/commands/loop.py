@@ -53,7 +53,7 @@ def loop_command(
     iterate
         Maximum number of waveform corrections after that; stops early when the error no longer falls.
     fixed_place
-        Count a shift and a turn of the pattern in the plane of the palm as distortion.
+        Count a shift and a turn of the pattern in the plane of the palm as distortion, also in a corrected gain.
 
     Examples
     --------
