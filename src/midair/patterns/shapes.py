@@ -167,8 +167,8 @@ def _outline(path: str) -> tuple[Array, Array]:
 
     pen, parts, s = RecordingPen(), list[list[Array]](), np.linspace(0, 1, 33)[1:, None]
     try:
-        if len(path) > LONGEST_PATH:
-            raise ValueError(f"{len(path)} characters")
+        if not 0 < len(path.strip()) <= LONGEST_PATH:
+            raise ValueError(f"{len(path.strip())} characters")
         parse_path(path, pen)
         for command, points in pen.value:
             if command == "moveTo":

@@ -111,8 +111,7 @@ class StudioFolder:
         """Write an upload under a new name; InputError, and no file, if it is too large or not a recording."""
         ending = Path(name).suffix.lower()
         if ending not in READABLE:
-            kinds, got = " ".join(READABLE[:-1]), ending or "no ending"
-            raise InputError(f"upload: expected a recording ({kinds}) or a project (.zip), got {got}")
+            raise InputError(f"upload: expected a recording or project ({' '.join(READABLE)}), got {ending or 'none'}")
         path = self.free(Path(name).stem, ending)
         size, largest = 0, largest or (PROJECT if ending == ".zip" else LARGEST)
         with atomic_file(path) as partial, partial.open("wb") as file:

@@ -207,7 +207,8 @@ class RecordPanel(Panel):
     def take(self, _: Page, order: MakeTake) -> str:
         """Record a take, or several in sequence."""
         if not self._sensor.process or self._state["state"] != "listening":
-            raise DeviceStateError(f"record: expected an open sensor that is idle, its state is {self._state['state']}")
+            said = {"opens": "being opened; wait a moment"}.get(state := self._state["state"], state)
+            raise DeviceStateError(f"record: expected an open sensor that is idle, it is {said}")
         if order.start == "touch" and order.level is None:
             raise DeviceStateError("trigger: expected a level for a take that waits for a touch, got none")
         self._left_to_do = [order] * order.repeats

@@ -193,7 +193,8 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
               given.attenuate = false;
               return check();
             }
-            return name.focus();
+            name.required = true;
+            return name.reportValidity();
           },
         ),
       ),

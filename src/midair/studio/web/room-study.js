@@ -430,7 +430,7 @@ export default class Study {
           make(
             "p.quiet",
             {},
-            "Draw a study plan in the first column. It defines the trials, their order and the questions.",
+            "Draw a study plan under New study. It defines the trials, their order and the questions.",
           ),
         ),
       );
