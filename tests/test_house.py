@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_642
+SCRIPTS = 9_643
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 
