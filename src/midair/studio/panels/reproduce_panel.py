@@ -170,8 +170,8 @@ class ReproducePanel(Panel):
             return ((order.edit, *order.words(), "--force", take, *others, str(made)),)
         ends = [f"--end={order.start}"] * bool(order.start) + [f"--start={order.end}"] * bool(order.end)
         kept = [("cut", end, "--force", take, str(self._takes.samples / f"edited.{end[2]}.h5")) for end in ends]
-        if not kept:
-            raise InputError("delete: expected a part of the take, got all of it; use Delete under the list of takes")
+        if order.start == order.end:
+            raise InputError("delete: expected a part of the take, got all or nothing of it; see Delete below the list")
         if len(kept) == 1:
             return ((*kept[0][:-1], str(made)),)
         return (*kept, ("join", "--force", *(words[-1] for words in kept), str(made)))
