@@ -5,9 +5,9 @@ import { buttonOf, choice, field, make, panel, rows, table, tried } from "/web/d
 const TEMPLATES = [
   ["own", "takes and patterns"],
   ["threshold", "threshold of a take"],
-  ["paper", "the paper's experiment"],
+  ["paper", "the paper's study"],
   ["detection", "vibration threshold"],
-  ["intervals", "two-interval comparison"],
+  ["intervals", "two intervals"],
   ["paired", "paired comparison"],
 ];
 
@@ -174,7 +174,7 @@ export default class Study {
                     this._show();
                   },
                 ),
-              ].map(one => Object.assign(one, { title: "Study to run or to analyse" }))
+              ].map(one => Object.assign(one, { title: "Study to show", ariaLabel: "study" }))
             : [make("p.quiet", {}, "no studies in this folder yet")]),
         ),
         panel(
