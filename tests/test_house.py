@@ -21,15 +21,15 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1871,
-    "settings streaming .": 2586,
+    "model": 1888,
+    "settings streaming .": 2608,
     "physics": 3380,
     "recordings targets correct evaluate": 4050,
     "calibration": 2942,
     "solvers": 4390,
-    "files": 4313,
+    "files": 4315,
     "devices": 7872,
-    "rig": 8731,
+    "rig": 8733,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_727, "benchmarks": 4_500}
+BESIDE = {"tests": 48_725, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

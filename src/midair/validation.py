@@ -1,9 +1,11 @@
 """Checks of input values, and read-only copies of arrays."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, field, fields, replace
 from difflib import get_close_matches
-from typing import Any, Self, TypeVar, cast, get_args
+from functools import wraps
+from inspect import signature
+from typing import Any, ParamSpec, Self, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -12,6 +14,7 @@ from midair.errors import InputError, NonFiniteError, ShapeError, did_you_mean
 from midair.streaming import LazyFrames
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 def frozen_array(
@@ -34,7 +37,9 @@ def frozen_array(
     if hasattr(value, "dtype") and np.iscomplexobj(value) and not np.issubdtype(dtype, np.complexfloating):
         raise InputError(f"{name}: expected real numbers, got complex ones; np.abs gives their magnitudes")
     try:
-        array = np.array(value, dtype=dtype, order="C")
+        if (given := np.asarray(value)).dtype.kind in "SU":
+            raise TypeError("text")
+        array = np.array(given, dtype=dtype, order="C")
     except (TypeError, ValueError) as wrong:
         raise ShapeError(f"{name}: expected numbers with axes {_axes(axes)}, got {type(value).__name__}") from wrong
     _check_shape(array.shape, name, axes)
@@ -98,6 +103,21 @@ def check_type(value: object, name: str, *kinds: type) -> None:
     advice = "give its name" if names[0] == "str" else f"see help(midair.{names[0]})"
     advice = _STEPS.get((names[0], got), advice)
     raise InputError(f"{name}: expected {' or '.join(names)}, got {type(value).__name__}; {advice}")
+
+
+def by_name(function: Callable[P, T]) -> Callable[P, T]:
+    """The method, whose arguments have to be named, with one line for those who do not name them."""
+
+    @wraps(function)
+    def named(*args: P.args, **kwargs: P.kwargs) -> T:
+        if len(args) > 1:
+            kind = args[0] if isinstance(args[0], type) else type(args[0])
+            made = kind.__name__ if function.__name__ == "__init__" else f"{kind.__name__}.{function.__name__}"
+            names = ", ".join(f"{name}=" for name in list(signature(function).parameters)[1 : len(args)])
+            raise InputError(f"{made}: expected arguments with their names, such as {made}({names})")
+        return function(*args, **kwargs)
+
+    return named
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
@@ -209,6 +229,8 @@ def check_settings(settings: Any) -> None:
     """Raise InputError for the first setting that is outside its limits; None is within all limits."""
     for one in fields(settings):
         limits, value = one.metadata.get("limits"), getattr(settings, one.name)
+        if one.type in (str, "str"):
+            check_type(value, one.name, str)
         # An infinite upper limit allows infinity.
         if limits is not None and value is not None and value != limits[1]:
             known = one.metadata

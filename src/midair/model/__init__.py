@@ -1,6 +1,9 @@
 """Data classes that the stages exchange: frozen dataclasses that hold read-only NumPy arrays."""
 
+from typing import Any
+
 from midair.progress import Progress as Progress
+from midair.validation import by_name
 
 from .calibration import POSE_AIMS as POSE_AIMS
 from .calibration import ArrayCalibration as ArrayCalibration
@@ -45,3 +48,16 @@ from .stage import Place as Place
 from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import speed_of as speed_of
+
+_made: list[Any] = [
+    SensorGrid,
+    ControlGrid,
+    TransducerArray,
+    Recording,
+    PressureFrames,
+    AmplitudeFrames,
+    Drive,
+    Calibration,
+]
+for _kind in _made:
+    _kind.__init__ = by_name(_kind.__init__)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.provenance import Brief, clipped, counted, summary
-from midair.validation import PITCHES, frozen_array, length, number, positive, within
+from midair.validation import PITCHES, by_name, frozen_array, length, number, positive, within
 
 HEIGHT = 0.2
 """Height of the palm or the sensor above the array, in m."""
@@ -98,6 +98,7 @@ class TransducerArray:
         )
 
     @classmethod
+    @by_name
     def autd3(cls, *, columns: int = 2, rows: int = 2) -> "TransducerArray":
         """`columns` by `rows` AUTD3 units side by side: 249 transducers each, in the order of the firmware.
 

@@ -27,6 +27,7 @@ from midair.files.native.hdf5 import new_file, open_hdf5, write_frames, write_gr
 from midair.files.native.schema import PLAYED, TABLE, stored_values
 from midair.model import Event, StageStamp
 from midair.streaming import BYTES
+from midair.validation import check_type
 
 if TYPE_CHECKING:
     import h5py
@@ -159,6 +160,7 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     """Open an HDF5 file of midair to read; an interrupted recording is converted first."""
     import h5py
 
+    check_type(path, "path", str, os.PathLike)
     complete(Path(path))
     file = existing_file(path)
     with parse_errors(file, "an HDF5 file of midair"):

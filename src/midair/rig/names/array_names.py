@@ -16,6 +16,7 @@ from midair.model import ArrayCalibration, Medium, Placement, PressureFrames, Tr
 from midair.physics import mean_reflection, wavenumber
 from midair.registry import Registry
 from midair.settings import Settings
+from midair.validation import check_type
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "
@@ -52,6 +53,7 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
 
     Without a placement the units are two by two. UnknownDeviceError if the name is unknown.
     """
+    check_type(name, "device", str)
     if name == "virtual":
         raise UnknownDeviceError("array: expected a real array or an emulator, got virtual, which needs no driver")
     kind, colon, place = name.partition(":")
