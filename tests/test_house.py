@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1888,
-    "settings streaming .": 2608,
+    "settings streaming .": 2636,
     "physics": 3380,
     "recordings targets correct evaluate": 4050,
     "calibration": 2942,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_725, "benchmarks": 4_500}
+BESIDE = {"tests": 48_745, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

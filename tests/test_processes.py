@@ -9,7 +9,8 @@ import pytest
 from tests.hostile import hostile_folder
 
 from midair import processes
-from midair.processes import protect_command, python_command, start_process
+from midair.errors import InputError
+from midair.processes import protect_command, python_command, safe_path, start_process
 
 SRC = Path(__file__).parents[1] / "src" / "midair"
 
@@ -27,6 +28,25 @@ def test_a_started_process_imports_nothing_from_the_current_folder(hostile):
     process = start_process(os.getpid, name="x")
     process.join()
     assert (process.exitcode, hostile.exists()) == (0, False)
+    assert processes.SAFE_PATH not in os.environ
+
+
+def test_the_path_is_safe_until_the_last_block_ends(monkeypatch):
+    monkeypatch.setenv(processes.SAFE_PATH, "")
+    with safe_path():
+        with safe_path():
+            assert os.environ[processes.SAFE_PATH] == "1"
+        assert os.environ[processes.SAFE_PATH] == "1"
+    assert os.environ[processes.SAFE_PATH] == ""
+
+
+def test_python_that_reads_no_variables_must_have_a_safe_path(monkeypatch):
+    class Flags:
+        ignore_environment, safe_path = 1, False
+
+    monkeypatch.setattr(sys, "flags", Flags)
+    with pytest.raises(InputError, match="python -E: expected"), safe_path():
+        pass
 
 
 @pytest.mark.parametrize(("path", "left"), [([os.getcwd(), "/x"], ["/x"]), (["/x", os.getcwd()], ["/x", os.getcwd()])])

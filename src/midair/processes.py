@@ -5,9 +5,10 @@ import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from midair.errors import ClusterError
+from midair.errors import ClusterError, InputError
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """Environment variable with which Python, as with its option -P, does not look for modules in the current folder."""
+
+_lock, _blocks = Lock(), 0
+_before: str | None = None
 
 
 def protect_command() -> None:
@@ -30,13 +34,36 @@ def python_command(*words: str) -> list[str]:
     return [sys.executable, "-P", *words]
 
 
+@contextmanager
+def safe_path() -> Generator[None]:
+    """Let no Python process that starts within the block import from the current folder.
+
+    Raises InputError if this program runs with ``python -E``, whose children would not read the environment.
+    """
+    global _blocks, _before
+    if sys.flags.ignore_environment and not sys.flags.safe_path:
+        raise InputError(f"python -E: expected child processes that read {SAFE_PATH}, got none; add -P, or use -I")
+    with _lock:
+        if not _blocks:
+            _before, os.environ[SAFE_PATH] = os.environ.get(SAFE_PATH), "1"
+        _blocks += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _blocks -= 1
+            if not _blocks:
+                del os.environ[SAFE_PATH]
+                os.environ.update({} if _before is None else {SAFE_PATH: _before})
+
+
 def start_process(target: Callable[..., object], *arguments: Any, name: str, daemon: bool = True) -> "SpawnProcess":
     """Start a process that runs ``target(*arguments)``."""
     from multiprocessing import get_context
 
     process = get_context("spawn").Process(target=target, args=arguments, name=name, daemon=daemon)
-    os.environ[SAFE_PATH] = "1"
-    process.start()
+    with safe_path():
+        process.start()
     return process
 
 
@@ -44,18 +71,19 @@ def shared_event() -> "Event":
     """Return an event to pass to `start_process`; the first one starts a process that tracks them."""
     from multiprocessing import get_context
 
-    os.environ[SAFE_PATH] = "1"
-    return get_context("spawn").Event()
+    with safe_path():
+        return get_context("spawn").Event()
 
 
 @contextmanager
 def local_cluster(workers: int | None = None) -> Generator[Any]:
     """Dask processes, one per core by default, on the loopback interface only and without dashboard."""
+    import dask
     from distributed import Client
 
-    os.environ[SAFE_PATH] = "1"
-    os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**28))  # Dask's 64 KiB: each step fetches its memory anew
-    with _started_cluster(workers) as local:
+    # Dask's 64 KiB let each step fetch its memory from the system anew.
+    memory = {"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 2**28}
+    with safe_path(), dask.config.set(memory), _started_cluster(workers) as local:
         with Client(local, set_as_default=False) as client:
             client.run(_ignore_ctrl_c)
         yield local
