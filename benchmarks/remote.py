@@ -86,8 +86,8 @@ def wire(tap: UdpProxy, since: int, *, loud: bool, patience: float = 1.0) -> tup
 class Here:
     """A server in a thread of this program, on virtual units that keep their frames, or on others."""
 
-    def __init__(self, folder, units, *, force=20, serve=None, patience=20, **settings):
-        self.units, self.lines, ready = units, [], threading.Event()
+    def __init__(self, folder, units, *, force=20, serve=None, **settings):
+        self.url, self.units, self.lines, ready = None, units, [], threading.Event()
         (folder / "tap.toml").write_text(PATTERN.format(seconds=0.1, rate=1000, force=force), encoding="utf-8")
 
         def note(tcp, udp=0):
@@ -98,7 +98,9 @@ class Here:
         how = {"settings": PlaySettings(**settings), "report": self.lines.append, "ready": note}
         self._pool = ThreadPoolExecutor(1)
         self.end = self._pool.submit(serve or partial(serve_files, folder, key=KEY, ports=(0, 0)), **how)
-        assert ready.wait(patience), self.end
+        self.end.add_done_callback(lambda _: ready.set())
+        ready.wait(60)
+        assert self.url, self.end
 
     def close(self):
         with suppress(RuntimeError):  # it has ended

@@ -332,7 +332,7 @@ def test_the_designer_sounds_on_emulated_units_only_within_the_profile(tap, tmp_
     how = {"serve": partial(serve_adaptics, port=0), "device": f"autd3:{tap.address}", "exposure": choices}
     if not attenuate:
         with pytest.raises(AssertionError, match="raised ExposureError"):
-            Here(tmp_path, None, patience=5, **how)
+            Here(tmp_path, None, **how)
         return
     with closing(Here(tmp_path, None, **how)) as one, one.client() as client:
         design(client, CIRCLE.read_text(encoding="utf-8"))
