@@ -21,7 +21,7 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1888,
+    "model": 1901,
     "settings streaming .": 2636,
     "physics": 3380,
     "recordings targets correct evaluate": 4050,
@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4390,
     "files": 4315,
     "devices": 7872,
-    "rig": 8733,
+    "rig": 8717,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_745, "benchmarks": 4_500}
+BESIDE = {"tests": 48_753, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

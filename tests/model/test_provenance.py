@@ -1,5 +1,7 @@
 import dataclasses
+import pickle
 import re
+from copy import deepcopy
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
@@ -174,3 +176,9 @@ def test_names_lists_and_numbers_are_short_and_have_units():
     assert span(np.ones(3)) == "1"
     assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
     assert frames_and_duration(1, 4.0) == "1 frame at 4 Hz, 0.25 s"
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_data_are_pickled_and_copied(name):
+    for made in (pickle.loads(pickle.dumps(ORDINARY[name])), deepcopy(ORDINARY[name])):
+        assert repr(made) == repr(ORDINARY[name])

@@ -1,5 +1,6 @@
 """Origin of data and the processing steps applied to them; one-line summaries with units for `repr`."""
 
+import copyreg
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -70,6 +71,18 @@ def from_source(source: str) -> str:
 
 Setting = str | int | float | bool | None | tuple["Setting", ...]
 """Type of a setting of a step: everything that JSON stores without loss of type."""
+
+
+def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(known)
+
+
+def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _as_view, (dict(view),)
+
+
+# Data is copied, and passed between processes.
+copyreg.pickle(MappingProxyType, _as_dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,9 +7,6 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
-from multiprocessing.reduction import ForkingPickler
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,19 +141,6 @@ class LoopStarted:
     """How the units spread phase steps."""
     array_calibration: str
     """Calibration of the array that is solved for, with its age; empty without one."""
-
-
-def _as_view(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(known)
-
-
-def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
-    """Reduce a read-only view of a dict, which pickle does not support."""
-    return _as_view, (dict(view),)
-
-
-# The provenance of calibrations that are sent between processes has such views.
-ForkingPickler.register(MappingProxyType, _as_dict)
 
 
 def play_live(order: LiveSettings, ring: TouchRing, lease: PlayLease, token: LeaseToken, told: Connection) -> None:
