@@ -26,7 +26,7 @@ def test_every_line_says_what_is_known_in_words(subtests):
     assert dict(whole.rows()) == {
         "felt": "by about 7 of 10 people (5 to 8; model of skin, not tried on people)",
         "alike": "the same: 31.8 dB on the touched cells",
-        "level": "18 % weaker: --gain 1.22",
+        "level": "18 % weaker: solve with --gain 1.22",
         "place": "3.6 mm, 5° off; people feel points under 15 mm apart as one",
         "ears": "37 dB too loud without protection",
         "laboratory": "26 dB (22 to 30), array measured; 12 dB if not",

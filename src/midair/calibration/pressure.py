@@ -118,7 +118,7 @@ def _fitting(recording: Recording, calibration: Calibration | None, band: Band) 
         if recording.unit != "Pa":
             raise UnitError(
                 f"calibrate: expected a calibration for a recording in {recording.unit}, got none; give the sensor's "
-                f"file, or a sensitivity in {recording.unit}/Pa (Calibration.flat; --sensitivity on the command line)"
+                f"file, or Calibration.flat of a sensitivity in {recording.unit}/Pa"
             )
         return Calibration.flat(recording.sensor, unit="Pa")
     have, want = calibration.sensor, recording.sensor

@@ -230,8 +230,8 @@ def _elsewhere(option: str) -> str:
     likely = (app[name] for name in (*COMMANDS, *FOLDERS) if places & {"", COMMANDS.get(name, name)})
     described = ((each, each.assemble_argument_collection()) for each in likely if each.default_command)
     there = (each.name[0] for each, known in described if any(option in one.names for one in known))
-    named = " and ".join(itertools.islice(there, 3))
-    return f"; it is an option of midair {named}" if named else ""
+    named = list(itertools.islice(there, 4))
+    return f"; it is an option of midair {' and '.join(named)}" if 0 < len(named) < 4 else ""
 
 
 def _kept_files(files: Sequence[Path]) -> str:

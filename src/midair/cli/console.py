@@ -149,9 +149,9 @@ def out() -> PlainConsole:
 
 
 def err() -> PlainConsole:
-    """Console for questions, progress and errors."""
+    """Console for questions, progress and errors; only a terminal folds lines, so that programs read whole ones."""
     _end_waiting()
-    return PlainConsole(stderr=True, soft_wrap=True)
+    return PlainConsole(stderr=True, soft_wrap=not sys.stderr.isatty())
 
 
 def print_note(line: str, *, warn: bool = False) -> None:

@@ -351,10 +351,11 @@ class PlaySolveOptions(_SettingsOptions):
 class PlayTakeOptions(PlaySolveOptions, PartOptions):
     """How a part of a recording is solved while it plays."""
 
-    def given(self) -> str:
-        """Names of the options that differ from their defaults."""
-        named = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
-        return ", ".join(f"--{name.removesuffix('_file').replace('_', '-')}" for name in named)
+
+def given(options: Any) -> str:
+    """Names of the options of a dataclass that differ from their defaults."""
+    named = [one.name for one in fields(options) if getattr(options, one.name) != one.default]
+    return ", ".join(f"--{name.removesuffix('_file').replace('_', '-')}" for name in named)
 
 
 @Parameter(name="*")

@@ -96,7 +96,7 @@ class Verdict:
         share = share if 0.5 <= self.gain <= 2 else f"{self.gain:.2g} times as strong"
         if times <= STEP:
             return f"as strong as the original ({share})" if percent else "as strong as the original"
-        return f"{share}: {self.option}" if self.option else share
+        return f"{share}: solve with {self.option}" if self.option else share
 
     def plain(self) -> dict[str, object]:
         """Values for JSON: the lines by their names, and the figures behind them."""

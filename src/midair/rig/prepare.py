@@ -1,10 +1,12 @@
 """The one way from a take to a solved drive: calibrate, cut, add the lead, solve, write."""
 
 import secrets
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from midair.errors import UnitError
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_solution, load_target, open_take, save_solutions
 from midair.model import AmplitudeFrames, PressureFrames, Progress, Solution, TransducerArray
 from midair.physics import check_frame_rate
@@ -14,6 +16,15 @@ from midair.settings import Settings
 from midair.targets import add_lead
 
 
+def calibrated_take(path: str | Path) -> OpenedTake:
+    """The take in a file; UnitError if it lacks the calibration that makes pressures of it."""
+    take, name = open_take(path), Path(path).name
+    if take.calibration is None and take.recording.unit != "Pa":
+        said = f"{name}: expected a calibration with a recording in {take.recording.unit}, got none"
+        raise UnitError(f"{said}; state one: midair calibrate {shlex.quote(name)} --sensitivity 20mV/Pa")
+    return take
+
+
 def pressure_of(
     take: OpenedTake | str | Path, settings: Settings, start: float = 0.0, duration: float | None = None
 ) -> PressureFrames:
@@ -21,7 +32,7 @@ def pressure_of(
 
     Its provenance states what the band leaves out of this part. Raises InputError if the part is not in the take.
     """
-    opened = take if isinstance(take, OpenedTake) else open_take(take)
+    opened = take if isinstance(take, OpenedTake) else calibrated_take(take)
     # Cut after calibration, so that filters leave no edges.
     pressure = calibrated_pressure(opened.recording, opened.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)

@@ -10,7 +10,7 @@ import tomli_w
 
 from midair.errors import InputError
 from midair.evaluate import RATIOS, Verdict, compare, metrics_or_none, ratio_text
-from midair.files import load_solution, open_take
+from midair.files import load_solution
 from midair.model import Palm, PressureFrames, TransducerArray
 from midair.pipeline import required_lead
 from midair.pressure_level import level_of
@@ -19,6 +19,7 @@ from midair.rig import (
     VirtualRig,
     aligned_pair,
     array_calibration_for,
+    calibrated_take,
     error_budget,
     loop,
     next_step,
@@ -116,7 +117,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     original, again, kept, drive = order
     stamp = stamp_of(drive)
     progress("comparing", 0, 3)
-    take = open_take(again)
+    take = calibrated_take(again)
     settings = Settings.of(take.recording.provenance) or Settings()
     pair = aligned_pair(pressure_of(original, settings), take, settings)
     before, after = pair.original, pair.piece

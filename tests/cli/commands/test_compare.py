@@ -163,7 +163,7 @@ def test_a_level_that_is_off_comes_with_the_option_that_corrects_it(capsys):
     capsys.readouterr()
     assert run(["compare", "take.h5", "weaker.h5", "--all"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "20 % weaker: --gain 1.25" in said
+    assert "20 % weaker: solve with --gain 1.25" in said
     lines = [said.index(each) for each in ("felt by about", "alike the same", "level 20 %", "correlation")]
     assert lines == sorted(lines)
 

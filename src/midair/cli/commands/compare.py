@@ -82,7 +82,7 @@ def compare_command(
                 raise InputError(f"{option}: expected a drive as second file, got the recording {reproduced.name}")
         if seed or reflection or spread != "default":
             raise InputError(f"--seed, --spread, --reflection: expected a drive, got the recording {reproduced.name}")
-        take = open_take(reproduced)
+        take = rig.calibrated_take(reproduced)
         settings = rig.settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
     with progress_bars() as stage:
         done = stage("compare")

@@ -62,10 +62,10 @@ def exposure_command(
     found = devices.measure_exposure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         files.write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
-    felt, places = devices.felt_pressure_text(found), found.profile.places
+    unfelt, places = devices.felt_pressure_text(found), found.profile.places
     table: list[Line] = [
         {"profile": found.profile.name, "kept": found.excess <= 0, "excess_db": found.excess},
-        Row("felt", not felt, text=felt or f"up to {found.pressure:.3g} Pa on the palm"),
+        ("on the palm", unfelt or f"up to {found.pressure:.3g} Pa"),
         ("computed for", found.measured_in),
         ("not checked", "" if json else _unlike_text(replace(drive, array=array), chosen)),
         Row("nonlinearity", found.nonlinearity, text=_nonlinear_text(found.nonlinearity)),
@@ -138,7 +138,7 @@ def _place(found: Exposure, number: int) -> dict[str, object]:
         "mean_db": float(found.mean[number]),
         "daily_db": float(found.daily[number]),
         "dose_pa2_s": float(found.dose[number]),
-        "position_mm": [1e3 * each for each in place.position],
+        "position_mm": [round(1e3 * each, 6) for each in place.position],
         "loudest_air": _air(found.airs[found.air[found.level[:, number].argmax(), number]].medium),
     }
 

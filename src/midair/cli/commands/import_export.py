@@ -16,7 +16,7 @@ from midair.cli.import_options import (
     calibration_from_options,
     channel_numbers,
 )
-from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source
+from midair.cli.options import Force, Json, OptionalTime, Peak, Sensitivity, Source, given
 from midair.cli.output import as_recording, calibration_row, may_write, next_row, print_table, recording_text
 from midair.datasets import SAMPLES, sample, sample_path, with_credits
 from midair.errors import InputError
@@ -71,15 +71,15 @@ def import_command(
     options = options or FileOptions()
     ways: dict[str, object] = {f"--{name}": getattr(options, name) for name in ("scale", "unit")}
     ways |= {"--sensitivity": sensitivity, "--peak": peak}
-    given = [name for name, value in ways.items() if value is not None]
-    if options.felt is not None and given:
-        raise InputError(f"--felt: expected it without {' and '.join(given)}; give only one")
+    stated = [name for name, value in ways.items() if value is not None]
+    if options.felt is not None and stated:
+        raise InputError(f"--felt: expected it without {' and '.join(stated)}; give only one")
     mending = None if mend is None else Mending(longest=mend, fill=fill)
     name = source.removeprefix("sample:") if source.startswith("sample:") else ""
     ready = name in SAMPLES and SAMPLES[name].ready
     if ready:
-        if options != FileOptions() or mending is not None:
-            raise InputError(f"{source}: expected no file options for this sample, got some; leave them out")
+        if named := given(options) or "--mend" * (mending is not None):
+            raise InputError(f"{named}: only for other files; {source} states all of it; leave it out")
         file = Path(name)
     else:
         file = sample_path(name) if source.startswith("sample:") else Path(source)

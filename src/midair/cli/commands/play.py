@@ -11,7 +11,7 @@ from typing import Any
 from midair import devices, files, rig
 from midair.cli.console import print_answer, print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
-from midair.cli.options import Force, PlayTakeOptions, StopInput, options_from, settings_from
+from midair.cli.options import Force, PlayTakeOptions, StopInput, given, options_from, settings_from
 from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, next_row, print_table
 from midair.errors import ExposureError, InputError
 from midair.evaluate import Felt, ways_to_play
@@ -88,8 +88,8 @@ def play_command(
     device, target = settings.device, None
     solve, pattern = solve or PlayTakeOptions(), source.suffix.lower() in PATTERN_ENDINGS
     solved = pattern or source.name.lower().endswith(files.DRIVE_SUFFIX)
-    if solved and (given := solve.given() or "--drive" * (drive is not None)):
-        raise InputError(f"{given}: only for a recording; {source} is already solved and is played whole")
+    if solved and (named := given(solve) or "--drive" * (drive is not None)):
+        raise InputError(f"{named}: only for a recording; {source} is already solved and is played whole")
     if plan:
         if solved:
             raise InputError(f"--plan: expected a recording, got {source}, which is solved; name its recording")

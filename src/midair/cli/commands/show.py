@@ -88,7 +88,7 @@ def show_command(
 
 def _shown(source: Path, again: Path | None, part: view.Part, *, target: bool, options: BandOptions) -> view.ViewData:
     if again is not None:
-        take = files.open_take(again)
+        take = rig.calibrated_take(again)
         settings = rig.settings_of_rerecording(take.recording.provenance, options.settings())
         pair = rig.aligned_pair(rig.pressure_of(source, settings), take, settings)
         return view.show_comparison(pair.original, pair.piece, part=part)

@@ -143,7 +143,7 @@ def live_sensor_findings(name: str) -> list[Check]:
 
 
 def _refused(name: str, wrong: MidairError, otherwise: str) -> Check:
-    if isinstance(wrong, UnknownDeviceError) and f"got {name!r}" in str(wrong):
+    if isinstance(wrong, UnknownDeviceError) and repr(name) in str(wrong):
         raise wrong  # a name that is typed wrong, no fault of a device
     found, _, advice = str(wrong).partition("; ")
     return broken(name, found, advice or otherwise)

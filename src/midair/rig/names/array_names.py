@@ -19,8 +19,8 @@ from midair.settings import Settings
 from midair.validation import check_type
 
 NAMES = (
-    "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "
-    "pyautd3:twincat, pyautd3:remote:ADDRESS:PORT, pyautd3:audit or pyautd3:nop"
+    "virtual, autd3, autd3-simulator, autd3-server, pyautd3, or one with a place such as autd3:emulator, "
+    "autd3:INTERFACE or pyautd3:remote:ADDRESS:PORT"
 )
 
 ARRAYS: Registry[Callable[[str, Placement | None, SilencerChoice], ArrayDevice]] = Registry(
@@ -59,7 +59,10 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     kind, colon, place = name.partition(":")
     if (colon and not place) or kind not in ARRAYS:
         others = "".join(f"{each}:PLACE, " for each in ARRAYS.others)
-        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}{did_you_mean(name, ARRAYS)}")
+        near = did_you_mean(name, ARRAYS)
+        raise UnknownDeviceError(
+            f"array: no array is called {name!r}{near}" if near else f"array: expected {others}{NAMES}, got {name!r}"
+        )
     return ARRAYS[kind](name, placement, silencer)
 
 

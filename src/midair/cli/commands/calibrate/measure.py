@@ -165,7 +165,7 @@ def apply_command(
     """
     chosen = (options or BandOptions()).settings().calibration
     may_write(source, force=True)
-    take = open_take(source)
+    take = (rig.calibrated_take if {sensitivity, peak, calibration} == {None} else open_take)(source)
     recording = take.recording
     known = calibration_from_options(recording, sensitivity, peak)
     known = known or (require_calibration(calibration) if calibration else take.calibration)
