@@ -29,10 +29,10 @@ LINES = {
     "solvers": 4390,
     "files": 4315,
     "devices": 7872,
-    "rig": 8732,
+    "rig": 8744,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6385,
+    "cli": 6384,
     "study": 6022,
     "studio": 6046,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_753, "benchmarks": 4_500}
+BESIDE = {"tests": 48_757, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

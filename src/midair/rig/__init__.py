@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .correction.drive_rerecording import palm_of_drive as palm_of_drive
     from .correction.drive_rerecording import palm_of_loop as palm_of_loop
     from .correction.drive_rerecording import rerecord_drive as rerecord_drive
+    from .correction.drive_rerecording import rerecorded_pressure as rerecorded_pressure
     from .correction.drive_rerecording import settings_of_rerecording as settings_of_rerecording
     from .correction.iteration import Stage as Stage
     from .correction.iteration import no_progress as no_progress

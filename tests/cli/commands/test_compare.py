@@ -191,7 +191,11 @@ def printed(capsys, *arguments):
 @pytest.mark.long
 def test_the_printed_ratios_are_those_of_the_documentation(capsys):
     assert run(["solve", "take.h5", "a.drive.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE, "--force"]) == 0
+    capsys.readouterr()
     assert run(["play", "a.drive.h5", "--force"]) == 0
+    played = " ".join(capsys.readouterr().out.split())
+    assert run(["compare", "take.h5", "a.rerecorded.h5", "--json"]) == 0
+    assert f"felt {json.loads(capsys.readouterr().out)['verdict']['lines']['felt']}" in played
     found = printed(capsys, "take.h5", "a.rerecorded.h5")
     assert found == pytest.approx(quoted("take.h5", "a.rerecorded.h5"), abs=0.5)
 

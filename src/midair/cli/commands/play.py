@@ -14,7 +14,7 @@ from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, given, options_from, settings_from
 from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, next_row, print_table
 from midair.errors import ExposureError, InputError
-from midair.evaluate import Felt, ways_to_play
+from midair.evaluate import Felt, felt, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pressure_level import band_of, level_of
@@ -157,8 +157,10 @@ def play_command(
         heard = played.take.recording
         files.save(heard, target, calibration=played.take.calibration)
         answer, ears = f"played {part:.4g} s on the virtual array", ("ears", f"on a real array {found.verdict()}")
+        came = rig.rerecorded_pressure(played.take, played.drive)
         table = [
             ("re-recorded", str(target)),
+            ("felt", str(felt(came.pressure, came.rate, came.sensor.pitch))),
             Details([("silencer", str(heard.provenance.steps[-1].settings["silencer"]))]),
         ]
     if played.reaction is not None:
@@ -169,7 +171,7 @@ def play_command(
         table += [mean, ("drive", str(drive or "not written, --drive FILE keeps it"))]
     if not shown.verdict:
         table += [
-            *shown.about(played.drive),
+            left_out_row(played.drive.provenance),
             ears,
             Details([("computed for", found.measured_in), ("heat", found.heat)]),
         ]
@@ -208,16 +210,13 @@ class _Shown(rig.PlayObserver):
         self.verdict, found = True, clearance.exposure
         more = Details([("computed for", found.measured_in), ("heat", found.heat)])
         checkup = ("checkup", rig.checkup_line(array.name, self._device))
-        print_table([*self.about(clearance.drive or drive), ("ears", clearance.verdict()), more, checkup], json=False)
-
-    def about(self, drive: Drive) -> list[Line]:
-        """Level of the drive of a file, and what a drive does not reproduce."""
+        about: list[Line] = [left_out_row(drive.provenance)]
         if self._source.name.lower().endswith(files.DRIVE_SUFFIX):
-            factor: Any = drive.provenance.last("attenuate").get("factor", 1.0)
+            factor: Any = (clearance.drive or drive).provenance.last("attenuate").get("factor", 1.0)
             # Pressure goes with the square of the level.
             first, *others = describe_drive(self._source, change=40 * log10(factor))[1]
-            return [first, Details(others)]
-        return [left_out_row(drive.provenance)]
+            about = [first, Details(others)]
+        print_table([*about, ("ears", clearance.verdict()), more, checkup], json=False)
 
     def progress(self, done: int, total: int, /) -> None:
         """Draw the bar from the first frame on."""

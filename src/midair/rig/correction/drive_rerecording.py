@@ -16,7 +16,7 @@ from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.names.sensor_names import VirtualRig
 from midair.rig.session import Played, Session
 from midair.settings import Settings
-from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
+from midair.targets import add_lead, decouple, frames_without_lead, interpolation_matrix, remove_lead
 from midair.validation import check_type
 
 
@@ -154,12 +154,23 @@ def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings)
             f"re-recording: expected it as it was played, got one after {' and '.join(edits)}; compare the whole one"
         )
     original, asked = original_of_drive(provenance, original)
-    # A virtual sensor records the drive's first frame at time 0, and was at rest before.
-    virtual = calibration is not None and calibration.provenance.simulated
-    heard = calibrated_pressure(take.recording, calibration, settings, from_rest=virtual)
+    heard = _heard(take, settings)
     reference = remove_lead(apply_band_twice(asked), original.frames)
     noise = known_noise(calibration, settings.calibration.band)
     return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2, noise=noise)
+
+
+def rerecorded_pressure(take: OpenedTake, drive: Drive) -> PressureFrames:
+    """Pressure of the re-recording of a drive, in the band and at the rate of the drive, without its lead."""
+    heard = _heard(take, settings_of_rerecording(take.recording.provenance, Settings()))
+    piece = frames_without_lead(drive.provenance, drive.frames, drive.rate)
+    return replace(heard, pressure=heard.pressure[piece])
+
+
+def _heard(take: OpenedTake, settings: Settings) -> PressureFrames:
+    # A virtual sensor records the drive's first frame at time 0, and was at rest before.
+    virtual = take.calibration is not None and take.calibration.provenance.simulated
+    return calibrated_pressure(take.recording, take.calibration, settings, from_rest=virtual)
 
 
 def original_of_drive(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
