@@ -22,7 +22,7 @@ from midair.model import Acoustics, Palm
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import SKINS
 from midair.pipeline import reproduce, required_lead
-from midair.rig import VirtualRig, palm_frames_of_drive
+from midair.rig import VirtualRig, palm_of_drive
 from midair.settings import best_mode, finest_mode, paper_mode
 from midair.targets import add_lead
 from midair.view import PalmMaps, film_of_palm, write_gif
@@ -64,11 +64,8 @@ def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames
     led = add_lead(asked, required_lead(settings))
     drive = reproduce(led, plan.rig.array, settings).solution.drive
     judged = (required_lead(settings), asked.frames / asked.rate)
-    chain = plan.rig.array_device().chain
-    return {
-        skin: palm_frames_of_drive(led, drive, palm, chain=chain, rig=plan.rig, judged=judged, skin=skin)
-        for skin in SKINS
-    }
+    came = palm_of_drive(led, drive, plan.rig, palm)
+    return {skin: came.frames(judged=judged, skin=skin) for skin in SKINS}
 
 
 def _each(shown: Mapping[str, PalmFrames], field: str, scale: float) -> dict[str, Array]:

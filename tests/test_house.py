@@ -24,17 +24,17 @@ LINES = {
     "model": 1901,
     "settings streaming .": 2636,
     "physics": 3380,
-    "recordings targets correct evaluate": 4050,
+    "recordings targets correct evaluate": 4040,
     "calibration": 2942,
     "solvers": 4390,
     "files": 4315,
     "devices": 7872,
-    "rig": 8744,
+    "rig": 8688,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,
     "study": 6022,
-    "studio": 6046,
+    "studio": 6039,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_757, "benchmarks": 4_500}
+BESIDE = {"tests": 48_764, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from midair.evaluate import palm_fidelity, palm_frames
+from midair.evaluate import PalmPressure
 from midair.model import Palm
 from midair.physics import SKINS, SkinMotion, Tissue
 
@@ -27,8 +27,12 @@ def wanted():
     return np.where(BEYOND, 0.0, waves(600, BEYOND.size, 0))
 
 
+def pressed(wanted, delivered):
+    return PalmPressure(wanted=wanted, delivered=delivered, rates=(RATE, RATE), palm=PALM, square=SQUARE)
+
+
 def judged(wanted, delivered, **more):
-    return palm_fidelity(wanted, delivered, PALM, rates=(RATE, RATE), square=SQUARE, skins=TWO_SKINS, **more)
+    return pressed(wanted, delivered).fidelity(skins=TWO_SKINS, **more)
 
 
 @pytest.mark.long
@@ -74,9 +78,7 @@ def test_silence_gives_no_number_and_no_error(wanted):
 
 def test_frames_are_the_compared_quantities(wanted):
     late = np.concatenate([np.zeros((8, wanted.shape[1])), 3.0 * wanted[:-8]])
-    found = palm_frames(
-        wanted, late, PALM, rates=(RATE, RATE), square=SQUARE, judged=(0.1, 0.1), band=(20.0, 450.0), skin="stiff, deep"
-    )
+    found = pressed(wanted, late).frames(judged=(0.1, 0.1), band=(20.0, 450.0), skin="stiff, deep")
     assert found.rate == 1000.0
     assert found.wanted.shape == found.motion.shape == (100, *PALM.inside.shape)
     assert np.isnan(found.delivered[:, ~PALM.inside]).all()

@@ -8,9 +8,9 @@ from tests.model.test_calibration import calibration
 from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
-from midair.model import ControlGrid, Palm, Provenance, Recording, TransducerArray
+from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead, under_ears
-from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, play, rerecord_drive
+from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, palm_of_drive, play
 from midair.settings import Settings
 from midair.studio.take_data import TakeData, facts
 from midair.studio.work import (
@@ -144,7 +144,9 @@ def test_the_palm_of_a_take_is_that_of_its_drive(solved):
     assert found["seconds"] == pytest.approx(0.06)
     original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
-    _, palm = rerecord_drive(drive, original, add_lead(original, required_lead(settings)), rig, palm=Palm.disc())
+    lead = required_lead(settings)
+    came = palm_of_drive(add_lead(original, lead), drive, rig)
+    palm = came.fidelity(judged=(lead, original.frames / original.rate), band=settings.calibration.band)
     assert found["rows"][0][0] == "power outside the square"
     assert found["rows"][0][1] == f"{100 * palm.outside:.3g} %"
     assert found["stamp"] == f"{os.stat(request.drive).st_mtime_ns:x}"

@@ -37,9 +37,8 @@ from .felt import felt as felt
 from .felt import skin_motion as skin_motion
 from .palm_metrics import PalmFidelity as PalmFidelity
 from .palm_metrics import PalmFrames as PalmFrames
+from .palm_metrics import PalmPressure as PalmPressure
 from .palm_metrics import PressedPalm as PressedPalm
-from .palm_metrics import palm_fidelity as palm_fidelity
-from .palm_metrics import palm_frames as palm_frames
 from .place import Place as Place
 from .skin_metrics import PerceptualFigure as PerceptualFigure
 from .skin_metrics import PerceptualMetrics as PerceptualMetrics

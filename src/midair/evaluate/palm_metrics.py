@@ -88,45 +88,6 @@ class PalmFidelity:
         return f"<PalmFidelity {said}, displacement {low:.1f} to {high:.1f} dB, SIMULATED>"
 
 
-def palm_fidelity(
-    wanted: Array,
-    delivered: Array,
-    palm: Palm,
-    *,
-    rates: tuple[float, float],
-    square: tuple[float, float],
-    judged: tuple[float, float] | None = None,
-    band: Band = BAND,
-    skins: Mapping[str, Tissue] = SKINS,
-) -> PalmFidelity:
-    """Compare the pressure delivered to a palm with the target.
-
-    `wanted` and `delivered`, shape (frame, point), are pressures in Pa at the points of the palm that are skin, row by
-    row, at two `rates` in Hz. `square` are half the sides of the square that the sensor covers, along x and y, in m.
-    `judged` is (begin, duration) of the evaluated part in s, all if None; earlier pressure still moves the skin. `band`
-    (low, high) in Hz has sharp edges; `skins` are skin models by name.
-    """
-    x, y, slow = _aligned_in_band(wanted, delivered, rates, band)
-    frames = len(x)
-    begin, duration = judged or (0.0, frames / slow)
-    part = slice(round(begin * slow), round((begin + duration) * slow))
-    beyond = palm.beyond(*square)[palm.inside]
-    power = (y[part] ** 2).sum(axis=0)
-    moved = {
-        name: _ratio(*(_displacement(tissue, each, palm, slow, band)[part] for each in (x, y)))
-        for name, tissue in skins.items()
-    }
-    rms = [_on_grid(np.sqrt((each[part] ** 2).mean(axis=0)), palm) for each in (x, y)]
-    return PalmFidelity(
-        outside=float(power[beyond].sum() / max(float(power.sum()), np.finfo(float).tiny)),
-        pressure=_ratio(x[part], y[part]),
-        square=_ratio(x[part][:, ~beyond], y[part][:, ~beyond]),
-        displacement=MappingProxyType(moved),
-        palm=palm.name,
-        pressed=PressedPalm(wanted=rms[0], delivered=rms[1], pitch=palm.pitch, square=square),
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PalmFrames:
     """Pressure on a palm and displacement of its skin over time."""
@@ -149,52 +110,82 @@ class PalmFrames:
     """Name of the skin model."""
 
 
-def palm_frames(
-    wanted: Array,
-    delivered: Array,
-    palm: Palm,
-    *,
-    rates: tuple[float, float],
-    square: tuple[float, float],
-    judged: tuple[float, float] | None = None,
-    band: Band = BAND,
-    skin: str = "soft, deep",
-) -> PalmFrames:
-    """Frames at about 1 kHz of the quantities that `palm_fidelity` compares, for display.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PalmPressure:
+    """Target and delivered pressure on the skin of a palm."""
 
-    The parameters are those of `palm_fidelity`; `skin` is the name of one of `physics.SKINS`.
-    """
-    x, y, rate = _aligned_in_band(wanted, delivered, rates, band)
-    # Scale the target to the level of the delivered pressure.
-    x = x * (float((x * y).sum()) / max(float((x**2).sum()), np.finfo(float).tiny))
-    begin, duration = judged or (0.0, len(x) / rate)
-    part = slice(round(begin * rate), round((begin + duration) * rate))
-    moved = (_displacement(SKINS[skin], each, palm, rate, band) for each in (x, y))
-    x, y, wanted_motion, motion = (_on_grid(each[part], palm) for each in (x, y, *moved))
-    return PalmFrames(
-        wanted=x,
-        delivered=y,
-        wanted_motion=wanted_motion,
-        motion=motion,
-        rate=rate,
-        pitch=palm.pitch,
-        square=square,
-        skin=skin,
-    )
+    wanted: Array
+    """Target in Pa, shape (frame, point), at the points of the palm that are skin, row by row."""
+    delivered: Array
+    """Pressure that was delivered in Pa, at the same points."""
+    rates: tuple[float, float]
+    """Frame rates in Hz of the two."""
+    palm: Palm
+    """Outline and points."""
+    square: tuple[float, float]
+    """Half the sides of the square that the sensor covers, along x and y, in m."""
 
+    def fidelity(
+        self,
+        *,
+        judged: tuple[float, float] | None = None,
+        band: Band = BAND,
+        skins: Mapping[str, Tissue] = SKINS,
+    ) -> PalmFidelity:
+        """Compare the delivered pressure with the target.
 
-def _aligned_in_band(
-    wanted: Array, delivered: Array, rates: tuple[float, float], band: Band
-) -> tuple[Array, Array, float]:
-    """Both pressures in the band at one rate of about 1 kHz and aligned, and that rate."""
-    # For an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's.
-    slow = float(1000 * np.ceil(8 * band[1] / 1000))
-    pairs = zip((wanted, delivered), rates, strict=True)
-    x, y = (in_band(resample(each, rate, slow), slow, band) for each, rate in pairs)
-    frames = min(len(x), len(y))
-    x, y = x[:frames], y[:frames]
-    every = max(1, round(slow / max(1000.0, 2.2 * band[1])))
-    return x[::every], advance(y, find_delay(x, y, slow), slow)[::every], slow / every
+        `judged` is (begin, duration) of the evaluated part in s, all if None; earlier pressure still moves the skin.
+        `band` (low, high) in Hz has sharp edges; `skins` are skin models by name.
+        """
+        x, y, part, rate = self._aligned(judged, band)
+        beyond = self.palm.beyond(*self.square)[self.palm.inside]
+        power = (y[part] ** 2).sum(axis=0)
+        moved = {
+            name: _ratio(*(_displacement(tissue, each, self.palm, rate, band)[part] for each in (x, y)))
+            for name, tissue in skins.items()
+        }
+        rms = [_on_grid(np.sqrt((each[part] ** 2).mean(axis=0)), self.palm) for each in (x, y)]
+        return PalmFidelity(
+            outside=float(power[beyond].sum() / max(float(power.sum()), np.finfo(float).tiny)),
+            pressure=_ratio(x[part], y[part]),
+            square=_ratio(x[part][:, ~beyond], y[part][:, ~beyond]),
+            displacement=MappingProxyType(moved),
+            palm=self.palm.name,
+            pressed=PressedPalm(wanted=rms[0], delivered=rms[1], pitch=self.palm.pitch, square=self.square),
+        )
+
+    def frames(
+        self, *, judged: tuple[float, float] | None = None, band: Band = BAND, skin: str = "soft, deep"
+    ) -> PalmFrames:
+        """Frames at about 1 kHz of what `fidelity` compares, for display, of a skin in `physics.SKINS`."""
+        x, y, part, rate = self._aligned(judged, band)
+        # Scale the target to the level of the delivered pressure.
+        x = x * (float((x * y).sum()) / max(float((x**2).sum()), np.finfo(float).tiny))
+        moved = (_displacement(SKINS[skin], each, self.palm, rate, band) for each in (x, y))
+        x, y, wanted_motion, motion = (_on_grid(each[part], self.palm) for each in (x, y, *moved))
+        return PalmFrames(
+            wanted=x,
+            delivered=y,
+            wanted_motion=wanted_motion,
+            motion=motion,
+            rate=rate,
+            pitch=self.palm.pitch,
+            square=self.square,
+            skin=skin,
+        )
+
+    def _aligned(self, judged: tuple[float, float] | None, band: Band) -> tuple[Array, Array, slice, float]:
+        """Both pressures in the band at one rate of about 1 kHz and aligned, the evaluated frames, and that rate."""
+        # For an exact delay from the cross-correlation: eight times the band's end, 4 kHz for the paper's.
+        slow = float(1000 * np.ceil(8 * band[1] / 1000))
+        pairs = zip((self.wanted, self.delivered), self.rates, strict=True)
+        x, y = (in_band(resample(each, rate, slow), slow, band) for each, rate in pairs)
+        frames = min(len(x), len(y))
+        x, y = x[:frames], y[:frames]
+        every = max(1, round(slow / max(1000.0, 2.2 * band[1])))
+        x, y, rate = x[::every], advance(y, find_delay(x, y, slow), slow)[::every], slow / every
+        begin, duration = judged or (0.0, len(x) / rate)
+        return x, y, slice(round(begin * rate), round((begin + duration) * rate)), rate
 
 
 def _on_grid(values: Array, palm: Palm) -> Array:

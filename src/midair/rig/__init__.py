@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from .correction.drive_rerecording import aligned_pair as aligned_pair
     from .correction.drive_rerecording import compare as compare
     from .correction.drive_rerecording import original_of_drive as original_of_drive
-    from .correction.drive_rerecording import palm_frames_of_drive as palm_frames_of_drive
     from .correction.drive_rerecording import palm_of_drive as palm_of_drive
     from .correction.drive_rerecording import palm_of_loop as palm_of_loop
     from .correction.drive_rerecording import rerecord_drive as rerecord_drive

@@ -11,7 +11,7 @@ import tomli_w
 from midair.errors import InputError
 from midair.evaluate import RATIOS, Verdict, compare, metrics_or_none, ratio_text
 from midair.files import load_solution
-from midair.model import Palm, PressureFrames, TransducerArray
+from midair.model import PressureFrames, TransducerArray
 from midair.pipeline import required_lead
 from midair.pressure_level import level_of
 from midair.rig import (
@@ -168,16 +168,9 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
     played = min(round((lead + judged) * drive.rate), drive.frames)
     first = replace(drive, phase=drive.phase[:played], level=drive.level[:played])
     rig = VirtualRig(cells=before.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
-    found = palm_of_drive(
-        asked.cut(0.0, played / drive.rate),
-        first,
-        Palm.disc(),
-        chain=rig.array_device().chain,
-        rig=rig,
-        judged=(lead, judged),
-        band=settings.calibration.band,
-        progress=partial(progress, "simulating the palm"),
-    )
+    shown = partial(progress, "simulating the palm")
+    came = palm_of_drive(asked.cut(0.0, played / drive.rate), first, rig, progress=shown)
+    found = came.fidelity(judged=(lead, judged), band=settings.calibration.band)
     rows = [[name.removeprefix("palm: "), _figure(value, unit)] for name, (value, unit) in found.figures().items()]
     return {"stamp": stamp, "palm": found.palm, "seconds": judged, "rows": rows}
 

@@ -164,11 +164,12 @@ def _played(
     band = settings.calibration.band
     virtual = replace(virtual, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
+    judged = ((asked.frames - piece.frames) // 2 / piece.rate, piece.frames / piece.rate)
     with progress_bars() as stage:
+        heard = rig.rerecord_drive(drive, virtual, stage=stage)
+        pressed = rig.palm_of_drive(asked, drive, virtual, outline, progress=stage("palm"))
         if film is not None:
-            lead = (asked.frames - piece.frames) // 2 / piece.rate
-            judged, chain = (lead, piece.frames / piece.rate), virtual.array_device().chain
-            frames = rig.palm_frames_of_drive(asked, drive, outline, chain=chain, rig=virtual, judged=judged, band=band)
+            frames = pressed.frames(judged=judged, band=band)
             # Write pressure and displacement, target beside reproduction, as a film.
             progress = stage("film")
             pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
@@ -180,5 +181,4 @@ def _played(
             made = film_of_palm(groups, rate=frames.rate)
             with atomic_file(film) as partial:
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-        heard, told = rig.rerecord_drive(drive, piece, asked, virtual, palm=outline, band=band, stage=stage)
-    return settings, heard, told
+    return settings, heard, pressed.fidelity(judged=judged, band=band)

@@ -83,9 +83,8 @@ def error_budget(original: PressureFrames, plan: BudgetPlan, *, stage: Stage = n
     if plan.palm is not None:
         drive = made.solution.drive
         *_, (_, _, chain) = _chains(drive, plan)
-        palm = palm_of_drive(
-            asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
-        )
+        came = palm_of_drive(asked, drive, plan.rig, plan.palm, chain=chain, progress=stage("palm"))
+        palm = came.fidelity(judged=part, band=band)
     found = budget(asked, outputs, strength=made.strength(), band=band, judged=part, palm=palm)
     if plan.laboratory is None:
         return found

@@ -6,9 +6,9 @@ from midair import evaluate
 from midair.array_types import Array
 from midair.calibration import known_noise
 from midair.errors import InputError, MismatchError
-from midair.evaluate import PalmFidelity, PalmFrames, apply_band_twice, palm_fidelity, palm_frames
+from midair.evaluate import PalmFidelity, PalmPressure, apply_band_twice
 from midair.files import OpenedTake
-from midair.model import BAND, Acoustics, Drive, Palm, PressureFrames, Progress, Provenance
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, Provenance
 from midair.physics import PlaybackChain, middle_of, palm_matrix, simulate
 from midair.pipeline import calibrated_pressure, resample_pressure
 from midair.rig.correction.correction_loop import Loop
@@ -23,52 +23,28 @@ from midair.validation import check_type
 def palm_of_drive(
     asked: PressureFrames,
     drive: Drive,
-    palm: Palm,
-    *,
-    chain: PlaybackChain,
     rig: VirtualRig,
-    judged: tuple[float, float] | None = None,
-    band: tuple[float, float] = BAND,
+    palm: Palm | None = None,
+    *,
+    chain: PlaybackChain | None = None,
     progress: Progress | None = None,
-) -> PalmFidelity:
-    """Play a drive to a simulated palm, and compare with the target pressure within the sensor's square.
+) -> PalmPressure:
+    """Play a drive to a simulated palm (a disc of 85 mm) at the height of the rig.
 
-    `asked` is the target pressure on the cells, from the drive's first frame; `judged` the (start, duration) of the
-    compared part in s, all if None; `band` the compared (low, high) in Hz.
+    `asked` is the target pressure on the cells, from the drive's first frame; `chain` is the rig's if None.
     """
-    wanted, pressure, rates, square = _palm_pressure(asked, drive, palm, chain, rig, progress)
-    return palm_fidelity(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band)
-
-
-def palm_frames_of_drive(
-    asked: PressureFrames,
-    drive: Drive,
-    palm: Palm,
-    *,
-    chain: PlaybackChain,
-    rig: VirtualRig,
-    judged: tuple[float, float] | None = None,
-    band: tuple[float, float] = BAND,
-    skin: str = "soft, deep",
-) -> PalmFrames:
-    """Simulate a drive on a palm frame by frame, for display; parameters as in `palm_of_drive`."""
-    wanted, pressure, rates, square = _palm_pressure(asked, drive, palm, chain, rig, None)
-    return palm_frames(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band, skin=skin)
-
-
-def _palm_pressure(
-    asked: PressureFrames, drive: Drive, palm: Palm, chain: PlaybackChain, rig: VirtualRig, progress: Progress | None
-) -> tuple[Array, Array, tuple[float, float], tuple[float, float]]:
-    """Target and resulting pressure in Pa on the palm's skin, their rates, and half the sides of the sensor's area."""
+    palm = palm or Palm.disc()
     grid, skin, sensor = palm.grid(rig.height), palm.inside.ravel(), asked.sensor
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     middle = middle_of(grid)
     G = palm_matrix(grid.position[skin], rig.array, reflection=rig.reflection, middle=middle, acoustics=around)
     rate, square = rig.skin().rate, (sensor.pitch / 2 * (sensor.columns + 1), sensor.pitch / 2 * (sensor.rows + 1))
+    chain = chain or rig.array_device().chain
     came = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
     # Of all pressures that give these readings of the cells, the interpolated one.
     cells = decouple(asked).pressure.reshape(asked.frames, -1)
-    return cells @ interpolation_matrix(sensor, grid)[skin].T, came, (asked.rate, rate), square
+    wanted = cells @ interpolation_matrix(sensor, grid)[skin].T
+    return PalmPressure(wanted=wanted, delivered=came, rates=(asked.rate, rate), palm=palm, square=square)
 
 
 def palm_of_loop(
@@ -77,46 +53,16 @@ def palm_of_loop(
     """Fidelity of a loop's last pass on a palm (by default a disc of 85 mm) on the virtual rig."""
     last, original = loop.passes[-1], loop.original
     lead = (last.asked.frames - original.frames) // 2 / original.rate
-    drive = last.reproduction.solution.drive
-    return palm_of_drive(
-        add_lead(original, lead),
-        drive,
-        palm or Palm.disc(),
-        chain=rig.array_device().chain,
-        rig=rig,
-        judged=(lead, original.frames / original.rate),
-        band=loop.settings.calibration.band,
-        progress=progress,
-    )
+    found = palm_of_drive(add_lead(original, lead), last.reproduction.solution.drive, rig, palm, progress=progress)
+    return found.fidelity(judged=(lead, original.frames / original.rate), band=loop.settings.calibration.band)
 
 
-def rerecord_drive(
-    drive: Drive,
-    original: PressureFrames,
-    asked: PressureFrames,
-    rig: VirtualRig,
-    *,
-    palm: Palm | None = None,
-    band: tuple[float, float] = BAND,
-    stage: Stage = no_progress,
-) -> tuple[OpenedTake, PalmFidelity]:
-    """Play a drive on the virtual rig, whose sensor has the original's cells, and to a whole palm (a disc of 85 mm).
-
-    `original` is the pressure that the drive reproduces, `asked` the same with the lead of the solve; the compared
-    `band` is (low, high) in Hz. Returns the recording of the virtual sensor, from the drive's first frame, and the
-    fidelity on a palm at its height.
-    """
+def rerecord_drive(drive: Drive, rig: VirtualRig, *, stage: Stage = no_progress) -> OpenedTake:
+    """Play a drive on the virtual rig; the recording of its sensor begins with the first frame of the drive."""
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
         recording = Session.on(array, sensor, None).rerecord(drive, progress=stage("play and re-record"))
-        calibration = sensor.calibration
-    chain = rig.array_device().chain
-    lead = (asked.frames - original.frames) // 2 / original.rate
-    judged = (lead, original.frames / original.rate)
-    of_palm = palm_of_drive(
-        asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band, progress=stage("palm")
-    )
-    return OpenedTake(recording=recording, calibration=calibration), of_palm
+        return OpenedTake(recording=recording, calibration=sensor.calibration)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
