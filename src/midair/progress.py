@@ -3,9 +3,10 @@
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Callback with the number of completed and of all frames, batches or tasks."""
 

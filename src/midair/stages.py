@@ -1,7 +1,6 @@
 """The stages before and at the solver with the defaults of the command line: the best mode, unless another is named."""
 
 from dataclasses import replace
-from types import NoneType
 from typing import Any
 
 from midair import solvers, targets
@@ -18,7 +17,7 @@ from midair.model import (
 )
 from midair.pipeline import required_lead, resample_pressure, solve_with, target_amplitude
 from midair.settings import MODES, Mode, Settings
-from midair.validation import check_type, one_of
+from midair.validation import checked_call, number, one_of
 
 
 def settings_of(mode: Settings | Mode) -> Settings:
@@ -29,6 +28,7 @@ def settings_of(mode: Settings | Mode) -> Settings:
     return MODES[mode]()
 
 
+@checked_call
 def prepare(
     pressure: PressureFrames,
     mode: Settings | Mode = "best",
@@ -69,8 +69,6 @@ def prepare(
         If a setting is unknown or out of range, or needs the array (``strength``, ``ears``), as `pipeline.reproduce`
         takes it.
     """
-    check_type(pressure, "pressure", PressureFrames)
-    check_type(grid, "grid", ControlGrid, NoneType)
     if mapping is not None:
         return targets.prepare(pressure, mapping=mapping, grid=grid, medium=medium, **changes)
     given = {"grid": grid, "medium": medium}
@@ -78,10 +76,11 @@ def prepare(
     if chosen.target.strength is not None or chosen.target.ears is not None:
         raise InputError("prepare: expected a gain, got strength or ears, which need the array; use pipeline.reproduce")
     whole = resample_pressure(pressure, chosen.target.rate)
-    whole = targets.add_lead(whole, required_lead(chosen) if lead is None else lead)
+    whole = targets.add_lead(whole, required_lead(chosen) if lead is None else number(lead, "lead", "s"))
     return target_amplitude(replace(whole, provenance=chosen.noted(whole.provenance)), chosen)
 
 
+@checked_call
 def solve(
     target: AmplitudeFrames,
     array: TransducerArray,
@@ -127,9 +126,6 @@ def solve(
     InputError
         If a setting is unknown or out of range, or the solution would not fit into memory.
     """
-    check_type(target, "target", AmplitudeFrames)
-    check_type(array, "array", TransducerArray)
-    check_type(acoustics, "acoustics", Acoustics, NoneType)
     if method is not None:
         return solvers.solve(target, array, method=method, acoustics=acoustics, bits=bits, progress=progress, **changes)
     chosen = settings_of(mode) if mode else Settings.of(target.provenance) or settings_of("best")

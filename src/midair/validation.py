@@ -1,16 +1,19 @@
 """Checks of input values, and read-only copies of arrays."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import MISSING, field, fields, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import wraps
-from inspect import signature
-from typing import Any, ParamSpec, Self, TypeVar, cast, get_args
+from inspect import isfunction, signature
+from numbers import Integral, Real
+from types import NoneType, UnionType
+from typing import Any, ParamSpec, Self, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from midair.errors import InputError, NonFiniteError, ShapeError, did_you_mean
+from midair.progress import Progress
 from midair.streaming import LazyFrames
 
 T = TypeVar("T")
@@ -78,6 +81,9 @@ def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -
 
 _STEPS = {
     ("PressureFrames", "Recording"): "call calibrate first",
+    ("OpenedTake", "Recording"): "midair.open_take reads a file with its calibration",
+    ("OpenedTake", "Solution"): "play it first: midair.play(solution, rig)",
+    ("OpenedTake", "str"): "call midair.open_take on the file",
     ("PressureFrames", "OpenedTake"): "call calibrate(take.recording, take.calibration) first",
     ("Recording", "OpenedTake"): "use its .recording",
     ("AmplitudeFrames", "PressureFrames"): "call prepare first",
@@ -91,33 +97,80 @@ _STEPS = {
     ("Drive", "str"): "call midair.load on the file",
     ("TransducerArray", "str"): "call midair.TransducerArray.autd3()",
 }
-"""What to do if a stage gets the result of another one: (expected type, received type)."""
+"""Advice if a stage gets the result of another one, by (expected type, received type)."""
+
+
+_LOOSE: dict[Any, tuple[type, ...]] = {bool: (bool, np.bool_), int: (Integral,), float: (Real,)}
+_SPELLED: dict[Any, str] = {
+    **{bool: "True or False", int: "a whole number", float: "a number", Progress: "a function"},
+    **{str: "str", NoneType: "None"},
+}
 
 
 def check_type(value: object, name: str, *kinds: type) -> None:
     """Raise InputError that names both types, and the stage that is missing, if `value` is of none of these types."""
-    if isinstance(value, kinds):
+    if isinstance(value, tuple(each for kind in kinds for each in _LOOSE.get(kind, (kind,)))):
         return
-    names = ["None" if one is type(None) else one.__name__ for one in kinds]
+    names = [_SPELLED.get(one, one.__name__) for one in kinds]
     got = "str" if hasattr(value, "__fspath__") else type(value).__name__
-    advice = "give its name" if names[0] == "str" else f"see help(midair.{names[0]})"
-    advice = _STEPS.get((names[0], got), advice)
-    raise InputError(f"{name}: expected {' or '.join(names)}, got {type(value).__name__}; {advice}")
+    advice = "give its name" if kinds[0] is str else f"see help({kinds[0].__module__.rpartition('.')[0]}.{names[0]})"
+    advice = next((_STEPS[one, got] for one in reversed(names) if (one, got) in _STEPS), advice)
+    came = repr(value) if kinds[0] in (bool, int, float, Progress) else f"{type(value).__name__}; {advice}"
+    raise InputError(f"{name}: expected {' or '.join(names)}, got {came}")
 
 
-def by_name(function: Callable[P, T]) -> Callable[P, T]:
-    """The method, whose arguments have to be named, with one line for those who do not name them."""
+def checked_call(function: Callable[P, T]) -> Callable[P, T]:
+    """The function or method, with one line for a call that does not fit its arguments.
+
+    Arguments whose types are plain or dataclasses are checked too; a float alone is checked where its unit is known.
+    """
+    code, kinds = function.__code__, dict[str, tuple[type, ...]]()
+    for name, kind in function.__annotations__.items():
+        each = [get_origin(one) or one for one in (get_args(kind) if isinstance(kind, UnionType) else [kind])]
+        plain = all(one in _SPELLED or is_dataclass(one) or hasattr(one, "__fspath__") for one in each)
+        if plain and not {*each} <= {float, NoneType}:
+            kinds[name] = tuple(each)
 
     @wraps(function)
-    def named(*args: P.args, **kwargs: P.kwargs) -> T:
-        if len(args) > 1:
-            kind = args[0] if isinstance(args[0], type) else type(args[0])
-            made = kind.__name__ if function.__name__ == "__init__" else f"{kind.__name__}.{function.__name__}"
-            names = ", ".join(f"{name}=" for name in list(signature(function).parameters)[1 : len(args)])
-            raise InputError(f"{made}: expected arguments with their names, such as {made}({names})")
-        return function(*args, **kwargs)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        for name, value in (*zip(code.co_varnames, args[: code.co_argcount], strict=False), *kwargs.items()):
+            if name in kinds:
+                check_type(value, name, *kinds[name])
+        try:
+            return function(*args, **kwargs)
+        except TypeError as wrong:
+            # An error of the call itself has no frame of the function.
+            if wrong.__traceback__ is None or wrong.__traceback__.tb_next is not None:
+                raise
+            raise InputError(_misfit(function, args, kwargs) or str(wrong)) from None
 
-    return named
+    return checked
+
+
+def check_calls(kind: T) -> T:
+    """Give the constructor and the public methods of a class `checked_call`."""
+    for name, made in list(vars(kind).items()):
+        if isinstance(made, classmethod):
+            setattr(kind, name, classmethod(checked_call(cast("Any", made).__func__)))
+        elif isfunction(made) and (name == "__init__" or not name.startswith("_")):
+            setattr(kind, name, checked_call(made))
+    return kind
+
+
+def _misfit(function: Callable[..., Any], args: Sequence[object], kwargs: Mapping[str, object]) -> str:
+    """Why a call does not fit the arguments of a function; empty if another reason remains."""
+    called, every = function.__qualname__.removesuffix(".__init__"), list(signature(function).parameters.values())
+    owners = sum(one.name in ("self", "cls") for one in every[:1])
+    known = {one.name: one for one in every[owners:] if one.kind is not one.VAR_KEYWORD}
+    shown = {name: name + "=" * (one.kind is one.KEYWORD_ONLY) for name, one in known.items()}
+    if len(shown) + owners == len(every):
+        check_names(kwargs, shown, f"no argument of {called}")
+    first = list(shown.values())[: len(args) - owners]
+    if any("=" in name for name in first):
+        return f"{called}: expected arguments with their names, such as {called}({', '.join(first)})"
+    needed = [name for name, one in known.items() if one.default is one.empty]
+    missing = " and no ".join(name for name in needed if name not in kwargs and name not in first)
+    return f"{called}: expected {called}({', '.join(shown[name] for name in needed)}), got no {missing}" * bool(missing)
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
@@ -178,14 +231,14 @@ def one_of(value: object, known: Any, name: str, *, error: type[InputError] = In
         raise error(f"{name}: expected one of {', '.join(names)}, got {value!r}{did_you_mean(str(value), names)}")
 
 
-def check_names(given: Iterable[str], known: Iterable[str]) -> None:
-    """Raise InputError for the first name that no setting has, with the nearest one that there is."""
+def check_names(given: Iterable[str], known: Iterable[str], what: str = "no setting") -> None:
+    """Raise InputError for the first name that is not known, with the nearest one that is."""
     names = list(known)
     for name in given:
         if name not in names:
             near = get_close_matches(name, names, 1)
             advice = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(names)}"
-            raise InputError(f"no setting is named {name!r}; {advice}")
+            raise InputError(f"{what} is named {name!r}; {advice}")
 
 
 def setting(
@@ -229,8 +282,6 @@ def check_settings(settings: Any) -> None:
     """Raise InputError for the first setting that is outside its limits; None is within all limits."""
     for one in fields(settings):
         limits, value = one.metadata.get("limits"), getattr(settings, one.name)
-        if one.type in (str, "str"):
-            check_type(value, one.name, str)
         # An infinite upper limit allows infinity.
         if limits is not None and value is not None and value != limits[1]:
             known = one.metadata
@@ -238,12 +289,12 @@ def check_settings(settings: Any) -> None:
 
 
 def documented(kind: type[T]) -> type[T]:
-    """Append the help texts of the settings of a dataclass to its docstring."""
+    """Append the help texts of the settings of a dataclass to its docstring, and check calls of it."""
     indent = "\n" + 8 * " "
     helps = {one.name: one.metadata["help"] for one in fields(cast("Any", kind)) if one.metadata}
     rows = [f"    {name}{indent}{text.replace(chr(10), indent)}" for name, text in helps.items()]
     kind.__doc__ = "\n".join([f"{kind.__doc__}\n\n    Parameters\n    ----------", *rows])
-    return kind
+    return check_calls(kind)
 
 
 def _axes(axes: Sequence[str | int]) -> str:

@@ -1,7 +1,6 @@
 """Convert the sensor's output to the pressure that acted on it (paper, section 3)."""
 
 from collections.abc import Iterator
-from types import NoneType
 from typing import Literal
 
 import numpy as np
@@ -12,12 +11,13 @@ from midair.dsp import Band, band_edges, band_energy, check_band, filter_respons
 from midair.errors import BandError, MismatchError, UnitError
 from midair.model import BAND, Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
-from midair.validation import check_type
+from midair.validation import checked_call
 
 LEAST = 1e-6
 """Smallest accepted share of a channel's variance inside the band: -60 dB."""
 
 
+@checked_call
 def calibrate(
     recording: Recording,
     calibration: Calibration | None = None,
@@ -65,8 +65,6 @@ def calibrate(
     InputError
         If floor or damping is invalid, or crosstalk = "undo" and the calibration has no crosstalk matrix.
     """
-    check_type(recording, "recording", Recording)
-    check_type(calibration, "calibration", Calibration, NoneType)
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
     used = _fitting(recording, calibration, band)

@@ -10,7 +10,7 @@ from midair.errors import MismatchError, RateError
 from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.place import Place, fit_place
 from midair.model import PressureFrames, Shown
-from midair.validation import check_type
+from midair.validation import checked_call
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +64,7 @@ class Comparison(Shown):
         return f"<Comparison {said}, {heard}{', SIMULATED' if self.simulated else ''}>"
 
 
+@checked_call
 def compare(
     original: PressureFrames,
     reproduced: PressureFrames,
@@ -94,8 +95,6 @@ def compare(
     RateError
         If the rates differ.
     """
-    check_type(original, "original", PressureFrames)
-    check_type(reproduced, "reproduced", PressureFrames)
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames - first)
     part, x, shape = slice(first, first + frames), original.pressure[:frames], original.sensor.shape

@@ -1,9 +1,9 @@
 """Data classes that the stages exchange: frozen dataclasses that hold read-only NumPy arrays."""
 
-from typing import Any
+from dataclasses import is_dataclass
 
 from midair.progress import Progress as Progress
-from midair.validation import by_name
+from midair.validation import check_calls
 
 from .calibration import POSE_AIMS as POSE_AIMS
 from .calibration import ArrayCalibration as ArrayCalibration
@@ -49,15 +49,5 @@ from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import speed_of as speed_of
 
-_made: list[Any] = [
-    SensorGrid,
-    ControlGrid,
-    TransducerArray,
-    Recording,
-    PressureFrames,
-    AmplitudeFrames,
-    Drive,
-    Calibration,
-]
-for _kind in _made:
-    _kind.__init__ = by_name(_kind.__init__)
+for _kind in [each for each in globals().values() if is_dataclass(each)]:
+    check_calls(_kind)

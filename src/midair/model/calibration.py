@@ -16,7 +16,7 @@ from midair.errors import InputError, MismatchError, ShapeError
 from midair.model.geometry import SensorGrid, TransducerArray
 from midair.model.provenance import Brief, Provenance, clipped, counted, from_source, span, summary
 from midair.model.recording import Unit
-from midair.validation import frozen_array, within
+from midair.validation import frozen_array, number, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -188,7 +188,7 @@ class Calibration:
 
         It is stated, not measured; the provenance of derived data records this.
         """
-        if not (np.isfinite(sensitivity) and sensitivity != 0):
+        if not (np.isfinite(number(sensitivity, "sensitivity", f"{unit}/Pa")) and sensitivity != 0):
             raise InputError(f"sensitivity: expected a number other than 0 {unit}/Pa, got {sensitivity:g}")
         return cls(
             sensor=sensor,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.provenance import Brief, clipped, counted, summary
-from midair.validation import PITCHES, by_name, frozen_array, length, number, positive, within
+from midair.validation import PITCHES, frozen_array, length, positive, within
 
 HEIGHT = 0.2
 """Height of the palm or the sensor above the array, in m."""
@@ -98,16 +98,14 @@ class TransducerArray:
         )
 
     @classmethod
-    @by_name
     def autd3(cls, *, columns: int = 2, rows: int = 2) -> "TransducerArray":
         """`columns` by `rows` AUTD3 units side by side: 249 transducers each, in the order of the firmware.
 
         A unit is an 18 x 14 grid of 10.16 mm pitch without (1, 1), (2, 1) and (16, 1), row by row; units are 192.0 x
         151.4 mm apart. The array is centred on the mean of its positions.
         """
-        counts = number(columns, "columns of units"), number(rows, "rows of units")
-        if not all(count >= 1 and count % 1 == 0 for count in counts):
-            raise InputError(f"units: expected whole numbers, at least 1 x 1, got {columns} x {rows}")
+        if min(columns, rows) < 1:
+            raise InputError(f"units: expected at least 1 x 1, got {columns} x {rows}")
         if columns * rows > MOST_UNITS:
             raise InputError(f"units: expected at most {MOST_UNITS} in an array, got {columns} x {rows}")
         pitch, width, depth, screws = 10.16e-3, 192.0e-3, 151.4e-3, {(1, 1), (2, 1), (16, 1)}
@@ -165,9 +163,7 @@ class Grid:
     """Distance between neighbours, in m."""
 
     def __post_init__(self) -> None:
-        counts = number(self.rows, "rows"), number(self.columns, "columns")
-        # This also rejects NaN and infinity.
-        if not all(count >= 1 and count % 1 == 0 for count in counts):
+        if min(self.rows, self.columns) < 1:
             raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
         length(self.pitch, "pitch", PITCHES)
 
@@ -240,7 +236,7 @@ class ControlGrid(Grid):
                 f"{self.rows} of {1e3 * self.pitch:.3g} mm pitch, {wide:.3g} x {deep:.3g} m; use at most {most} x "
                 f"{most}, or a smaller pitch"
             )
-        object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
+        object.__setattr__(self, "centre", tuple(map(float, frozen_array(self.centre, "centre", (2,)))))
 
     @property
     def position(self) -> Array:

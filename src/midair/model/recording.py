@@ -15,7 +15,7 @@ from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.provenance import Provenance, counted, frames_and_duration, from_source, span, summary
 from midair.model.shown import Frames
 from midair.streaming import LazyFrames
-from midair.validation import check_type, frozen_array, number, one_of, positive
+from midair.validation import frozen_array, number, one_of, positive
 
 Unit = Literal["V", "count", "Pa"]
 """Unit of a recording's samples."""
@@ -63,7 +63,6 @@ class Recording(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        check_type(self.sensor, "sensor", SensorGrid)
         object.__setattr__(self, "samples", frozen_array(self.samples, "samples", ("frame", *self.sensor.shape)))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
         one_of(self.unit, Unit, "unit of the samples", error=UnitError)
@@ -192,8 +191,9 @@ class PressureFrames(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        check_type(self.sensor, "sensor", SensorGrid)
         object.__setattr__(self, "pressure", frozen_array(self.pressure, "pressure", ("frame", *self.sensor.shape)))
+        if self.band is not None:
+            object.__setattr__(self, "band", tuple(map(float, frozen_array(self.band, "band", (2,)))))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
     def __repr__(self) -> str:
@@ -240,7 +240,6 @@ class AmplitudeFrames(Frames):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        check_type(self.grid, "grid", ControlGrid)
         amplitude = frozen_array(self.amplitude, "amplitude", ("frame", self.grid.count))
         # Lazy frames are checked when they are read.
         if not isinstance(amplitude, LazyFrames) and (amplitude < 0).any():

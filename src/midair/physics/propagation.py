@@ -8,6 +8,7 @@ import numpy as np
 from midair.array_types import Array, Complex
 from midair.errors import InputError, NegativePressureError, ShapeError
 from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, TransducerArray
+from midair.validation import checked_call
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
@@ -104,6 +105,7 @@ _AT_ONCE = 2**16
 """Elements of a transfer matrix that are computed at once."""
 
 
+@checked_call
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """Compute the steady-state field of each frame of a drive, p = G q, paper eq. (1): peak, in Pa, (frame, point).
 

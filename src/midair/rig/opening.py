@@ -14,6 +14,7 @@ from midair.rig.playing.following import immediate_array
 from midair.rig.playing.play_settings import PlaySettings
 from midair.settings import Settings
 from midair.targets import sensor_from_provenance
+from midair.validation import checked_call
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,6 +81,7 @@ class OpenRig:
         return f"<OpenRig {self.array.name}, {self.array.array.count} transducers, {heard}{known}>"
 
 
+@checked_call
 def open_rig(
     array: str | None = None,
     sensor: str | None = None,

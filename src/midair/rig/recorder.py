@@ -11,7 +11,7 @@ from midair.model import Event, Progress, SensorWiring
 from midair.rig.names.sensor_names import VirtualRig, sensor_named
 from midair.rig.takes.take import record_take
 from midair.rig.takes.take_state import Drift, RecordSettings, TakeObserver, View
-from midair.validation import check_type
+from midair.validation import check_type, checked_call
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +35,7 @@ class _ProgramObserver(TakeObserver):
             )
 
 
+@checked_call
 def record(
     sensor: str | SensorDevice | None = None,
     duration: float | None = None,

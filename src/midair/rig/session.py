@@ -50,7 +50,7 @@ from midair.rig.playing.following import (
 from midair.rig.playing.play_settings import PlaySettings, default_exposure
 from midair.rig.playing.solving_ahead import SolvedAhead
 from midair.settings import Settings
-from midair.validation import check_type
+from midair.validation import checked_call
 
 
 class PlayObserver:
@@ -340,6 +340,7 @@ def _error_in_air(drive: Drive, room: Medium, file: Path | None) -> str:
     return f"E {100 * here.mean():.1f} % instead of {100 * own.mean():.1f} %, the mean of {len(here)} frames"
 
 
+@checked_call
 def play(
     what: Solution | Drive | str | Path,
     rig: OpenRig | str | None = None,
@@ -385,8 +386,6 @@ def play(
     DeviceStateError
         If the rig was not entered.
     """
-    if not isinstance(what, Solution | str | Path):
-        check_type(what, "drive", Drive)
     changes = {name: value for name, value in changes.items() if value is not None}
     given = what.drive if isinstance(what, Solution) else what if isinstance(what, Drive) else Path(what)
     file = given if isinstance(given, Path) else None

@@ -15,9 +15,10 @@ from midair.physics import TransducerDynamics
 from midair.solvers import Free, Glide, Guard, QuietEars, SolverSettings, name_of
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
-from midair.validation import check_names, within
+from midair.validation import check_calls, check_names, number, within
 
 
+@check_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationSettings:
     """Settings of the calibration, from samples to pressure."""
@@ -36,6 +37,7 @@ STRONGEST = 10.0
 """Largest allowed strength: ten times the maximum of any array."""
 
 
+@check_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSettings:
     """Settings of the target, from pressure to sound amplitude."""
@@ -65,6 +67,7 @@ class TargetSettings:
 
     def __post_init__(self) -> None:
         within(self.gain, "gain", 0, MOST_GAIN, above=True)
+        number(self.rate, "rate", "Hz")
         within(self.height_uncertainty, "height uncertainty", 0, 0.1, unit="m")
         if self.ears is not None:
             within(self.ears, "ears", *EARS, unit="dB", advice="typical value: 110")
@@ -73,6 +76,7 @@ class TargetSettings:
             within(self.strength, "strength", 0, STRONGEST, above=True, advice=advice)
 
 
+@check_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompensationSettings:
     """Compensation in advance of losses in later stages; the paper has none."""
@@ -91,6 +95,7 @@ class CompensationSettings:
     """Whether to correct the phases by a prediction of each transducer's envelope; always for a measured array."""
 
 
+@check_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """All settings, in the order of processing; the defaults are the paper's.
@@ -127,10 +132,10 @@ class Settings:
             changes.setdefault("circle", self.target.circle or Circle())
         if isinstance(radius := changes.get("circle"), int | float):
             changes["circle"] = replace(self.target.circle or Circle(), radius=radius) if radius else None
-        for term, number in (("guard", "margin"), ("quiet_ears", "weight"), ("quiet_palm", "weight")):
+        for term, main in (("guard", "margin"), ("quiet_ears", "weight"), ("quiet_palm", "weight")):
             value, before = changes.get(term), getattr(self.solver, term)
             if isinstance(value, int | float) and value and is_dataclass(before) and not isinstance(before, type):
-                changes[term] = replace(before, **{number: value})
+                changes[term] = replace(before, **{main: value})
         check_names(changes, [*_GROUPS, "acoustics", "height", "directivity", "temperature", "humidity"])
         groups: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():

@@ -20,7 +20,7 @@ from midair.solvers.terms.guard import Guard
 from midair.solvers.terms.quiet_ears import QuietEars
 from midair.solvers.terms.quiet_palm import QuietPalm
 from midair.solvers.terms.temperatures import airs_around
-from midair.validation import Declared, documented, one_of, setting, within
+from midair.validation import Declared, check_calls, documented, one_of, setting, within
 
 Method = LevenbergMarquardt | Fast | Glide | Free | Live
 
@@ -34,6 +34,9 @@ METHODS: Mapping[str, type[Method]] = MappingProxyType(
     }
 )
 """Name and settings of each method."""
+
+for _kind in METHODS.values():
+    check_calls(_kind)
 
 
 def takes(method: str | Method) -> frozenset[str]:

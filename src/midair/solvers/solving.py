@@ -11,9 +11,10 @@ from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, Transdu
 from midair.solvers.methods import SolverSettings
 from midair.solvers.solve_plan import SolvePlan
 from midair.streaming import blocks
-from midair.validation import check_type
+from midair.validation import checked_call
 
 
+@checked_call
 def solve(
     target: AmplitudeFrames,
     array: TransducerArray,
@@ -55,8 +56,6 @@ def solve(
     MissingExtraError
         If the backend, or Numba for "live", is not installed.
     """
-    check_type(target, "target", AmplitudeFrames)
-    check_type(array, "array", TransducerArray)
     plan = SolvePlan.of(target, array, settings, acoustics=acoustics, bits=bits, **changes)
     return plan.solve(target, None, progress)[0]
 

@@ -1,7 +1,6 @@
 """Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from dataclasses import dataclass, replace
-from types import NoneType
 from typing import Literal, cast
 
 import numpy as np
@@ -12,7 +11,7 @@ from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, P
 from midair.physics import SensorModel, cell_weights, sound_amplitude
 from midair.streaming import LazyFrames
 from midair.targets.mapping import mapping_of
-from midair.validation import check_type, one_of, positive
+from midair.validation import checked_call, one_of, positive
 
 
 def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:
@@ -114,6 +113,7 @@ Interpolated = Literal["amplitude", "pressure"]
 """Quantity that is interpolated between the cells: sound amplitude, as in the paper, or pressure."""
 
 
+@checked_call
 def prepare(
     pressure: PressureFrames,
     *,
@@ -151,8 +151,6 @@ def prepare(
     streamed : bool
         Compute the amplitudes when they are read, as lazy frames: those of all points take 8 MB a second at 4 kHz.
     """
-    check_type(pressure, "pressure", PressureFrames)
-    check_type(grid, "grid", ControlGrid, NoneType)
     to_push = mapping_of(mapping, pressure.band)
     one_of(interpolate, Interpolated, "interpolate")
     gain = positive(gain, "gain of the pressure")

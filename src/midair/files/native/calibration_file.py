@@ -10,6 +10,7 @@ from midair.files.native.hdf5 import kind_of, new_file, read_group, read_part, w
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
 from midair.model import ArrayCalibration, Calibration
+from midair.validation import checked_call
 
 CALIBRATION_SUFFIX = ".calibration.h5"
 
@@ -25,6 +26,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
         write_group(file, "calibration", stored_values("calibration", calibration))
 
 
+@checked_call
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
     """Read a calibration; None if `path` is a recording that has none.
 

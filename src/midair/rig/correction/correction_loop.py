@@ -29,7 +29,7 @@ from midair.rig.session import Session
 from midair.settings import Mode, Settings
 from midair.stages import settings_of
 from midair.targets import add_lead, remove_lead
-from midair.validation import check_type
+from midair.validation import checked_call
 
 LONGEST = 1.0
 """Duration of the part of a recording that gives the expected gain, in s."""
@@ -156,8 +156,9 @@ def beam_test(rig: OpenRig, settings: Settings, *, top: float = 100.0, progress:
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
+@checked_call
 def loop(
-    original: OpenedTake | PressureFrames | str | Path,
+    original: PressureFrames | OpenedTake | str | Path,
     settings: Settings | Mode = "best",
     rig: OpenRig | str = "virtual",
     *,
@@ -205,7 +206,6 @@ def loop(
         original = open_take(original)
     if isinstance(original, OpenedTake):
         original = calibrated_pressure(original.recording, original.calibration, chosen)
-    check_type(original, "original", PressureFrames)
     if not (0 <= corrections <= 100 and 0 <= iterate <= 100):
         raise InputError(
             f"corrections: expected 0 to 100 amplitude and waveform corrections, got {corrections} and {iterate}"

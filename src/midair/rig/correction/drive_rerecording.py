@@ -17,7 +17,7 @@ from midair.rig.names.sensor_names import VirtualRig
 from midair.rig.session import Played, Session
 from midair.settings import Settings
 from midair.targets import add_lead, decouple, frames_without_lead, interpolation_matrix, remove_lead
-from midair.validation import check_type
+from midair.validation import checked_call
 
 
 def palm_of_drive(
@@ -41,7 +41,7 @@ def palm_of_drive(
     rate, square = rig.skin().rate, (sensor.pitch / 2 * (sensor.columns + 1), sensor.pitch / 2 * (sensor.rows + 1))
     chain = chain or rig.array_device().chain
     came = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
-    # Of all pressures that give these readings of the cells, the interpolated one.
+    # Many pressures give these readings of the cells; this is the interpolated one.
     cells = decouple(asked).pressure.reshape(asked.frames, -1)
     wanted = cells @ interpolation_matrix(sensor, grid)[skin].T
     return PalmPressure(wanted=wanted, delivered=came, rates=(asked.rate, rate), palm=palm, square=square)
@@ -142,6 +142,7 @@ _APART = 0.1
 """Difference of two durations in s up to which pressures are compared; a re-recording has a tail."""
 
 
+@checked_call
 def compare(
     original: PressureFrames | OpenedTake,
     reproduced: PressureFrames | OpenedTake | Played,
@@ -185,6 +186,5 @@ def compare(
             expected = f"expected the original's {lasts[0]:g} s, got {lasts[1]:g} s"
             raise MismatchError(f"reproduced: {expected}; cut() both to the same part")
         return found
-    check_type(original, "original", PressureFrames)
     pair = aligned_pair(resample_pressure(original, settings.target.rate), reproduced, settings)
     return evaluate.compare(pair.original, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)

@@ -49,7 +49,7 @@ from midair.model import (
 from midair.physics import SensorModel, TransducerDynamics, Transducers
 from midair.registry import Registry, load_object
 from midair.settings import TransducerSpread
-from midair.validation import check_settings, length, setting, within
+from midair.validation import check_settings, checked_call, length, setting, within
 
 SPREADS: Mapping[TransducerSpread, Mapping[str, Any]] = MappingProxyType(
     {
@@ -331,6 +331,7 @@ def tracker_options(name: str) -> tuple[TrackerOptions, str]:
     return checked_options(name, load_object(kind, TRACKERS[kind]), stated), place
 
 
+@checked_call
 def open_tracker(
     name: str,
     *,
