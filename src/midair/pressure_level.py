@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.evaluate import in_band
-from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution
+from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution, frames_without_lead
 from midair.physics import radiation_pressure, transfer_matrix
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
-from midair.targets import frames_without_lead
 
 LINEAR = 0.9
 """Ratio of produced to requested pressure at the end of the linear range."""

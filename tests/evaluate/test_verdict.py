@@ -96,6 +96,7 @@ def test_command_json_report_studio_and_python_print_the_same_lines(tmp_path, mo
     found = compare(pair.original, pair.heard, first=pair.first, noise=pair.noise)
     card, option = metrics_or_none(pair.original, pair.piece), next_step(found.gain, settings)
     assert dict(Verdict.of(found, pair.piece, card, option=option).rows()) == lines
+    assert lines["alike"].partition(": ")[2] in repr(found)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for name, text in lines.items():
         assert f"{name} {text}" in printed

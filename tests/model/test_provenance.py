@@ -154,16 +154,20 @@ def test_a_repr_has_the_main_figures_with_units():
     said = {name: repr(ORDINARY[name]) for name in ("Recording", "Calibration", "Solution", "TransducerArray")}
     assert "1280 frames at 1000 Hz, 1.28 s, 4 x 4 'virtual sensor 0'" in said["Recording"]
     assert "257 bins 0 to 500 Hz, 4 x 4 'virtual sensor 0'" in said["Calibration"]
-    assert "50 frames, E mean 7.05 %, worst 9.1 %, of <Drive 50 frames at 1000 Hz" in said["Solution"]
+    assert "<Solution E of a frame 5 to 9.1 %, of <Drive 50 frames at 1000 Hz, 0.05 s, 996" in said["Solution"]
     assert "AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz" in said["TransducerArray"]
 
 
 def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
     drive = replace(ORDINARY["Drive"], phase=np.zeros((3, 996)), level=np.array([0.0, 1, 1]))
     some = replace(solution(drive), error=np.array([0.0, 0.1, 0.2]), status=("silent", "stalled", "converged"))
-    assert "3 frames, E mean 15 %, worst 20 %, 1 silent, of <Drive" in repr(some)
+    assert "<Solution E of a frame 10 to 20 %, 1 frame silent, of <Drive 3 frames" in repr(some)
     assert some.plays.tolist() == [False, True, True]
-    assert "1 frame, 1 silent, of <Drive" in repr(EXTREME["solution that is silent"])
+    led = replace(drive, provenance=Provenance().then("lead", {"lead_s": 1 / drive.rate}))
+    assert "E of a frame 10 %, 1 frame silent, of <Drive 3 frames at 1000 Hz, 0.001 s and 0.001 s of lead" in repr(
+        replace(some, drive=led)
+    )
+    assert "<Solution 1 frame silent, of <Drive" in repr(EXTREME["solution that is silent"])
 
 
 def test_names_lists_and_numbers_are_short_and_have_units():

@@ -6,12 +6,12 @@ import pytest
 
 from midair.evaluate import felt
 from midair.files import load, load_solution, load_target
+from midair.model import frames_without_lead
 from midair.settings import Settings
 from midair.studio.folders import StudioFolder
 from midair.studio.solved_sample import STORED, orbit
 from midair.studio.takes_list import TakesList
 from midair.studio.work import make_sample
-from midair.targets import frames_without_lead
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "solved_sample.py"))
 

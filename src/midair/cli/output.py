@@ -27,13 +27,13 @@ from midair.model import (
     SensorGrid,
     Setting,
     Solution,
+    frames_without_lead,
 )
 from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
 from midair.table import Details, Line, Row, describe, plain, printed
-from midair.targets import frames_without_lead
 
 
 def as_recording(pressure: PressureFrames) -> Recording:

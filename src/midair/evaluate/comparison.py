@@ -7,7 +7,7 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.errors import MismatchError, RateError
-from midair.evaluate.distortion import OVERALL, Limits, advance, distortion_ratios, find_delay
+from midair.evaluate.distortion import OVERALL, TOUCHED, Limits, advance, distortion_ratios, find_delay
 from midair.evaluate.place import Place, fit_place
 from midair.model import PressureFrames, Shown
 from midair.validation import checked_call
@@ -58,9 +58,14 @@ class Comparison(Shown):
             "delay": (1e3 * self.delay, "ms"),
         }
 
+    @property
+    def fidelity(self) -> float:
+        """Signal-to-distortion ratio of the verdict in dB: of the touched cells, without known noise."""
+        return self.ratios.get(f"{TOUCHED}, without noise", self.ratios[TOUCHED])[0]
+
     def __repr__(self) -> str:
         said = f"correlation {self.correlation:.3f}, gain {self.gain:.3g}, error {100 * self.waveform_error:.1f} %"
-        heard = f"signal to distortion {self.distortion_ratio:.1f} dB, delay {1e3 * self.delay:.2g} ms"
+        heard = f"{self.fidelity:.1f} dB on the touched cells, delay {1e3 * self.delay:.2g} ms"
         return f"<Comparison {said}, {heard}{', SIMULATED' if self.simulated else ''}>"
 
 

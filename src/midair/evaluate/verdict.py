@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from midair.evaluate.comparison import Comparison
-from midair.evaluate.distortion import TOUCHED, finite
+from midair.evaluate.distortion import finite
 from midair.evaluate.error_budget import ALL, ALL_MEASURED, LaboratoryLoss
 from midair.evaluate.felt import Felt, felt
 from midair.evaluate.place import Place
@@ -60,11 +60,11 @@ class Verdict:
 
         Ears and the part that is left out are those in the provenance of the reproduction.
         """
-        ratios, life = comparison.ratios, reproduced.provenance
+        life = reproduced.provenance
         noted: Any = life.last("play").get("ears_excess_db"), life.last("not reproduced").get("text", "")
         return cls(
             felt=felt(reproduced.pressure, reproduced.rate, reproduced.sensor.pitch) if card is None else card.felt,
-            fidelity=ratios.get(f"{TOUCHED}, without noise", ratios[TOUCHED])[0],
+            fidelity=comparison.fidelity,
             spectrum=None if card is None else card.figure("other frequencies").overall,
             place=comparison.place,
             gain=comparison.gain,

@@ -33,6 +33,7 @@ from .palm import TrackerPlacement as TrackerPlacement
 from .provenance import Provenance as Provenance
 from .provenance import Setting as Setting
 from .provenance import Step as Step
+from .provenance import frames_without_lead as frames_without_lead
 from .recording import AmplitudeFrames as AmplitudeFrames
 from .recording import Event as Event
 from .recording import EventKind as EventKind

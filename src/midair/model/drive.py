@@ -11,7 +11,17 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import TransducerArray
 from midair.model.medium import Acoustics, Medium
-from midair.model.provenance import Brief, Provenance, clipped, counted, frames_and_duration, from_source, span, summary
+from midair.model.provenance import (
+    Brief,
+    Provenance,
+    clipped,
+    counted,
+    frames_and_duration,
+    frames_without_lead,
+    from_source,
+    span,
+    summary,
+)
 from midair.model.shown import Frames, Shown
 from midair.streaming import LazyFrames
 from midair.validation import frozen_array, positive
@@ -53,7 +63,7 @@ class Drive(Frames):
     def __repr__(self) -> str:
         return summary(
             self,
-            frames_and_duration(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate, self.provenance),
             f"{counted(self.array.count, 'transducer')} of {clipped(self.array.name)}",
             f"level {span(self.level)}",
             from_source(self.provenance.source),
@@ -116,12 +126,13 @@ class Solution(Shown):
         return Solution(drive=drive, error=self.error[part], iterations=self.iterations[part], status=self.status[part])
 
     def __repr__(self) -> str:
-        plays, error = self.plays, 100 * self.error[self.plays]
+        # Its mean would differ from that by energy, which commands print and needs the target.
+        inside = frames_without_lead(self.drive.provenance, self.drive.frames, self.drive.rate)
+        plays, error = self.plays, 100 * self.error[inside][self.plays[inside]]
         return summary(
             self,
-            counted(self.drive.frames, "frame"),
-            f"E mean {error.mean():.3g} %, worst {error.max():.3g} %" if len(error) and np.isfinite(error[0]) else "",
-            f"{(~plays).sum()} silent" if not plays.all() else "",
+            f"E of a frame {span(error, '%')}" if len(error) and np.isfinite(error[0]) else "",
+            f"{counted(int((~plays).sum()), 'frame')} silent" if not plays.all() else "",
             f"of {self.drive!r}",
         )
 

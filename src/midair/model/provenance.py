@@ -59,9 +59,11 @@ def span(values: ArrayLike, unit: str = "") -> str:
     return (low if low == high else f"{low} to {high}") + (f" {unit}" if unit else "")
 
 
-def frames_and_duration(frames: int, rate: float) -> str:
-    """``1280 frames at 1000 Hz, 1.28 s``."""
-    return f"{counted(frames, 'frame')} at {rate:g} Hz, {frames / rate:.4g} s"
+def frames_and_duration(frames: int, rate: float, provenance: "Provenance | None" = None) -> str:
+    """``1280 frames at 1000 Hz, 1.28 s``, and the lead of a target or a drive by its provenance."""
+    first = frames_without_lead(provenance, frames, rate).start if provenance else 0
+    lead = f" and {first / rate:.4g} s of lead at either end" if first else ""
+    return f"{counted(frames, 'frame')} at {rate:g} Hz, {(frames - 2 * first) / rate:.4g} s{lead}"
 
 
 def from_source(source: str) -> str:
@@ -139,3 +141,10 @@ class Provenance:
     def last(self, stage: str) -> Mapping[str, Setting]:
         """Settings of the last step of that name; empty if there is none."""
         return next((step.settings for step in reversed(self.steps) if step.stage == stage), {})
+
+
+def frames_without_lead(provenance: Provenance, frames: int, rate: float) -> slice:
+    """The frames without the lead, from the provenance of data made from a pressure."""
+    seconds = provenance.last("lead").get("lead_s")
+    pad = round(float(seconds) * rate) if isinstance(seconds, int | float) else 0
+    return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)

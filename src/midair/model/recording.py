@@ -250,7 +250,7 @@ class AmplitudeFrames(Frames):
     def __repr__(self) -> str:
         return summary(
             self,
-            frames_and_duration(self.frames, self.rate),
+            frames_and_duration(self.frames, self.rate, self.provenance),
             f"{self.grid.rows} x {self.grid.columns} points {1e3 * self.grid.height:.4g} mm above the array",
             f"up to {self.amplitude.max():.4g} Pa",
             from_source(self.provenance.source),

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
-from midair.model import AmplitudeFrames, Provenance, Solution
+from midair.model import AmplitudeFrames, Provenance, Solution, frames_without_lead
 from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
 from midair.rig import event_message, pressure_of
 from midair.settings import Settings, nearest_mode, typed_options
-from midair.targets import frames_without_lead
 from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
 
 Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]

@@ -6,7 +6,6 @@ from .mapping import SlowBias as SlowBias
 from .mapping import add_lead as add_lead
 from .mapping import constant_offset as constant_offset
 from .mapping import default_lead as default_lead
-from .mapping import frames_without_lead as frames_without_lead
 from .mapping import half_wave as half_wave
 from .mapping import mapping_of as mapping_of
 from .mapping import precompensate as precompensate

@@ -25,7 +25,7 @@ import scipy
 from midair.array_types import Array
 from midair.dsp import Band, band_window, filter_response
 from midair.errors import DeviceStateError, InputError, ShapeError
-from midair.model import BAND, AmplitudeFrames, PressureFrames, Provenance, Setting
+from midair.model import BAND, AmplitudeFrames, PressureFrames, Setting
 from midair.physics import TransducerDynamics, playback_response
 from midair.streaming import each_frame
 from midair.targets.receptors import RISE, receptors
@@ -298,13 +298,6 @@ def remove_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
     """The middle `frames`, without the lead."""
     first = (pressure.frames - frames) // 2
     return pressure if first <= 0 else replace(pressure, pressure=pressure.pressure[first : first + frames])
-
-
-def frames_without_lead(provenance: Provenance, frames: int, rate: float) -> slice:
-    """The frames without the lead, from the provenance of data made from a pressure."""
-    seconds = provenance.last("lead").get("lead_s")
-    pad = round(float(seconds) * rate) if isinstance(seconds, int | float) else 0
-    return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)
 
 
 def _swell(band: Band) -> float:

@@ -8,11 +8,10 @@ import pytest
 from midair.evaluate import ALL, ALL_MEASURED, LaboratoryLoss, PalmFidelity, PressedPalm
 from midair.figures import Picture
 from midair.figures.style import new_figure, png_bytes
-from midair.model import PressureFrames, SensorGrid
+from midair.model import PressureFrames, SensorGrid, frames_without_lead
 from midair.rig.correction import loop_report
 from midair.rig.correction.loop_report import strongest_channels, view_of_loop, write_report
 from midair.rig.correction.outcomes import Outcome
-from midair.targets import frames_without_lead
 
 
 def written(loop, folder):

@@ -8,7 +8,7 @@ from midair.calibration import known_noise
 from midair.errors import InputError, MismatchError
 from midair.evaluate import PalmFidelity, PalmPressure, apply_band_twice
 from midair.files import OpenedTake
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, Provenance
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, Provenance, frames_without_lead
 from midair.physics import PlaybackChain, middle_of, palm_matrix, simulate
 from midair.pipeline import calibrated_pressure, resample_pressure
 from midair.rig.correction.correction_loop import Loop
@@ -16,7 +16,7 @@ from midair.rig.correction.iteration import Stage, no_progress
 from midair.rig.names.sensor_names import VirtualRig
 from midair.rig.session import Played, Session
 from midair.settings import Settings
-from midair.targets import add_lead, decouple, frames_without_lead, interpolation_matrix, remove_lead
+from midair.targets import add_lead, decouple, interpolation_matrix, remove_lead
 from midair.validation import checked_call
 
 

@@ -39,12 +39,11 @@ from midair.figures import (
     traces_figure,
 )
 from midair.files import write_file
-from midair.model import PressureFrames, Progress
+from midair.model import PressureFrames, Progress, frames_without_lead
 from midair.physics import propagate
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.correction.outcomes import Outcome, comparison_rows, palm_maps
 from midair.settings import format_setting
-from midair.targets import frames_without_lead
 from midair.view import Sound, ViewData, page_parts, show_comparison, show_drive, size_of, with_content_policy
 
 Row = tuple[str, ...]

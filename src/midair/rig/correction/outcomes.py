@@ -9,10 +9,9 @@ import numpy as np
 from midair.array_types import Array
 from midair.evaluate import PalmFidelity, PerceptualMetrics, Verdict, metrics_or_none, ratio_text
 from midair.figures import STYLE, map_source
-from midair.model import PressureFrames
+from midair.model import PressureFrames, frames_without_lead
 from midair.rig.correction.correction_loop import Loop
 from midair.settings import Settings
-from midair.targets import frames_without_lead
 
 Row = tuple[str, ...]
 
