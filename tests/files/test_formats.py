@@ -1,6 +1,7 @@
 """One contract for all recording formats and the functions that read and write them."""
 
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from midair import __version__
+from midair import __version__, files
 from midair.errors import (
     BrokenFileError,
     InputError,
@@ -20,7 +21,7 @@ from midair.errors import (
     UnknownFormatError,
 )
 from midair.files import FORMATS, contents, load, load_calibration, open_take, save, save_calibration, save_solution
-from midair.model import PressureFrames, Provenance, Recording, SensorGrid
+from midair.model import Event, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings import cut
 
 ROUNDED = ".flac"
@@ -282,6 +283,32 @@ def test_saves_each_kind_of_data(recording, calibration, solution, tmp_path):
     table = np.genfromtxt(tmp_path / "phases.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["time_s"], np.arange(len(table)) / solution.drive.rate, atol=1e-6)
     np.testing.assert_allclose(table["phase_1"], solution.drive.phase[:, 1], atol=1e-6)
+
+
+def test_saving_over_a_file_loses_nothing_that_it_holds(recording, calibration, solution, target, tmp_path):
+    path, drive = tmp_path / "a.h5", tmp_path / "a.drive.h5"
+    pressure = PressureFrames(pressure=recording.samples, rate=recording.rate, sensor=recording.sensor)
+    save(recording, path, calibration=calibration, pressure=pressure, journal=[Event(kind="trigger", frame=3)])
+    for _ in range(2):
+        save(load(path), path)
+    take, other = open_take(path), replace(recording, samples=recording.samples + 1)
+    assert (take.calibration.identifier, take.journal[0].frame) == (calibration.identifier, 3)
+    assert [step.stage for step in take.recording.provenance.steps].count("events") == 1
+    assert files.load_pressure(path).frames == pressure.frames
+    for lossy in (other, replace(pressure, pressure=pressure.pressure + 1)):
+        with pytest.raises(InputError, match="holds a calibration; give calibration=, force=True"):
+            save(lossy, path)
+    save(take, tmp_path / "b.h5")
+    assert load_calibration(tmp_path / "b.h5").identifier == calibration.identifier
+    save(recording, path, calibration=replace(calibration, date="2026-01-01"))
+    assert files.load_pressure(path) is None, "it is that of another calibration"
+    save(other, path, force=True)
+    assert load_calibration(path) is None
+    save_solution(solution, drive, target=target)
+    for part in (load(drive), load(drive).drive):
+        save(part, drive)
+    assert files.load_target(drive).frames == target.frames
+    np.testing.assert_array_equal(load(drive).error, solution.error)
 
 
 def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):

@@ -69,7 +69,7 @@ class Touch:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What lists tell of it."""
+        """Facts that lists show."""
         return {"says": self.says, "felt": self.felt, "ears": self.ears, "licence": self.licence}
 
     @property
@@ -80,7 +80,7 @@ class Touch:
     def write(self, path: Path) -> None:
         """Write it as a recording or as a pattern. Raises FileError if the file cannot be written."""
         if self.pattern is None:
-            save(sample(self.name), path)
+            save(sample(self.name), path, force=True)
             return
         write_file(path, tomli_w.dumps(self.pattern))
 

@@ -3,16 +3,17 @@
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
-from midair.errors import BrokenFileError, InputError, UnknownFormatError
+from midair.errors import BrokenFileError, FileError, InputError, UnknownFormatError
 from midair.files.atomic import atomic_file, existing_file, parse_errors
 from midair.files.native.calibration_file import ARRAY_SUFFIX, CALIBRATION_SUFFIX, save_calibration
-from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, save_solution
+from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution
 from midair.files.native.hdf5 import check_kind, kind_of, plain_text, stored_dataset
 from midair.files.native.raw_recording import open_file
 from midair.files.native.recording_file import HDF5, write_recording
@@ -22,7 +23,7 @@ from midair.files.size_limits import check_memory_for
 from midair.model import Calibration, Drive, Event, PressureFrames, Recording, Solution, Status
 from midair.recordings import suspicious
 from midair.registry import Registry
-from midair.validation import check_type
+from midair.validation import checked_call
 
 Place = str | os.PathLike[str]
 _STORED = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
@@ -37,6 +38,7 @@ OTHERS: Mapping[str, str] = {
 """Suffixes of files other than recordings, and what is for them."""
 
 
+@checked_call
 def load(path: Place, **given: Any) -> Recording | Solution:
     """Read a recording in any supported format, or the solution in a ``.drive.h5``.
 
@@ -57,7 +59,6 @@ def load(path: Place, **given: Any) -> Recording | Solution:
     InputError
         A subclass that names the missing or unusable fact.
     """
-    check_type(path, "path", str, os.PathLike)
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if given:
             got = ", ".join(f"{name}={value!r}" for name, value in given.items())
@@ -66,13 +67,13 @@ def load(path: Place, **given: Any) -> Recording | Solution:
     return open_take(path, **given).recording
 
 
+@checked_call
 def open_take(path: Place, **given: Any) -> OpenedTake:
     """Read a recording with its calibration, its journal and a report of all assumptions.
 
     The content of a file decides what it is; the case of its suffix does not matter. Parameters and errors are those of
     `load`.
     """
-    check_type(path, "path", str, os.PathLike)
     options = ImportOptions(**given)
     file = existing_file(path)
     form = format_of(path)
@@ -86,38 +87,44 @@ def open_take(path: Place, **given: Any) -> OpenedTake:
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 
+@checked_call
 def save(
-    what: Recording | PressureFrames | Solution | Drive | Calibration,
+    what: Recording | PressureFrames | Solution | Drive | Calibration | OpenedTake,
     path: str | os.PathLike[str],
     *,
     calibration: Calibration | None = None,
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
+    force: bool = False,
 ) -> tuple[FormatLoss, ...]:
     """Write data atomically, in the format of the suffix of `path`; returns each loss of the format.
 
-    Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written.
+    Over a file of the same samples or phases, all that it holds besides stays: calibration, pressure, events, live
+    touch; the errors and the target of a drive. Any other file is replaced.
+
+    Raises UnknownFormatError if the suffix is unknown and FileError if the file cannot be written; InputError if the
+    file holds a calibration for other samples that would be lost, unless `force`.
 
     Parameters
     ----------
-    what : Recording, PressureFrames, Solution, Drive or Calibration
-        A pressure is written as a recording in Pa; the error of a drive alone is not known (NaN).
+    what : Recording, PressureFrames, Solution, Drive, Calibration or OpenedTake
+        A pressure is written as a recording in Pa; the error of a drive alone is not known (NaN). An opened take brings
+        its calibration and its journal.
     path : str or PathLike
         Suffix .h5, .hdf5, .csv, .wav, .flac, .npz or .mat of a recording or a pressure, .drive.h5 of a solution or a
-        drive, or .csv for a table of time in s, level, and phases in rad, .calibration.h5; replaces an existing file.
+        drive, or .csv for a table of time in s, level, and phases in rad, .calibration.h5.
     calibration, pressure
         Calibration of its sensor and calibrated pressure, stored in the same file.
     journal : sequence of Event
         Events during the recording; only HDF5 of midair stores them.
     """
-    check_type(path, "path, the second argument", str, os.PathLike)
-    check_type(what, "what to save", Recording, PressureFrames, Solution, Drive, Calibration)
-    if isinstance(what, Drive):
-        unknown = np.full(what.frames, np.nan)
-        status: tuple[Status, ...] = ("iterations",) * what.frames
-        what = Solution(drive=what, error=unknown, iterations=np.zeros(what.frames, np.int64), status=status)
-    if isinstance(what, Solution):
-        (_write_table if os.fspath(path).lower().endswith(".csv") else save_solution)(what, path)
+    if isinstance(what, OpenedTake):
+        calibration, journal, what = calibration or what.calibration, journal or what.journal, what.recording
+    if isinstance(what, Solution | Drive):
+        if os.fspath(path).lower().endswith(".csv"):
+            _write_table(what if isinstance(what, Drive) else what.drive, path)
+        else:
+            _save_drive(what, path)
         return ()
     if isinstance(what, Calibration):
         save_calibration(what, path)
@@ -128,7 +135,7 @@ def save(
         )
     write = writer_of(path)
     if write is HDF5.write:
-        return write_recording(what, Path(path), calibration, pressure, journal=journal)
+        return write_recording(what, Path(path), calibration, pressure, journal=journal, force=force)
     text = f"{format_of(path).name} holds no provenance and no distance of cells; .h5 holds both."
     lost = [FormatLoss(what="provenance", text=text), *write(what, Path(path))]
     if calibration is not None:
@@ -140,8 +147,20 @@ def save(
     return tuple(lost)
 
 
-def _write_table(solution: Solution, path: str | os.PathLike[str]) -> None:
-    drive = solution.drive
+def _save_drive(what: Solution | Drive, path: Place) -> None:
+    """Write a drive with the errors and the target of the file that it replaces, if that holds the same drive."""
+    drive, target = what if isinstance(what, Drive) else what.drive, None
+    status: tuple[Status, ...] = ("iterations",) * drive.frames
+    nothing: Any = {"error": np.full(drive.frames, np.nan), "iterations": np.zeros(drive.frames, np.int64)}
+    made = Solution(drive=drive, status=status, **nothing)
+    with suppress(FileError, InputError):  # a missing or damaged file, or one of another kind
+        stored = load_solution(path)
+        if np.array_equal(stored.drive.phase, drive.phase) and np.array_equal(stored.drive.level, drive.level):
+            made, target = stored, load_target(path)
+    save_solution(made if isinstance(what, Drive) else what, path, target=target)
+
+
+def _write_table(drive: Drive, path: Place) -> None:
     columns = {"level": np.asarray(drive.level).reshape(drive.frames, -1), "phase": np.asarray(drive.phase)}
     names = [f"{name}_{number}" for name, values in columns.items() for number in range(values.shape[1])]
     time = np.arange(drive.frames)[:, None] / drive.rate

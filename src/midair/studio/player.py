@@ -174,7 +174,7 @@ def run_player(
 
 
 Checked = tuple[Session, Cleared | SolvedAhead, Path]
-"""What a check admitted: a drive that is cleared or being solved, the session that plays it, and its path."""
+"""Result of a check: the session that plays, a drive that is cleared or is being solved, and its path."""
 
 
 @dataclass(slots=True, eq=False)
@@ -191,7 +191,7 @@ class _Player(PlayObserver):
     held: ExitStack = field(default_factory=ExitStack)
     solver: ExitStack = field(default_factory=ExitStack)
     checked: dict[int, Checked] = field(default_factory=dict[int, Checked])
-    """What each check admitted, by its number."""
+    """Result of each check, by its number."""
     trials: dict[Any, dict[str, Any]] = field(default_factory=dict[Any, dict[str, Any]])
     noise: NoiseOutput = field(default_factory=NoiseOutput)
     palm: PalmWatch | None = None
@@ -416,7 +416,7 @@ class _Player(PlayObserver):
         if played.report is not None:
             return {"output": "", **asdict(played.report)}
         if output and played.take is not None:
-            save(played.take.recording, Path(output), calibration=played.take.calibration)
+            save(played.take.recording, Path(output), calibration=played.take.calibration, force=True)
         return {"output": Path(output).name if output else "", "frames": played.drive.frames}
 
     def _loop(self, token: Any, path: Path, what: Cleared) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def _write_files(
     loop = outcomes[0].loop
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{object_name}.drive.h5", target=last.reproduction.target)
-    save(last.rerecorded, output / "rerecorded.h5")
+    save(last.rerecorded, output / "rerecorded.h5", force=True)
     how: Any = {"beside": outcomes, "laboratory": laboratory, "progress": progress}
     rig.write_report(
         loop, output / "report.html", source=str(output / "stroke.h5"), commands=(verbosity().line,), **how

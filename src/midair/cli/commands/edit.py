@@ -224,6 +224,6 @@ def _edit(
         notes.append("The calibrated pressure was left out; run midair calibrate again.")
     # Before writing, which may replace the source.
     table = [Row("file", str(output), key="recording"), *describe(recording)]
-    lost = files.save(recording, output, calibration=calibration)
+    lost = files.save(recording, output, calibration=calibration, force=True)
     how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated}
     print_table(table, answer=recording_text(recording), json=json, **how)

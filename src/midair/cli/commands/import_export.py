@@ -99,7 +99,7 @@ def import_command(
     stated = calibration_from_options(recording, sensitivity, peak)
     known = stated or imported.calibration
     pressure = files.load_pressure(file) if imported.stored and stated is None else None
-    lost = files.save(recording, target, calibration=known, pressure=pressure, journal=imported.journal)
+    lost = files.save(recording, target, calibration=known, pressure=pressure, journal=imported.journal, force=True)
     stated_by = calibration_row(known, target, hidden=recording.unit == "Pa" and not known)
     ready = recording.unit == "Pa" or known is not None
     then = [next_row("solve", target)] if ready else []
@@ -161,7 +161,7 @@ def export_command(
     if channels:
         recording = select(recording, channel_numbers(channels, recording))
         calibration, made, notes = None, None, ("Calibration and places of the chosen channels were left out.",)
-    lost = files.save(recording, output, calibration=calibration, pressure=made)
+    lost = files.save(recording, output, calibration=calibration, pressure=made, force=True)
     table = [Row("written", str(output)), Row("format", files.format_of(output).name)]
     return print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
 

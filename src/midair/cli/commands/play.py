@@ -155,7 +155,7 @@ def play_command(
         answer, table = played.report.broken or answer, _report_lines(played.report)
     elif played.take is not None and target is not None:
         heard = played.take.recording
-        files.save(heard, target, calibration=played.take.calibration)
+        files.save(heard, target, calibration=played.take.calibration, force=True)
         answer, ears = f"played {part:.4g} s on the virtual array", ("ears", f"on a real array {found.verdict()}")
         came = rig.rerecorded_pressure(played.take, played.drive)
         table = [

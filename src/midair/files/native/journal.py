@@ -43,7 +43,8 @@ def with_events(provenance: Provenance, events: Iterable[Event], frames: int) ->
     """Add the events within `frames` frames to the provenance as step "events", if there are any."""
     # The journal is flushed before the samples, so that events of an interrupted recording may lie beyond its end.
     inside = tuple(event for event in events if event.frame < frames)
-    return provenance.then("events", _settings(inside, frames)) if inside else provenance
+    settings = _settings(inside, frames)
+    return provenance.then("events", settings) if inside and settings != provenance.last("events") else provenance
 
 
 def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
@@ -90,4 +91,4 @@ def with_stage(
         "columns": ("time_s", "x_m", "y_m", "z_m", "feed_m_s"),
         "stamps": tuple((one.time, *one.position, one.feed) for one in stamps[:LISTED_STAMPS]),
     }
-    return provenance.then("stage", settings)
+    return provenance if settings == provenance.last("stage") else provenance.then("stage", settings)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from midair.errors import MismatchError
+from midair.errors import FileError, InputError, MismatchError
 from midair.files.native.hdf5 import check_kind, new_file, read_group, read_part, write_group
 from midair.files.native.journal import journal_from, with_journal
 from midair.files.native.provenance_json import from_json
@@ -46,25 +46,49 @@ def write_recording(
     pressure: PressureFrames | None = None,
     *,
     journal: Sequence[Event] = (),
+    force: bool = False,
 ) -> tuple[FormatLoss, ...]:
     """Write a recording with its calibration and pressure, atomically and without loss.
 
-    Samples are stored as float32 if that holds all of them.
+    Over a file of the same samples, what is not given stays: calibration, pressure, events, stage, live touch. Raises
+    InputError over a file of others with a calibration that would be lost, unless `force`. Samples are stored as
+    float32 if that holds all of them.
     """
     if pressure is not None and pressure.sensor.shape != recording.sensor.shape:
         raise MismatchError(
             f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
             "save the pressure of this recording"
         )
-    values = stored_values("recording", SimpleNamespace(events=journal)) | stored_values("recording", recording)
+    parts: dict[Kind, Any] = {"calibration": calibration, "pressure": pressure, "played": None}
+    kept = _kept(recording, path, calibration, force=force)
+    rows = SimpleNamespace(events=journal or kept.get("events"), stamps=kept.get("stamps"))
+    values = stored_values("recording", rows) | stored_values("recording", recording)
     values["samples"] = single(recording.samples)
-    parts: dict[Kind, Any] = {"calibration": calibration, "pressure": pressure}
     with new_file(path, room=2 * recording.samples.nbytes) as file:
         write_group(file, "recording", values)
         for kind, part in parts.items():
-            if part is not None:
+            if (part := part or kept.get(kind)) is not None:
                 write_group(file.create_group(kind), kind, stored_values(kind, part))
     return ()
+
+
+def _kept(recording: Recording, path: Path, calibration: Calibration | None, *, force: bool) -> dict[str, Any]:
+    """Events, stage and parts that stay of the file that a recording replaces, as `write_recording` says."""
+    made: dict[Kind, Any] = {"calibration": Calibration, "pressure": PressureFrames, "played": PlayedTouch}
+    try:
+        with open_file(path) as file:
+            values = read_group(file, "recording", path)
+            parts = {kind: read_part(file, kind, each, path) for kind, each in made.items()}
+    except (FileError, InputError):  # a missing or damaged file, or one of another kind
+        return {}
+    known = parts["calibration"]
+    if values["rate_hz"] != recording.rate or not np.array_equal(values["samples"], recording.samples):
+        if known and calibration is None and not force:
+            raise InputError(f"{path}: holds a calibration; give calibration=, force=True to lose it, or another name")
+        return {}
+    if calibration is not None and calibration.identifier != getattr(known, "identifier", ""):
+        parts["pressure"] = None
+    return parts | dict(zip(("events", "stamps"), journal_from(values), strict=True))
 
 
 def read_recording(path: Path, given: ImportOptions) -> OpenedTake:

@@ -92,7 +92,7 @@ PLAYED = ("phase_steps", "intensity", "instant", "state")
 def stored_values(kind: Kind, what: object) -> dict[str, Any]:
     """Stored values of an object, without those that are None, and the signature that every file and group has.
 
-    Of a list of objects, such as events, the attributes of all are stored.
+    A list of objects, such as events, is stored as one list for each attribute.
     """
     values: dict[str, Any] = {
         "kind": f"midair {kind}",

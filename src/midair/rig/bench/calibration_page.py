@@ -362,7 +362,7 @@ def write_practice_recordings(
     for number, (name, cell, level) in enumerate(plan):
         signal = sweep_signal(1.0, duration - 1) if kind == "sweep" else noise_signal(1.0, duration, rng=rng)
         recording, reference = bench.recordings(signal * level, cell=cell, number=number)
-        save(recording, folder / f"{name}.h5")
+        save(recording, folder / f"{name}.h5", force=True)
         save(reference, folder / f"{name}-reference.h5")
         if progress:
             progress(number + 1, PRACTICE_RECORDINGS)
