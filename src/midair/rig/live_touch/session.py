@@ -21,6 +21,7 @@ from midair.rig.live_touch.live_take import LiveTake
 from midair.rig.live_touch.process import LoopStarted, live_rig, play_live
 from midair.rig.live_touch.touch_ring import STEP, TouchRing
 from midair.rig.session import Session
+from midair.validation import checked_call
 
 SLOTS, CHANNELS = 8192, 64
 """Frames that the ring holds for slow readers; maximum number of channels of a live sensor."""
@@ -125,8 +126,7 @@ class LiveSession:
         self.lease, self._token = lease or (PlayLease(), None)
         self._process: Any = None
         self._told: Any = None
-        self._ended = False
-        self._error: MidairError | None = None
+        self._ended: MidairError | bool = False
         self._opened: LoopStarted | None = None
         self._take: LiveTake | None = None
         self._over = threading.Event()
@@ -225,12 +225,9 @@ class LiveSession:
         except (EOFError, OSError):
             self._process.join(1)
             if not self._ended:
-                self._ended, self._error = (
-                    True,
-                    DeviceError(
-                        f"live: the playing process ended with status {self._process.exitcode} without a report; the "
-                        "array's own failsafe has silenced it; start again"
-                    ),
+                self._ended = DeviceError(
+                    f"live: the playing process ended with status {self._process.exitcode} without a report; the "
+                    "array's own failsafe has silenced it; start again"
                 )
             return
         if isinstance(said, LoopStarted):
@@ -239,11 +236,11 @@ class LiveSession:
             if self._report is not None:
                 self._report(said)
         else:
-            self._ended, self._error = True, said
+            self._ended = said or True
 
     def _raise(self) -> None:
-        if self._error is not None:
-            raise self._error
+        if isinstance(self._ended, MidairError):
+            raise self._ended
 
     def _end(self) -> None:
         """End in order within a time limit, else at once."""
@@ -281,6 +278,7 @@ def _ms(seconds: float) -> float | None:
     return None if np.isnan(seconds) else round(1e3 * seconds, 3)
 
 
+@checked_call
 def live(
     sensor: str | None = None,
     device: str | None = None,
