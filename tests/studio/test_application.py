@@ -154,6 +154,7 @@ def test_edits_make_takes_and_are_undone_and_redone(studio, talk):
     assert "expected an edit" in order("undo")
     assert order("edit", take="towel.h5", edit="cut", start="0.05s", end="0.15 s") == "towel-01.h5"
     assert order("edit", take="towel-01.h5", edit="gain", by="6dB") == "towel-02.h5"
+    assert order("edit", take="towel-01.h5", edit="gain", by="much").startswith("By: expected a factor such as 2 or")
     made = load(folder / "towel-02.h5")
     assert [step.stage for step in made.provenance.steps][-2:] == ["cut", "gain"]
     assert made.duration == pytest.approx(0.1)

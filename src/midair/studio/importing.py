@@ -79,7 +79,10 @@ def run_command(*words: str) -> str:
 def run_words(words: tuple[str, ...], progress: Progressed) -> str:
     """Run a command of midair in a worker process; InputError with its message."""
     progress(f"midair {words[0]}", 0, 1)
-    run_command(*words)
+    try:
+        run_command(*words)
+    except InputError as wrong:  # a form has fields where the command has options
+        raise InputError(re.sub(r'"?--(\w+)"?', lambda name: name[1].capitalize(), str(wrong))) from wrong
     return words[-1]
 
 

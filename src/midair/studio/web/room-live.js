@@ -488,7 +488,7 @@ export default class Live {
           "Array",
           plays
             ? player?.emitting
-              ? "emits sound"
+              ? `${player.simulated ? "simulates" : "emits"} sound`
               : "plays, silent now"
             : live?.state === "opens"
               ? "opening"
