@@ -97,7 +97,7 @@ class TakesList:
         """Return the path of a file that belongs to a take (drive, re-recording, report), existing or not."""
         path = self.path(name)
         others = (path.with_suffix(kind) for kind in (".h5", *_IMPORTED) if kind != path.suffix)
-        # Of several takes with one stem, the others keep their suffix.
+        # If several takes have one stem, the others keep their suffix.
         own = path.suffix != ".h5" and any(other.exists() for other in others)
         label = name.removeprefix(take_of(name)).replace("@", ".")
         return path.with_name((path.name if own else path.name.removesuffix(path.suffix)) + label + ending)

@@ -21,7 +21,7 @@ class SweepTrial:
     recording: str  # Name of the recording
     variant: str  # Varied settings, such as "method=fast height=200mm"; may be empty
     pressure: PressureFrames  # In the settings' band and at their rate
-    settings: Settings  # Of every stage
+    settings: Settings  # those of every stage
 
     @property
     def digest(self) -> str:

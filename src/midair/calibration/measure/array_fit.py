@@ -194,7 +194,7 @@ class ArrayCheck:
     warming_uncertainty: float
 
     def problems(self) -> list[str]:
-        """What no longer holds, one line each; empty if the calibration still holds."""
+        """Properties that have changed, one line each; empty if the calibration still holds."""
         found: list[str] = []
         for word, which in (("silent", self.dead), ("changed", self.drifted)):
             if len(which):

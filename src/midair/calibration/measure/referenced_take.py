@@ -128,7 +128,7 @@ def check_alike(takes: Sequence[ReferencedTake]) -> None:
 
 
 def source_of(recording: Recording) -> tuple[SensorGrid, str, float]:
-    """What all recordings of one measurement share: sensor, unit and rate."""
+    """Facts that all recordings of one measurement share: sensor, unit and rate."""
     return recording.sensor, recording.unit, recording.rate
 
 

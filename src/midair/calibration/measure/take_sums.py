@@ -309,7 +309,7 @@ def _drift(takes: Sequence[ReferencedTake]) -> tuple[float, float]:
 
 
 def _check_unclipped(takes: Sequence[ReferencedTake]) -> None:
-    """Raise InputError with the numbers of the takes that are clipped, by an amount that nobody knows."""
+    """Raise InputError with the numbers of the takes that are clipped; the clipped part is unknown."""
     if found := [str(number) for number, take in enumerate(takes, 1) if clipped_channels(take.recording).size]:
         raise InputError(
             f"takes: expected none that is clipped, which lowers the response, got take {', '.join(found)}; press "

@@ -28,7 +28,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, given: ImportOptions) -> I
     flat = dict(_flattened(arrays))
     name = _chosen(flat, given)
     samples, report = _time_first(np.asarray(flat[name], np.float64), name, given)
-    # What stands in the same struct is nearer than what stands beside it.
+    # A neighbour in the same struct is nearer than one beside the struct.
     folder, _, _ = name.rpartition(".")
     near: dict[str, NDArray[Any]] = {}
     for place in ("", folder):

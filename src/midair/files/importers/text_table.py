@@ -246,7 +246,7 @@ def _is_value(field: str) -> bool:
 def _place(rows: Sequence[_Row]) -> tuple[list[int], int]:
     """Columns that hold anything in the second half of the rows, and the number of rows before the first numbers."""
     later = [row.fields for row in rows[len(rows) // 2 :]]
-    # Of two widths that are as common there, that of most rows: a row with a missing field is not the rule.
+    # If two widths are as common there, that of most rows counts: few rows miss a field.
     often, widths = Counter(map(len, later)), Counter(len(row.fields) for row in rows)
     width = max(often, key=lambda each: (often[each], widths[each]), default=0)
     columns = [i for i in range(width) if any(len(fields) == width and fields[i] for fields in later)]

@@ -105,7 +105,7 @@ def error_budget(original: PressureFrames, plan: BudgetPlan, *, stage: Stage = n
 
 
 def stage_outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
-    """What each stage makes of what was `asked`, each added to those before it."""
+    """The output of each stage for the pressure `asked`, each stage added to those before it."""
     settings, rig, drive = plan.settings, plan.rig, made.solution.drive
     compensated = compensate_pressure(asked, settings)
     decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []

@@ -176,7 +176,7 @@ class _Stage:
     """A drive above which a palm is laid."""
 
     drive: Drive
-    q: Waves  # What nominal transducers emit, shape (frame * STEPS, transducer)
+    q: Waves  # Sound of nominal transducers, shape (frame * STEPS, transducer)
     solved: Array  # Middle of the palm of the solve, shape (3,), in m
     there: Array  # Points around the cells, shape (point, 3), in m
     weights: Array  # Those of the cells, shape (cell, point)

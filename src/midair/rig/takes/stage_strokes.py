@@ -59,7 +59,7 @@ class StageStrokes:
         }
 
     def plan(self, repeats: int) -> str:
-        """What will move, in words, once the machine is ready and reaches the speed; raises its errors otherwise."""
+        """The planned movement in words, once the machine is ready and reaches the speed; otherwise its error."""
         stage, setup = self.stage, self.setup
         stage.ready(homing=setup.homing == "switches")
         stage.check_speed(self.speed, self.length, "xyz".index(setup.heading[1]))

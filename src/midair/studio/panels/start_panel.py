@@ -4,6 +4,6 @@ from midair.studio.panels.panel import WEB, Panel
 
 
 class StartPanel(Panel):
-    """What a page shows first; it has no requests of its own."""
+    """The panel that a page shows first; it has no requests of its own."""
 
     name, title, script, place = "start", "Start", WEB / "room-start.js", 1
