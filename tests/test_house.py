@@ -21,20 +21,20 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1901,
-    "settings streaming .": 2636,
-    "physics": 3380,
-    "recordings targets correct evaluate": 4040,
-    "calibration": 2942,
-    "solvers": 4390,
-    "files": 4315,
+    "model": 1907,
+    "settings streaming .": 2688,
+    "physics": 3382,
+    "recordings targets correct evaluate": 4034,
+    "calibration": 2940,
+    "solvers": 4392,
+    "files": 4361,
     "devices": 7872,
-    "rig": 8688,
+    "rig": 8687,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,
     "study": 6022,
-    "studio": 6039,
+    "studio": 6041,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_764, "benchmarks": 4_500}
+BESIDE = {"tests": 48_798, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
