@@ -97,9 +97,9 @@ def test_settings_of_the_modes():
     assert quick_mode().but(rate=3 * quick_mode().target.rate) == best
     finest = finest_mode()
     assert finest.solver.quiet_palm
-    assert finest.but(quiet_palm=0.0, fit="windows", level=1.0, amplitudes="equal", predict=False) == best
-    quiet = quiet_mode()
-    assert quiet.but(method=best.solver.method, quiet_ears=0.0, ears=None) == best
+    plain = {"fit": "windows", "level": 1.0, "amplitudes": "equal", "predict": False, "convergence": "auto"}
+    assert finest.but(quiet_palm=0.0, **plain) == best
+    assert quiet_mode().but(method=best.solver.method, convergence="auto", quiet_ears=0.0, ears=None) == best
 
 
 def test_quiet_ears_at_three_places_are_saved(tmp_path):

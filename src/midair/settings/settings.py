@@ -334,6 +334,8 @@ def best_mode() -> Settings:
         precompensate=True,
         interpolate="pressure",
         decouple=True,
+        # A touch that needs less than the whole array's power keeps over more heights.
+        convergence="auto",
         guard=Guard(margin=25e-3, pitch=5.5e-3, ceiling=0.3),
         acoustics=Acoustics(medium=Medium.at()),
     )
@@ -352,11 +354,7 @@ def finest_mode() -> Settings:
     since a mean square over the palm hardly penalises a single spot beside the square.
     """
     return best_mode().but(
-        quiet_palm=0.1,
-        fit="fine-windows",
-        level="auto",
-        amplitudes="bounded",
-        predict=True,
+        quiet_palm=0.1, fit="fine-windows", convergence=1.0, level="auto", amplitudes="bounded", predict=True
     )
 
 
@@ -367,7 +365,7 @@ def quiet_mode() -> Settings:
     """
     everyone = (*QuietEars().positions, 1.0, -0.35, 0.45)
     ears = QuietEars(weight=1.0, positions=everyone, temperatures=(14.0, 30.0))
-    return best_mode().but(method=Free(effort=3e-3, power=0.01), quiet_ears=ears, ears=110.0)
+    return best_mode().but(method=Free(effort=3e-3, power=0.01), convergence=1.0, quiet_ears=ears, ears=110.0)
 
 
 MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(

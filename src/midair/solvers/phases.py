@@ -58,12 +58,12 @@ def spreading_phase(grid: ControlGrid, array: TransducerArray, medium: Medium) -
 def needed_convergence(amplitude: float, grid: ControlGrid, array: TransducerArray, medium: Medium) -> float:
     """Part of `spreading_phase`, .3 to 1, at which full drive reaches an amplitude in Pa on the grid, by rays.
 
-    An array of n transducers per area has a plane wave of p n lambda at full drive, with p in Pa m. A part c of the
-    phase maps 1 + c (W / w - 1) times the width of the grid onto it, along each axis, and so concentrates the power.
+    n transducers per area, at least the grid's, make a plane wave of p n lambda at full drive, with p in Pa m. A part c
+    of the phase maps 1 + c (W / w - 1) times the grid's width onto it, along each axis, and concentrates the power.
     """
-    widths = np.ptp(array.position[:, :2], axis=0)
-    plane = array.pressure * array.count / max(widths.prod(), 1e-9) * 2 * np.pi / wavenumber(array, medium)
-    a, b = np.maximum(widths / np.maximum(np.ptp(grid.position[:, :2], axis=0), 1e-9) - 1, 1e-9)
+    square, whole = (np.maximum(np.ptp(each.position[:, :2], axis=0), 1e-9) for each in (grid, array))
+    plane = 2 * np.pi * array.pressure * array.count / wavenumber(array, medium) / np.maximum(whole, square).prod()
+    a, b = np.maximum(whole / square - 1, 1e-9)
     # The root of (1 + a c) (1 + b c) = (amplitude / plane)^2.
     root = np.sqrt((a + b) ** 2 + 4 * a * b * max((amplitude / plane) ** 2 - 1, 0.0))
     return float(np.clip((root - a - b) / (2 * a * b), 0.3, 1.0))

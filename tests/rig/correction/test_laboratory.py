@@ -63,10 +63,8 @@ def test_a_palm_that_lies_aside_and_turned_is_told_and_no_distortion(focus) -> N
     np.testing.assert_allclose(free.ratios[ALL], free.nominal, atol=1e-6)
     assert np.median(fixed.ratios[ALL]) < fixed.nominal - 10
     assert free.place.startswith("4.2 mm, 5° off; people feel points")
-    assert (fixed.place, set(fixed.ratios) - set(free.ratios)) == (
-        "",
-        {"palm sideways", "palm rotation", ALL_FOLLOWED},
-    )
+    own = {"palm sideways", "palm rotation", ALL_FOLLOWED}
+    assert (fixed.place, set(fixed.ratios) - set(free.ratios)) == ("", own)
 
 
 def simulated(drive: Drive, lab: Laboratory, rng: np.random.Generator, *, supposed: bool) -> np.ndarray:
@@ -181,11 +179,8 @@ def test_the_file_keeps_every_value_and_names_what_is_wrong(tmp_path) -> None:
     path = tmp_path / "lab.toml"
     save_laboratory(Laboratory(palm_aside_mm=7.5), path)
     assert load_laboratory(path) == Laboratory(palm_aside_mm=7.5)
-    for text, message in (
-        ("palm_side_mm = 3", "palm_side_mm"),
-        ("dead = 2.0", "dead: expected"),
-        ("reflection = 'a'", "reflection"),
-    ):
+    wrong = {"palm_side_mm = 3": "palm_side_mm", "dead = 2.0": "dead: expected", "reflection = 'a'": "reflection"}
+    for text, message in wrong.items():
         path.write_text(text)
         with pytest.raises(BrokenFileError, match=message):
             load_laboratory(path)
