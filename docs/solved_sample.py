@@ -10,11 +10,10 @@ import numpy as np
 
 from midair.array_types import Array
 from midair.files import load_solution, save
-from midair.model import TransducerArray
+from midair.model import TransducerArray, frames_without_lead
 from midair.rig import pressure_to_solve, solve_to_file
 from midair.settings import MODES
 from midair.studio.solved_sample import PERIOD, STORED, copy_frames, orbit
-from midair.targets import frames_without_lead
 
 
 def solve_period(path: Path = STORED) -> None:
