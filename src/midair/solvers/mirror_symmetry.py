@@ -247,6 +247,6 @@ def _adjoints(matrix: Rows) -> Rows:
 
 def _mirrored(x: Rows) -> Rows:
     """Twice the even and odd parts of rows (row, image * column) under the mirrors, or of such parts, the images."""
-    a, b, c, d = x.reshape(len(x), 4, -1).transpose(1, 0, 2)
-    s, t, u, v = a + b, a - b, c + d, c - d
-    return np.concatenate([s + u, t + v, s - u, t - v], axis=1)
+    # As a product with the signs of all kinds: a quarter of the time of eight sums and differences.
+    signs = (2 * KINDS).astype(x.real.dtype)
+    return (signs @ x.view(signs.dtype).reshape(len(x), 4, -1)).reshape(len(x), -1).view(x.dtype)
