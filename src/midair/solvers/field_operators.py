@@ -304,7 +304,7 @@ class FieldMove:
             gradient = self.out.to_modes(slope)
             if weight:
                 q = inverse * self.loud.of_modes(z)
-                above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
+                above = xp.maximum(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0)
                 gradient = gradient + heavy * self.loud.to_modes(above * q)
                 cost = cost + 0.25 * weight * squares(xp, above)
             if self.effort is not None:

@@ -61,12 +61,10 @@ class LBFGS:
         # Also for rejected steps, which carry information about the curvature.
         self._remember(state, s, gradient - state.gradient)
         # At most the full step of the method.
-        state.length = xp.where(better, xp.clip(self.grow * state.length, None, 1), self.shrink * state.length)
-        # Usually all rows are better and NumPy can skip three copies; on a GPU the test itself would be a wait.
-        if xp is not np or not better.all():
-            kept = better[:, None]
-            x, cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
-            gradient = xp.where(kept, gradient, state.gradient)
+        state.length = xp.where(better, xp.minimum(self.grow * state.length, 1), self.shrink * state.length)
+        worse = ~better
+        if xp.any(worse):
+            x[worse], cost[worse], gradient[worse] = state.x[worse], state.cost[worse], state.gradient[worse]
         state.x, state.cost, state.gradient = x, cost, gradient
         state.iterations += 1
 
@@ -83,10 +81,9 @@ class LBFGS:
         sy, yy = self.xp.vecdot(s, y), self.xp.vecdot(y, y)
         # A pair without positive curvature could make later directions uphill.
         curved = (sy > 1e-10 * yy) & (yy > 0)
-        one = xp.ones_like(sy)
-        inverse = xp.where(curved, 1 / xp.where(curved, sy, one), 0 * one)
+        inverse = 1 / xp.where(curved, sy, xp.inf)
         # The size of the inverse Hessian along the last step (Nocedal & Wright, eq. 7.20).
-        state.scale = xp.where(curved, sy / xp.where(curved, yy, one), state.scale)
+        state.scale = xp.where(curved, sy / xp.where(curved, yy, xp.inf), state.scale)
         state.pairs.append((s, y, inverse))
         del state.pairs[: -self.memory]
 
@@ -201,8 +198,7 @@ class RingLBFGS(LBFGS):
         # Testing whether all rows are better would wait for the GPU to finish.
         state.scale = ring.turn(xp, s, gradient, kept, state.scale)
         state.x, state.cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
-        grown = xp.clip(self.grow * state.length, None, 1)
-        state.length = xp.where(better, grown, self.shrink * state.length)
+        state.length = xp.where(better, xp.minimum(self.grow * state.length, 1), self.shrink * state.length)
         state.gradient = ring.gradient
         state.iterations += 1
 

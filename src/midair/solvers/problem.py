@@ -248,7 +248,7 @@ def excess(xp: Any, size: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, 
 
     `size` is |y| on the ring, of each row any shape, `ceiling` c = kappa times the row's loudest target.
     """
-    above = xp.clip(size - ceiling, 0, None)
+    above = xp.maximum(size - ceiling, 0)
     # The smallest number gives slope 0 instead of 0 / 0 at a silent point.
     cost = 0.5 * weight * squares(xp, xp.reshape(above, (above.shape[0], -1)))
     return cost, weight * above / (size + xp.finfo(size.dtype).smallest_normal)
