@@ -32,7 +32,7 @@ class StepSettings:
     """Fraction of the array's power, needed for a field, above which `hard_polish` replaces ADMM."""
     hard_polish: int = 40
     """Iterations of the refinement of such frames."""
-    bad: float = 0.012
+    bad: float = 0.01
     """Error of a frame above which the worst frames of a batch, at most one in eight, are refined further: on an array
     that is folded by its mirrors, where single frames would otherwise end at a larger error.
     """
