@@ -42,8 +42,7 @@ def folder(tmp_path, monkeypatch):
 def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder, capsys):
     (script,) = blocks("README.md", "python")
     assert len(script.splitlines()) <= 15
-    names = {}
-    exec(script, names)
+    exec(script, names := {})
     lines = re.findall(r"^E ([\d.]+) %, correlation ([\d.]+), gain ([\d.]+)$", capsys.readouterr().out, re.MULTILINE)
     (_, first, low), (error, last, right) = (map(float, each) for each in lines)
     assert error < 1

@@ -54,6 +54,8 @@ def test_closed_forms():
     assert eight[:, 1] == pytest.approx(5 * np.sin(4 * np.pi * SHARE))
     ring = Svg(path="M2 1A1 1 0 0 0 0 1A1 1 0 0 0 2 1", size_mm=20.0)
     assert ring.at(SHARE) == pytest.approx(Circle(radius_mm=10.0).at(SHARE), abs=0.02), "y of an SVG points down"
+    with pytest.raises(InputError, match=r"got: .{,80}$"):
+        Svg(path="<svg>" * 999)
     hook = Svg(path="m0 0h4v-2", size_mm=40.0).at(np.array([0, 1 / 3, 0.5, 2 / 3, 1]))
     assert hook == pytest.approx(np.array([[-20, -10], [20, -10], [20, 10], [20, -10], [-20, -10]])), "there and back"
     apart = Svg(path="M0 0H1M3 0H4", size_mm=40.0).at(np.array([0.25, 0.49, 0.51, 1]))[:, 0]

@@ -186,7 +186,7 @@ def _outline(path: str) -> tuple[Array, Array]:
             raise ValueError("a path without length")
     except (ValueError, IndexError, ArithmeticError) as wrong:
         raise InputError(
-            f"path: expected the d of an SVG path of up to {LONGEST_PATH} characters, M0 0L10 5 say, got: {wrong}"
+            f"path: expected the d of an SVG path of up to {LONGEST_PATH} characters, M0 0L10 5 say, got: {wrong!s:.80}"
         ) from wrong
     if len(places) == 1 and not np.allclose(places[0][0], places[0][-1], atol=1e-6 * size):
         places = [np.concatenate([places[0], places[0][-2::-1]])]
