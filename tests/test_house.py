@@ -22,11 +22,11 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1907,
-    "settings streaming .": 2688,
+    "settings streaming .": 2686,
     "physics": 3382,
     "recordings targets correct evaluate": 4034,
     "calibration": 2940,
-    "solvers": 4392,
+    "solvers": 4388,
     "files": 4361,
     "devices": 7872,
     "rig": 8687,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_798, "benchmarks": 4_500}
+BESIDE = {"tests": 48_796, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
