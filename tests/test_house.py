@@ -21,7 +21,7 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1907,
+    "model": 1911,
     "settings streaming .": 2686,
     "physics": 3382,
     "recordings targets correct evaluate": 4034,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_796, "benchmarks": 4_500}
+BESIDE = {"tests": 48_801, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -73,7 +73,7 @@ def test_phases_are_those_of_the_drive_in_256_steps(scene):
     assert section.values.dtype == np.uint8
 
 
-def test_facts_have_all_properties_for_the_page(scene):
+def test_facts_have_all_properties_for_the_page(scene, tmp_path):
     scene, _, recording = scene
     said = facts(scene)
     assert (said["frames"], said["rate_hz"], said["unit"]) == (recording.frames, 1000.0, "Pa")
@@ -81,6 +81,10 @@ def test_facts_have_all_properties_for_the_page(scene):
     assert len(said["drive"]["error"]) == recording.frames
     assert len(said["drive"]["down"]) == 64 * 16
     assert said["drive"]["settings"]["mapping"] == "slow-bias"
+    save(replace(recording, provenance=Provenance(source="other.wav")), tmp_path / "b.h5")
+    beside = facts(TakeData(take=str(tmp_path / "b.h5"), drive=scene.drive, stamp="3"))
+    others = [[line for line in each["report"] if "was made of another recording" in line] for each in (said, beside)]
+    assert list(map(len, others)) == [0, 1]
 
 
 def test_settings_are_described_as_options_and_python(subtests):

@@ -133,6 +133,10 @@ class Provenance:
         step = Step(stage=stage, settings=settings)
         return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)
 
+    def follows(self, origin: "Provenance") -> bool:
+        """True if the data may be made of the data of `origin`: the same source, and all steps of it first."""
+        return self.source == origin.source and self.steps[: len(origin.steps)] == origin.steps
+
     @property
     def played(self) -> bool:
         """True if the data are a re-recording of a playback."""

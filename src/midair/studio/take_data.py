@@ -69,10 +69,10 @@ def facts(data: TakeData, _: object = None) -> dict[str, Any]:
             {"kind": event.kind, "frame": event.frame, "said": event_message(event, recording.rate, sensor)}
             for event in take.journal
         ],
-        "drive": None,
+        "drive": _drive_facts(data, shown) if data.drive else None,
     }
-    if data.drive:
-        said["drive"] = _drive_facts(data, shown)
+    if data.drive and not _drive(data.drive, data.stamp)[0].drive.provenance.follows(recording.provenance):
+        said["report"].append(f"{Path(data.drive).name} was made of another recording: solve this one again.")
     return said
 
 
