@@ -22,14 +22,14 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1911,
-    "settings streaming .": 2686,
+    "settings streaming .": 2688,
     "physics": 3382,
     "recordings targets correct evaluate": 4034,
     "calibration": 2940,
     "solvers": 4388,
     "files": 4361,
     "devices": 7872,
-    "rig": 8687,
+    "rig": 8689,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,

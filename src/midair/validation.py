@@ -7,7 +7,7 @@ from functools import wraps
 from inspect import isfunction, signature
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Any, ParamSpec, Self, TypeVar, cast, get_args, get_origin
+from typing import Any, Literal, ParamSpec, Self, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -103,7 +103,7 @@ _STEPS = {
 _LOOSE: dict[Any, tuple[type, ...]] = {bool: (bool, np.bool_), int: (Integral,), float: (Real,)}
 _SPELLED: dict[Any, str] = {
     **{bool: "True or False", int: "a whole number", float: "a number", Progress: "a function"},
-    **{str: "str", NoneType: "None"},
+    **{str: "str", dict: "a dict", NoneType: "None"},
 }
 
 
@@ -115,7 +115,7 @@ def check_type(value: object, name: str, *kinds: type) -> None:
     got = "str" if hasattr(value, "__fspath__") else type(value).__name__
     advice = "give its name" if kinds[0] is str else f"see help({kinds[0].__module__.rpartition('.')[0]}.{names[0]})"
     advice = next((_STEPS[one, got] for one in reversed(names) if (one, got) in _STEPS), advice)
-    came = repr(value) if kinds[0] in (bool, int, float, Progress) else f"{type(value).__name__}; {advice}"
+    came = repr(value) if kinds[0] in (bool, int, float, dict, Progress) else f"{type(value).__name__}; {advice}"
     raise InputError(f"{name}: expected {' or '.join(names)}, got {came}")
 
 
@@ -279,9 +279,11 @@ class Declared:
 
 
 def check_settings(settings: Any) -> None:
-    """Raise InputError for the first setting that is outside its limits; None is within all limits."""
+    """Raise InputError for the first setting outside its limits, which None is not, or none of its names."""
     for one in fields(settings):
         limits, value = one.metadata.get("limits"), getattr(settings, one.name)
+        if get_origin(one.type) is Literal:
+            one_of(value, one.type, one.name)
         # An infinite upper limit allows infinity.
         if limits is not None and value is not None and value != limits[1]:
             known = one.metadata

@@ -84,6 +84,9 @@ def record(
     """
     if sensor is not None:
         check_type(sensor, "sensor", str, SensorDevice)
+    target = None if path is None else Path(path)
+    if target is not None and target.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"path: expected a name that ends in .h5, got {target.name}; midair.save writes other formats")
     named = {"duration": duration, "wiring": wiring, "sensor": sensor if isinstance(sensor, str) else None} | changes
     given = {name: value for name, value in named.items() if value is not None}
     chosen = (settings or RecordSettings(duration=1.0)).but(**given)
@@ -93,7 +96,6 @@ def record(
         device = sensor_named(chosen.sensor, VirtualRig(seed=chosen.seed), wiring=chosen.wiring)
         with WrappedSensor(device, paced=True) if chosen.real_time and device.on_demand else device as opened:
             return record(opened, path=path, notes=notes, progress=progress, settings=chosen)
-    target = None if path is None else Path(path)
     take = record_take(sensor, chosen, _ProgramObserver(sensor, progress), path=target, notes=notes)
     if take.error is not None:
         raise take.error
