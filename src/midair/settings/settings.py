@@ -327,7 +327,9 @@ def best_mode() -> Settings:
     return Settings().but(
         # At 4 kHz successive frames are so alike that few marks and few iterations suffice: the error is slightly
         # larger, but the phases change less, and more pressure reaches the skin. No frame is rough.
-        method=Glide(coarse=512, near=0.2, far=1.0, smooth=7, wide=32, smooth_wide=20, tolerance=1e-2),
+        method=Glide(
+            coarse=512, cold=(80, 10, 80), near=0.2, far=1.0, smooth=7, wide=32, smooth_wide=20, tolerance=1e-2
+        ),
         fit="windows",
         mapping="slow-bias",
         rate=4000.0,
