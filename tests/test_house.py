@@ -22,11 +22,11 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1911,
-    "settings streaming .": 2688,
+    "settings streaming .": 2689,
     "physics": 3382,
     "recordings targets correct evaluate": 4034,
     "calibration": 2940,
-    "solvers": 4388,
+    "solvers": 4387,
     "files": 4361,
     "devices": 7872,
     "rig": 8689,

@@ -325,8 +325,7 @@ def best_mode() -> Settings:
     The air is a laboratory's, 22 degrees Celsius and 50 % humidity, instead of the paper's 14 degrees.
     """
     return Settings().but(
-        # At 4 kHz successive frames are so alike that few marks and few iterations suffice: the error is slightly
-        # larger, but the phases change less, and more pressure reaches the skin. No frame is rough.
+        # At 4 kHz frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
         method=Glide(
             coarse=512, cold=(80, 10, 80), near=0.2, far=1.0, smooth=7, wide=32, smooth_wide=20, tolerance=1e-2
         ),
