@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4387,
     "files": 4361,
     "devices": 7872,
-    "rig": 8689,
+    "rig": 8681,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6384,

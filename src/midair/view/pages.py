@@ -83,8 +83,8 @@ def _faded(x: Array, length: int) -> Array:
 WEB = Path(__file__).parent / "web"
 """Folder of the ES modules view.js (canvases), transport.js (time) and page.js (both)."""
 
-
-Tables = Sequence[tuple[str, Sequence[Sequence[str]]]]
+Rows = Sequence[Sequence[str]]
+Tables = Sequence[tuple[str, Rows]]
 """Title and rows of text of each table."""
 
 
@@ -92,11 +92,6 @@ def one_module() -> str:
     """Return view.js, transport.js and page.js as one module, for use inside a single page."""
     parts = [(WEB / name).read_text(encoding="utf-8") for name in ("view.js", "transport.js", "page.js")]
     return "\n".join(re.sub(r'^import [^;]* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
-
-
-def style() -> str:
-    """Return the style sheet of the view."""
-    return (WEB / "page.css").read_text(encoding="utf-8")
 
 
 def page_parts(showing: ViewData) -> dict[str, str]:
@@ -109,8 +104,9 @@ def page_parts(showing: ViewData) -> dict[str, str]:
     blocks = "\n".join(
         f'<script type="application/midair" data-name="{name}">{text}</script>' for name, text in held.items()
     )
+    style = (WEB / "page.css").read_text(encoding="utf-8")
     begin = 'for (const root of document.querySelectorAll(".midair-view")) root.midair = mountInlined(root);'
-    return {"style": style(), "module": f"{one_module()}\n{begin}", "sounds": _sounds(showing), "blocks": blocks}
+    return {"style": style, "module": f"{one_module()}\n{begin}", "sounds": _sounds(showing), "blocks": blocks}
 
 
 def _sounds(showing: ViewData) -> str:
@@ -122,10 +118,10 @@ def _sounds(showing: ViewData) -> str:
     return f'<div class="view-heard">{"".join(players)}</div>' if players else ""
 
 
-def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
+def show_page(showing: ViewData, *, verdict: Rows = (), commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
     """Render a view as HTML that loads nothing from elsewhere, enforced by its content security policy.
 
-    `commands` are those that produce the same page; `tables` stand below the view.
+    The lines of `verdict` stand first; `tables` and `commands`, which produce the same page, are folded below the view.
     """
     page = render_page(
         "view/show.html.j2",
@@ -133,6 +129,7 @@ def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tabl
         simulated=showing.simulated,
         lead=f"{showing.frames} frames at {showing.rate:.6g} Hz, {showing.duration:.4g} s",
         facts=showing.facts,
+        verdict=verdict,
         commands=commands,
         tables=tables,
         **page_parts(showing),

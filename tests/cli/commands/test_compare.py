@@ -144,9 +144,9 @@ def test_a_report_holds_the_figures_and_both_recordings(capsys):
     said = capsys.readouterr().out
     page = Path("compared.html").read_text(encoding="utf-8")
     assert "report  compared.html" in said
-    for words in ("SIMULATED", "signal to distortion", "midair compare take.h5 take.h5", 'data-name="again"'):
-        assert words in page
-    assert page.count("data:audio/wav") == 2
+    order = ("SIMULATED", 'class="message">Felt', "<i>alike", 'data-name="again"', "<details>", "signal to distortion")
+    assert sorted(order, key=page.index) == list(order)
+    assert (page.count("data:audio/wav"), "midair compare take.h5 take.h5" in page) == (2, True)
 
 
 @pytest.mark.long

@@ -137,11 +137,11 @@ def _write_report(
 ) -> None:
     shown = show_comparison(before, after)
     check_size(shown)
-    tables = [("Verdict", verdict.rows()), ("Figures", comparison_lines(comparison, card))]
+    tables = [("All numbers", comparison_lines(comparison, card))]
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g} {unit}") for name, (value, unit) in palm.figures().items()]
         tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
-    write_file(path, show_page(shown, tables=tables, commands=(verbosity().line,)))
+    write_file(path, show_page(shown, verdict=verdict.rows(), tables=tables, commands=(verbosity().line,)))
 
 
 def _played(

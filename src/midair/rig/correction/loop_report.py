@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import platform
-import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -67,7 +66,6 @@ def write_report(
     """
     outcomes = tuple(beside) or (Outcome.of(loop),)
     own = next(each for each in outcomes if each.loop is loop)
-    (felt, people), *rows = own.verdict.rows()
     loud = own.verdict.excess if own.verdict.excess is not None and own.verdict.excess > 0 else None
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     watch, life = view_of_loop(loop), loop.passes[-1].felt.provenance
@@ -78,8 +76,7 @@ def write_report(
         view=page_parts(watch) | {"sounds": page_parts(listen)["sounds"]},
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
-        message=_parts(f"{felt.capitalize()} {people}"),
-        tiles=[(name, _parts(text)) for name, text in rows],
+        verdict=own.verdict.rows(),
         palm=palm_maps(outcomes),
         trace=_trace(loop),
         laboratory=None if laboratory is None else _laboratory(laboratory),
@@ -104,11 +101,6 @@ def write_report(
         people=PEOPLE,
     )
     write_file(path, with_content_policy(page))
-
-
-def _parts(text: str) -> list[str]:
-    """Split a line of a verdict into its answer, a mark, and the rest."""
-    return [*re.split(r"(: |; | (?=\())", text, maxsplit=1), "", ""][:3]
 
 
 def _trace(loop: Loop, window: float = 0.1) -> dict[str, Any]:
