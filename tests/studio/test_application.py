@@ -246,6 +246,7 @@ REFUSED = {
     "play unsolved": ({"room": "play", "order": "check", "with": {"take": "towel.h5"}}, "solve it first"),
     "play unchecked": ({"room": "play", "order": "play", "with": {"clearance": 1}}, "check its exposure"),
     "repeats": ({"room": "play", "order": "check", "with": {"take": "towel.h5", "repeats": 0}}, "repeats"),
+    "report unplayed": ({"room": "compare", "order": "report", "with": {"take": "towel.h5"}}, "play it first"),
     "compare unplayed": ({"room": "compare", "order": "compare", "with": {"take": "towel.h5"}}, "play it first"),
     "record without sensor": ({"room": "record", "order": "take"}, "expected an open sensor"),
     "stop no take": ({"room": "record", "order": "toggle"}, "expected an open sensor"),

@@ -643,7 +643,7 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.until("document.querySelectorAll('.job').length === 0", timeout=120)
     button("Make the report").click()
     page.until("!document.querySelector('#to-report').hidden", timeout=300)
-    assert "reproduced in midair" in (studio.folder / "Corduroy.report.html").read_text(encoding="utf-8")
+    assert " of 10 people" in (studio.folder / "Corduroy.report.html").read_text(encoding="utf-8")
     page.page.get_by_role("link", name="Reproduce").click()
     beside = page.page.evaluate("studio.acts") - before
     for edit, made in (("Keep", 1), ("Fade in", 2)):

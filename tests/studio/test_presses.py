@@ -28,7 +28,6 @@ BUTTONS = [
     ("reproduce", "Duplicate"),
     ("reproduce", "Edit"),
     ("reproduce", "Export"),
-    ("compare/sample:orbit", "Make the report"),
     ("compare/sample:orbit", "Error budget"),
     ("draw", "Save"),
     ("draw", "Play on the virtual array"),

@@ -1,5 +1,6 @@
 import os
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -12,15 +13,9 @@ from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.pipeline import calibrated_pressure, required_lead, under_ears
 from midair.rig import BudgetPlan, VirtualRig, error_budget, keep_array_calibration, palm_of_drive, play
 from midair.settings import Settings
+from midair.studio.importing import run_report
 from midair.studio.take_data import TakeData, facts
-from midair.studio.work import (
-    SolveRequest,
-    StudyRequest,
-    budget_of_take,
-    compare_takes,
-    palm_of_take,
-    solve_take,
-)
+from midair.studio.work import SolveRequest, StudyRequest, budget_of_take, compare_takes, palm_of_take, solve_take
 from midair.study import read_design
 from midair.targets import add_lead
 
@@ -96,20 +91,24 @@ def test_the_mode_quiet_keeps_the_level_at_the_ears(solved, tmp_path):
 
 
 @pytest.mark.long
-def test_a_re_recording_of_another_drive_is_recognised(solved, tmp_path):
+def test_a_re_recording_of_another_drive_is_recognised_and_its_report_has_the_verdict_of_the_page(solved, tmp_path):
     again, kept = tmp_path / "towel.rerecorded.h5", tmp_path / "kept.npz"
     heard = play(load_solution(solved.drive), "virtual").take
     save(heard.recording, again, calibration=heard.calibration)
 
-    def of_which():
-        return compare_takes((solved.take, str(again), str(kept), solved.drive), lambda *_: None)["drive"]
+    def shown():
+        return compare_takes((solved.take, str(again), str(kept), solved.drive), lambda *_: None)
 
+    run_report((Path(solved.take), again, page := tmp_path / "towel.report.html"), lambda *_: None)
+    report = unescape(page.read_text(encoding="utf-8"))
+    assert [text for name, text in shown()["verdict"] if f"<td>{name}</td><td>{text}</td>" not in report] == []
+    assert "midair compare towel.h5 towel.rerecorded.h5 --report" in report
     stamp = f"{os.stat(solved.drive).st_mtime_ns:x}"
-    assert of_which() == stamp
+    assert shown()["drive"] == stamp
     solve_take(replace(solved, replaces=stamp, choices=(*solved.choices, ("gain", 0.9))), lambda *_: None)
-    assert of_which() == ""
+    assert shown()["drive"] == ""
     Path(solved.drive).unlink()
-    assert of_which() == ""
+    assert shown()["drive"] == ""
 
 
 def test_threshold_of_one_take_is_measured_by_its_drive():

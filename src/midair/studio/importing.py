@@ -64,9 +64,17 @@ def asked(said: str) -> dict[str, str]:
     return {name: value for name, value in found.items() if name in OPTIONS}
 
 
-def run_command(*words: str) -> str:
+def run_report(paths: tuple[Path, Path, Path], progress: Progressed) -> None:
+    """Write the page of a recording and its re-recording, which lie beside it; InputError with a message."""
+    take, again, page = paths
+    progress("writing the report", 0, 1)
+    run_command("compare", take.name, again.name, "--report", page.name, "--force", folder=take.parent)
+
+
+def run_command(*words: str, folder: Path | None = None) -> str:
     """Run a command of midair and return what it prints; InputError with its message, files without their folder."""
-    done = subprocess.run(python_command("-m", "midair", *words), capture_output=True, text=True, check=False)
+    command = python_command("-m", "midair", *words)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
     if done.returncode:
         said = [line.removeprefix("midair: ") for line in done.stderr.splitlines() if line.startswith("midair: ")]
         wrong = said[-1] if said else f"{words[0]}: failed without a message"

@@ -21,7 +21,6 @@ from midair.rig import (
     array_calibration_for,
     calibrated_take,
     error_budget,
-    loop,
     next_step,
     original_of_drive,
     palm_of_drive,
@@ -29,7 +28,6 @@ from midair.rig import (
     pressure_to_solve,
     record,
     solve_to_file,
-    write_report,
 )
 from midair.settings import MODES, Mode, Settings
 from midair.solvers import METHODS, takes
@@ -200,18 +198,6 @@ _BUDGET_SECONDS = 1.0
 
 _PALM_SECONDS = 2.0
 """A palm has a thousand points."""
-
-
-def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[str, Any]:
-    """Solve, play, re-record, correct and compare on the virtual rig, and write the report."""
-    solve, path = order
-    settings = settings_of(solve)
-    made = loop(solve.take, settings, "virtual", stage=partial(partial, progress))
-    progress("drawing the report", 0, 1)
-    name = Path(solve.take).name
-    write_report(made, Path(path), source=name, commands=(f"midair loop {name}",))
-    last = made.passes[-1].comparison
-    return {"report": Path(path).name, "figures": [[n, _figure(v, u)] for n, (v, u) in last.figures().items()]}
 
 
 def make_sample(order: tuple[str, str], progress: Progressed) -> str:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from midair.errors import InputError
+from midair.studio.importing import run_report
 from midair.studio.jobs import StudioJob, Work
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.reproduce_panel import TakeNamed
@@ -18,15 +19,24 @@ class ComparePanel(Panel):
     def __init__(self, context: PanelContext) -> None:
         super().__init__(context)
         store = context.store
-        self._offer(compare=TakeNamed, palm=TakeNamed, budget=TakeNamed)
+        self._offer(compare=TakeNamed, report=TakeNamed, palm=TakeNamed, budget=TakeNamed)
         context.playing.played.append(self._played)
         store.put(comparisons={}, palms={}, budgets={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compare a take with its re-recording."""
-        if not self._takes.beside(order.take, ".rerecorded.h5").exists():
-            raise InputError(f"{order.take}: expected a take that was played and re-recorded; play it first")
+        self._check_played(order.take)
         return self._compare(order.take)
+
+    def report(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Write what Compare shows as a page, which `midair compare --report` makes."""
+        self._check_played(order.take)
+        names = (self._takes.beside(order.take, f".{ending}") for ending in ("rerecorded.h5", "report.html"))
+        return self._add(order.take, f"report of {order.take}", run_report, (self._takes.path(order.take), *names))
+
+    def _check_played(self, take: str) -> None:
+        if not self._takes.beside(take, ".rerecorded.h5").exists():
+            raise InputError(f"{take}: expected a take that was played and re-recorded; play it first")
 
     def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Simulate the pressure of a take's drive on a whole palm."""
@@ -57,12 +67,13 @@ class ComparePanel(Panel):
         )
         return self._add(take, f"compare {take}", compare_takes, order, "comparisons")
 
-    def _add(self, take: str, title: str, work: Work, order: Any, section: str) -> dict[str, int]:
-        """Add a job whose result becomes that of the take in a section of the state."""
+    def _add(self, take: str, title: str, work: Work, order: Any, section: str = "") -> dict[str, int]:
+        """Add a job whose result becomes that of the take in a section of the state, if one is named."""
 
         def ready(job: StudioJob) -> None:
             if job.state == "done":
-                self._store.put(**{section: {**self._store.state[section], take: job.result}})
+                if section:
+                    self._store.put(**{section: {**self._store.state[section], take: job.result}})
                 self._context.show_takes()
 
         job = self._context.jobs.add(

@@ -18,7 +18,7 @@ from midair.studio.panels.play_panel import SolveForm
 from midair.studio.studio_state import Arguments, Page
 from midair.studio.take_data import describe_settings, facts, made_with, stamp_of
 from midair.studio.takes_list import NOTES, SAMPLES, take_of
-from midair.studio.work import SolveRequest, make_sample, report_loop, settings_of, solve_take
+from midair.studio.work import SolveRequest, make_sample, settings_of, solve_take
 
 
 class TakeNamed(Arguments):
@@ -97,7 +97,6 @@ class ReproducePanel(Panel):
         self._offer(export=ExportForm, pack=Arguments)
         store.offer("reproduce", "list", lambda _, __: context.show_takes(), watchers=True)
         store.offer("reproduce", "import", self.bring, ImportForm)
-        store.offer("compare", "report", self.report, SolveForm)
         store.offer("jobs", "cancel", self.cancel, JobNumber)
         store.put(edits={"undo": "", "redo": ""}, exported="")
         store.missing.append(context.show_takes)
@@ -321,16 +320,6 @@ class ReproducePanel(Panel):
             first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
             self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(name, title))
         return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(name, title))
-
-    def report(self, _: Page, order: SolveForm) -> dict[str, int]:
-        """Run the whole loop on the virtual rig and write its report, as a job."""
-        target = self._takes.beside(order.take, ".report.html")
-        take = str(self._takes.path(order.take))
-        solve = SolveRequest(take=take, drive="", mode=order.mode, choices=self._choices(order))
-        settings_of(solve)
-        title = f"report of {order.take}"
-        job = self._jobs.add(title, report_loop, (solve, str(target)), room="compare", ended=self._solved)
-        return {"job": job.number}
 
     def cancel(self, _: Page, order: JobNumber) -> bool:
         """Cancel a job."""

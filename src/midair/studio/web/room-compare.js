@@ -66,12 +66,8 @@ export default class Compare {
     );
     this.report = buttonOf(
       "Make the report",
-      "runs the whole loop on the virtual rig with the settings of this drive, and a correction: solve, play, re-record, correct, compare",
-      async () => {
-        const take = this.name,
-          settings = await this._settings();
-        if (settings) tried(this.link.order("compare", "report", { take, ...settings }));
-      },
+      "writes this comparison as a page: verdict, figures, and both recordings to watch",
+      () => tried(this.link.order("compare", "report", { take: this.name })),
       { id: "report" },
     );
     this.budget = buttonOf(
@@ -156,8 +152,7 @@ export default class Compare {
   control() {
     const row = rowOf(this.link.state.takes, this.name),
       controls = this.link.controls;
-    this.compare.disabled = !controls || !row?.played;
-    this.report.disabled = !controls || !row;
+    this.compare.disabled = this.report.disabled = !controls || !row?.played;
     this.palm.disabled = this.budget.disabled = !controls || !row?.solved;
     this._pressed(row);
     this.apply.disabled = !controls || !this.found?.suggested_gain;
@@ -432,17 +427,12 @@ export default class Compare {
     this._scheme = matchMedia("(prefers-color-scheme: dark)");
     this._scheme.onchange = draw;
   }
-  /** The settings of the drive in view, as a request needs them; null if the take cannot be
-      opened. */
-  async _settings() {
-    const facts = await tried(this.link.order("reproduce", "open", { take: this.name }));
-    return facts && chosen(facts.drive?.settings ?? {});
-  }
   async _apply() {
     const take = this.name,
       gain = this.found.suggested_gain,
-      settings = await this._settings();
-    const answer = settings && (await solveTake(this.link, { take, ...settings, gain }));
+      facts = await tried(this.link.order("reproduce", "open", { take }));
+    const settings = facts && chosen(facts.drive?.settings ?? {}),
+      answer = settings && (await solveTake(this.link, { take, ...settings, gain }));
     if (answer) this.studio.go("reproduce", answer.take);
   }
   _close() {
