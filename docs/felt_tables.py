@@ -19,7 +19,7 @@ from midair.datasets import SAMPLES, sample
 from midair.devices import measure_exposure
 from midair.evaluate import Felt, felt
 from midair.files import DEFAULT_PROFILE, load_profiles
-from midair.model import Acoustics, Calibration, Palm, PressureFrames, TransducerArray
+from midair.model import Acoustics, Calibration, Medium, Palm, PressureFrames, TransducerArray
 from midair.patterns import PALETTE, Pattern, draw, palm_pressure
 from midair.physics import SKINS
 from midair.pipeline import calibrated_pressure, required_lead, with_fitted_gain
@@ -79,7 +79,7 @@ def touches(names: Iterable[str] = (*SAMPLES, *PALETTE), levels: Iterable[float]
         if name in PALETTE:
             pattern = Pattern.from_plain(PALETTE[name])
             foci = pattern.foci(min(pattern.duration_s or 1.0, 1.0))
-            pressure, rate = palm_pressure(foci, array, palm, acoustics=Acoustics())
+            pressure, rate = palm_pressure(foci, array, palm, acoustics=Acoustics(medium=Medium.at()))
             found, peak = felt(pressure, rate, palm.pitch), float(foci.pressure.max())
             excess = measure_exposure(draw(foci, array).drive, array, profile).sound_excess
             above = [excess + 110 - level for level in levels]

@@ -35,7 +35,7 @@ from midair.studio.takes_list import DRAWN
 LOOP, SHOWN = 2.0, 1.0
 """Lengths in s of the drive of a loop, and of the first part of a pattern that the maps show."""
 SAMPLED, MOTION_RATE = 12, 1000.0
-"""Frames of which the exposure is computed, and frames per second of the map of motion."""
+"""Moments of which the exposure is computed, and frames per second of the map of motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,11 +95,18 @@ def _map(values: Array, palm: Palm) -> dict[str, Any]:
 
 
 def _exposure(foci: Foci, array: TransducerArray, acoustics: Acoustics, room: Medium | None) -> dict[str, Any]:
-    """Highest level at the place that is nearest to its limit."""
+    """Highest level at the place that is nearest to its limit, of moments of four frames with silence between them."""
     together = foci.pressure.sum(axis=1)
     loud = np.flatnonzero(together >= 0.9 * together.max())
-    chosen = loud[np.unique(np.linspace(0, len(loud) - 1, SAMPLED).astype(int))]
-    part = replace(foci, position=foci.position[chosen], pressure=foci.pressure[chosen])
+    jump = np.abs(np.diff(foci.position, axis=0)).max(axis=(1, 2)) * np.minimum(together[1:], together[:-1])
+    chosen = [*loud[np.unique(np.linspace(0, len(loud) - 1, SAMPLED).astype(int))], int(np.append(jump, 0).argmax())]
+    moments = np.clip(np.add.outer(chosen, np.arange(-2, 4)), 0, foci.frames - 1)
+    sounds = np.array([1, 1, 1, 1, 0, 0])[:, None]
+    part = replace(
+        foci,
+        position=foci.position[moments].reshape(-1, *foci.position.shape[1:]),
+        pressure=(foci.pressure[moments] * sounds).reshape(-1, *foci.pressure.shape[1:]),
+    )
     drive = Solution.joined(list(draw_parts(part, array, acoustics=acoustics))).drive
     found = measure_exposure(drive, array, profile_named(DEFAULT_PROFILE), room=room)
     place, frame = found.worst
