@@ -114,7 +114,7 @@ def test_a_steady_press_is_below_the_band():
     told = unreproduced(lowest(12 + 3 * np.sin(2 * np.pi * 100 * TIME)), None, (20.0, 470.0))
     assert told["below_pa"] == pytest.approx(12, rel=1e-3)
     assert told["below_share"] == pytest.approx(144 / 148.5, rel=1e-3)
-    assert told["text"].startswith("97 % of the power below 20 Hz, the slow press; keep it: ")
+    assert told["text"].startswith("the slow press below 20 Hz, 97 % of the power; keep it: ")
 
 
 def test_only_the_named_frames_count():
@@ -141,7 +141,7 @@ def test_a_dead_cell_is_worth_its_neighbours_unless_it_was_never_touched():
     told = unreproduced(dead, None, (20.0, 470.0))
     assert told["dead_cells"] == (1,)
     assert told["dead_share"] == pytest.approx(0.25, rel=1e-3)
-    assert "cells (1,) that recorded nothing" in told["text"]
+    assert "cells (1,) recorded nothing" in told["text"]
     drawn = Recording(
         samples=samples, rate=1000.0, unit="Pa", sensor=grid, provenance=Provenance().then("footprint", {})
     )

@@ -178,9 +178,9 @@ def unreproduced(
     whole = played.sum() + sum(float(part.sum()) for part in parts.values())
     cells = tuple(int(cell) for cell in np.flatnonzero(dead))
     advice = {
-        "below": f"below {band[0]:g} Hz, the slow press; keep it: --circle 3mm",
-        "above": f"above {band[1]:g} Hz; keep it: a wider --band",
-        "dead": f"on cells {cells} that recorded nothing, as much as on their neighbours; repair the sensor",
+        "below": f"the slow press below {band[0]:g} Hz, {{}} of the power; keep it: --circle 3mm",
+        "above": f"all above {band[1]:g} Hz, {{}} of the power; keep it: a wider --band",
+        "dead": f"cells {cells} recorded nothing, about {{}} of the power by their neighbours; repair the sensor",
     }
     told: dict[str, Setting] = {"dead_cells": cells}
     lines: list[str] = []
@@ -188,5 +188,5 @@ def unreproduced(
         share, pressure = float(part.sum() / whole) if whole > 0 else 0.0, float(np.sqrt(part.sum(axis=0).max()))
         told |= {f"{name}_share": share, f"{name}_pa": pressure}
         if share > LEAST:
-            lines.append(f"{100 * share:.0f} % of the power {advice[name]}")
+            lines.append(advice[name].format(f"{100 * share:.0f} %"))
     return told | {"text": "; ".join(lines)}
