@@ -27,7 +27,7 @@ def files(tmp_path_factory):
         samples = rng.normal(size=(300, 4, 4))
         for name in ("raw.h5", "take.h5", "there.h5"):
             save(Recording(samples=samples, rate=1000), name)
-        assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
+        assert run(["calibrate", "take.h5", "--peak", "30Pa", "--force"]) == 0
         quick = "--mode paper --method fast --duration 10ms --lead 0s"
         assert run(["solve", "take.h5", "there.drive.h5", *quick.split()]) == 0
         small = {"rate": 1000, "unit": "Pa", "sensor": SensorGrid(rows=2, columns=2)}

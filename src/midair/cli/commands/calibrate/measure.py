@@ -144,8 +144,11 @@ def apply_command(
     calibration: Path | None = None,
     crosstalk: Literal["keep", "undo"] = "keep",
     damping: float = 0.0,
+    force: Force = False,
 ) -> None:
     """Convert a recording to pressure, and store the pressure and the calibration in its file.
+
+    Another calibration than that of the file replaces it with --force only.
 
     Parameters
     ----------
@@ -167,8 +170,10 @@ def apply_command(
     may_write(source, force=True)
     take = (rig.calibrated_take if {sensitivity, peak, calibration} == {None} else open_take)(source)
     recording = take.recording
-    known = calibration_from_options(recording, sensitivity, peak)
-    known = known or (require_calibration(calibration) if calibration else take.calibration)
+    old, known = take.calibration, calibration_from_options(recording, sensitivity, peak)
+    known = known or (require_calibration(calibration) if calibration else old)
+    if old is not None and known is not None and known.identifier != old.identifier and not force:
+        raise InputError(f"{source}: has a calibration, that of {old.provenance.source}; --force replaces it")
     pressure = calibrate(recording, known, band=chosen.band, crosstalk=crosstalk, damping=damping)
     save(recording, source, calibration=known, pressure=pressure)
     largest, rms = np.abs(pressure.pressure).max(), np.sqrt(np.square(pressure.pressure).mean(axis=0).max())
