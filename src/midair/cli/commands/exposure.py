@@ -43,25 +43,21 @@ def exposure_command(
     repeats
         How often the drive would be played, for the dose.
     figure
-        Write a PNG figure of the levels. [default: NAME.exposure.png]
-    json
-        Print the result as JSON, and draw only if --figure is given.
+        Write a figure of the levels, NAME.png.
 
     Examples
     --------
     $ midair exposure take.drive.h5
     """
     within(repeats, "--repeats", 1)
-    target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
     chosen, room = (options or ProfileOptions()).chosen(), (air or AirOptions()).medium()
-    drawn = figure is not None or not json
-    if drawn:
-        may_write(target, force)
+    if figure is not None:
+        may_write(figure, force, ".png")
     drive = files.load_solution(source, streamed=True).drive
     array = _array_to_play(drive, device, placement)
     found = devices.measure_exposure(drive, array, chosen, repeats=repeats, room=room)
-    if drawn:
-        files.write_file(target, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
+    if figure is not None:
+        files.write_file(figure, png_bytes(exposure_figure(found, simulated=drive.provenance.simulated)))
     unfelt, places = devices.felt_pressure_text(found), found.profile.places
     table: list[Line] = [
         {"profile": found.profile.name, "kept": found.excess <= 0, "excess_db": found.excess},
@@ -69,7 +65,7 @@ def exposure_command(
         ("computed for", found.measured_in),
         ("not checked", "" if json else _unlike_text(replace(drive, array=array), chosen)),
         Row("nonlinearity", found.nonlinearity, text=_nonlinear_text(found.nonlinearity)),
-        ("figure", str(target) if drawn else ""),
+        ("figure", str(figure or "")),
         Details(
             [
                 {"airs": [_air(each.medium) for each in found.airs], "loudest_air": _air(found.loudest_air)},
@@ -126,7 +122,7 @@ def _unlike_text(drive: Drive, profile: ExposureProfile) -> str:
 
 
 def _nonlinear_text(sigma: float) -> str:
-    return "" if sigma <= 1 else f"sigma {sigma:.2f}, above 1: the real sound is weaker and more distorted"
+    return "" if sigma <= 1 else f"{sigma:.2f}, above 1: the real sound is weaker and more distorted"
 
 
 def _place(found: Exposure, number: int) -> dict[str, object]:
