@@ -12,7 +12,7 @@ from midair.cli.output import may_write, pressure_lines, print_table
 from midair.errors import InputError
 from midair.evaluate import TOUCHED
 from midair.pressure_level import level_of
-from midair.rig import Loop, Outcome, PlaySettings, open_rig, pressure_of, write_report
+from midair.rig import Outcome, PlaySettings, VirtualRig, laboratory_of_loop, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 from midair.table import Details, Line
 
@@ -86,12 +86,17 @@ def loop_command(
     passes: Any = {"corrections": corrections, "iterate": iterate, "lead": options.lead, "fixed_place": fixed_place}
     with progress_bars() as stage, opened:
         loop = go_round(original, settings, opened, stage=stage, **passes)
-        write_report(loop, target, source=str(source), commands=(verbosity().line,), progress=stage("draw"))
-    _print(loop, target, json)
+        outcome, laboratory = Outcome.of(loop), None
+        if playing.device == "virtual":
+            laboratory = laboratory_of_loop(loop, VirtualRig(), progress=stage("laboratory"))
+            outcome = replace(outcome, verdict=replace(outcome.verdict, laboratory=laboratory))
+        how: Any = {"beside": (outcome,), "laboratory": laboratory, "progress": stage("draw")}
+        write_report(loop, target, source=str(source), commands=(verbosity().line,), **how)
+    _print(outcome, target, json)
 
 
-def _print(loop: Loop, target: Path, json: bool) -> None:
-    outcome, last = Outcome.of(loop), loop.passes[-1]
+def _print(outcome: Outcome, target: Path, json: bool) -> None:
+    loop, last = outcome.loop, outcome.loop.passes[-1]
     made, comparison = last.reproduction, last.comparison
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     card, (answer, others) = outcome.card, verdict_lines(outcome.verdict)
