@@ -62,9 +62,9 @@ def test_people_who_feel_it_are_those_whose_threshold_is_lower(subtests):
         with subtests.test(level=level):
             found = Felt(levels={"soft": level, "stiff": level})
             assert found.people == (people,) * 3
-            assert str(found) == f"by about {people} of 10 people (model of skin, not tried on people)"
+            assert str(found) == f"by about {people} of 10 people (model of skin)"
     spread = Felt(levels={"soft": PEOPLE, "stiff": -PEOPLE})
-    assert str(spread) == "by about 5 of 10 people (2 to 8; model of skin, not tried on people)"
+    assert str(spread) == "by about 5 of 10 people (2 to 8; model of skin)"
 
 
 @pytest.mark.long

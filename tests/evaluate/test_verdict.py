@@ -24,7 +24,7 @@ def test_every_line_says_what_is_known_in_words(subtests):
         left_out="the slow press below 20 Hz, 72 % of the power: --circle 3mm",
     )  # fmt: skip
     assert dict(whole.rows()) == {
-        "felt": "by about 7 of 10 people (5 to 8; model of skin, not tried on people)",
+        "felt": "by about 7 of 10 people (5 to 8; model of skin)",
         "alike": "the same: 31.8 dB on the touched cells",
         "level": "18 % weaker: solve with --gain 1.22",
         "place": "3.6 mm, 5° off; people feel points under 15 mm apart as one",

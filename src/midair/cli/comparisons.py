@@ -63,7 +63,8 @@ def palm_lines(palm: PalmFidelity) -> list[Line]:
 def laboratory_lines(found: LaboratoryLoss) -> list[Line]:
     """What all uncertainties of a laboratory together leave, and what to do about the largest."""
     place = [("place", found.place)] if found.place else []
-    return [("laboratory", found.text()), *place, ("without them", f"{found.nominal:.0f} dB; {found.advice}")]
+    ideal = ("ideal", f"{found.nominal:.0f} dB with nothing out of place")
+    return [("laboratory", found.text()), *place, ideal, ("advice", found.advice)]
 
 
 def print_laboratory(found: LaboratoryLoss) -> None:

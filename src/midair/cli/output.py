@@ -29,6 +29,7 @@ from midair.model import (
     Solution,
     frames_without_lead,
 )
+from midair.physics import radiation_pressure
 from midair.pressure_level import PressureLevel, band_of, level_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
@@ -171,8 +172,13 @@ def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLe
     count, power = round(2 * target.rate), np.cumsum(_power(target))
     first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
     part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
-    cells = wanted_pressure(part, solution.drive.acoustics.medium)
-    return felt(cells.pressure, cells.rate, cells.sensor.pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
+    medium, grid = solution.drive.acoustics.medium, target.grid
+    cells = wanted_pressure(part, medium)
+    pressure, pitch = cells.pressure, cells.sensor.pitch
+    if target.provenance.last("draw"):
+        # Cells would spread a focus; only a recording was made by cells.
+        pressure, pitch = radiation_pressure(part.amplitude[:], medium).reshape(-1, grid.rows, grid.columns), grid.pitch
+    return felt(pressure, target.rate, pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
 
 
 def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]:
@@ -186,7 +192,7 @@ def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]
     if target is not None and plays.any():
         level = level_of(solution, target, band=band_of(target))
         feeling = felt_of_drive(solution, target, level).at(change)
-        pressure = [Row("felt", feeling.plain(), text=str(feeling)), *pressure_lines(level)]
+        pressure = [Row("predicted", feeling.plain(), key="felt", text=f"felt {feeling}"), *pressure_lines(level)]
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears
     name, count, rate = drive.array.name, drive.array.count, drive.rate

@@ -85,7 +85,7 @@ class Felt:
     def __str__(self) -> str:
         about, fewest, most = self.people
         spread = "" if fewest == most else f"{fewest} to {most}; "
-        return f"by about {about} of 10 people ({spread}model of skin, not tried on people)"
+        return f"by about {about} of 10 people ({spread}model of skin)"
 
     def plain(self) -> dict[str, object]:
         """Values for JSON; silence is null."""

@@ -135,14 +135,17 @@ def ways_to_play(
 ) -> Sequence[Way]:
     """List what a person may do about a drive that is `excess` dB too loud; nothing is chosen or assumed.
 
-    Radiation pressure goes with the square of sound. `source` names the recording in commands; `quiet` is the touch of
-    the mode quiet, if it was solved.
+    Radiation pressure goes with the square of sound. `source` names the recording in commands, empty if there is none;
+    `quiet` is the touch of the mode quiet, if it was solved.
     """
     weaker, protected = felt.at(-2 * excess), felt.at(-2 * max(excess - PROTECTION, 0))
     protect = f"--ear-protection {PROTECTION:g}dB" + " --attenuate" * (excess > PROTECTION)
+    solve = (
+        [Way(name="solve for quiet ears", felt=quiet, option=f"midair solve {source} --mode quiet")] if source else []
+    )
     return (
         Way(name="protect all ears in the room", felt=protected, option=protect),
-        Way(name="solve for quiet ears", felt=quiet, option=f"midair solve {source} --mode quiet"),
+        *solve,
         Way(name="play it weaker", felt=weaker, option="--attenuate"),
         Way(name="answer for it by name", felt=felt, option="--override-exposure NAME"),
     )

@@ -9,10 +9,10 @@ from midair import files, rig
 from midair.cli.console import progress_bars
 from midair.cli.exposure_options import AirOptions
 from midair.cli.options import ArrayCalibration, Force, Json, OptionalTime, Placement, SolvedFor, quantity
-from midair.cli.output import as_recording, may_write, next_row, parameter_values, print_table
+from midair.cli.output import as_recording, describe_drive, may_write, next_row, parameter_values, print_table
 from midair.model import Calibration
 from midair.patterns import draw_file, load_pattern, wanted_pressure
-from midair.table import Line, Row
+from midair.table import Line, Row, plain
 
 
 def draw_command(
@@ -74,11 +74,12 @@ def draw_command(
         cells = wanted_pressure(stored, medium)
         files.save(as_recording(cells), wanted, calibration=Calibration.flat(cells.sensor, sensitivity=1.0, unit="Pa"))
     seconds, loudest = foci.frames / foci.rate, float(foci.pressure.max())
+    about, (feeling, *_) = describe_drive(target)
     count, error = foci.pressure.shape[1], float(solution.error.max())
-    each = f"{count}, each up to {100 * used:.0f} % of what one focus can do there"
+    each = f"{count}, up to {loudest:.4g} Pa each, {100 * used:.0f} % of what one focus can do there"
     of_foci = f"{100 * error:.2g} % at most, of the sound amplitude at the foci" if count > 1 else ""
     table: list[Line] = [
-        Row("drive", str(target), text=f"{target} for {transducers.name}, {transducers.count} transducers"),
+        Row("drive", str(target), text=f"{target}, {about}"),
         {"frames": foci.frames, "rate_hz": foci.rate, "duration_s": seconds},
         Row("foci", count, text=each),
         {"pressure_pa": loudest, "reach_used": used},
@@ -86,5 +87,5 @@ def draw_command(
         ("wanted", "" if wanted is None else f"{wanted}, pressure on 4 x 4 cells"),
         next_row("play", target),
     ]
-    answer = f"{seconds:.4g} s at {foci.rate:g} Hz, foci of up to {loudest:.4g} Pa"
-    print_table(table, answer=answer, json=json)
+    answer = f"predicted: {feeling.text}" if isinstance(feeling, Row) else "nothing plays"
+    print_table([plain([feeling]), *table], answer=answer, json=json)

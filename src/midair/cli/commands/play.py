@@ -14,7 +14,7 @@ from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, given, options_from, settings_from
 from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, next_row, print_table
 from midair.errors import ExposureError, InputError
-from midair.evaluate import Felt, felt, ways_to_play
+from midair.evaluate import Felt, felt, too_loud, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
 from midair.pressure_level import band_of, level_of
@@ -156,11 +156,14 @@ def play_command(
     elif played.take is not None and target is not None:
         heard = played.take.recording
         files.save(heard, target, calibration=played.take.calibration, force=True)
-        answer, ears = f"played {part:.4g} s on the virtual array", ("ears", f"on a real array {found.verdict()}")
+        answer = f"played {part:.4g} s on the virtual array"
+        ears = ("ears", f"on a real array {too_loud(found.sound_excess)}")
         came = rig.rerecorded_pressure(played.take, played.drive)
+        by: Line = ("felt", str(felt(came.pressure, came.rate, came.sensor.pitch)))
         table = [
             ("re-recorded", str(target)),
-            ("felt", str(felt(came.pressure, came.rate, came.sensor.pitch))),
+            # Cells would spread the foci of a drawing.
+            describe_drive(source)[1][0] if played.drive.provenance.last("draw") else by,
             Details([("silencer", str(heard.provenance.steps[-1].settings["silencer"]))]),
         ]
     if played.reaction is not None:
@@ -176,8 +179,7 @@ def play_command(
             Details([("computed for", found.measured_in), ("heat", found.heat)]),
         ]
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
-    original = original if original.exists() else "RECORDING"
-    table += [] if target is None else [next_row("compare", original, target)]
+    table += [next_row("compare", original, target)] if target is not None and original.exists() else []
     print_table(table, answer=answer, simulated=shown.simulated, json=False)
     return int(played.report is not None and bool(played.report.broken))
 
@@ -231,7 +233,8 @@ def _print_ways(source: Path, excess: float) -> bool:
         return False
     whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
-    ways = ways_to_play(whole, excess, source=shlex.quote(str(original)) if original.exists() else "RECORDING")
+    recording = shlex.quote(str(original)) if original.exists() else "RECORDING"
+    ways = ways_to_play(whole, excess, source="" if target.provenance.last("draw") else recording)
     print_grid(_WAYS, [way.row for way in ways])
     return True
 

@@ -51,6 +51,6 @@ def solve_command(
         rig.solve_to_file(pressure, transducers, settings, target, progress=stage("solve"))
     about, (feeling, *lines) = describe_drive(target)
     row = Row("drive", str(target), text=f"{target}, {about}")
-    answer = f"felt {feeling.text}" if isinstance(feeling, Row) else "nothing plays"
+    answer = f"predicted: {feeling.text}" if isinstance(feeling, Row) else "nothing plays"
     table: list[Line] = [plain([feeling]), row, *lines, next_row("play", target)]
     print_table(table, answer=answer, simulated=pressure.provenance.simulated, json=json)
