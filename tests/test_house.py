@@ -24,7 +24,7 @@ LINES = {
     "model": 1911,
     "settings streaming .": 2689,
     "physics": 3382,
-    "recordings targets correct evaluate": 4034,
+    "recordings targets correct evaluate": 4037,
     "calibration": 2940,
     "solvers": 4387,
     "files": 4361,
@@ -32,9 +32,9 @@ LINES = {
     "rig": 8681,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6384,
+    "cli": 6401,
     "study": 6022,
-    "studio": 6035,
+    "studio": 6042,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_800, "benchmarks": 4_500}
+BESIDE = {"tests": 48_799, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
