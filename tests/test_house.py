@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1911,
-    "settings streaming .": 2689,
+    "settings streaming .": 2710,
     "physics": 3382,
     "recordings targets correct evaluate": 4037,
     "calibration": 2940,
@@ -32,9 +32,9 @@ LINES = {
     "rig": 8681,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6401,
+    "cli": 6377,
     "study": 6022,
-    "studio": 6042,
+    "studio": 6044,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_804, "benchmarks": 4_500}
+BESIDE = {"tests": 48_813, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_633
+SCRIPTS = 9_630
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 

@@ -4,14 +4,14 @@ Up to some level the produced pressure follows the requested one; beyond it, it 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
-from midair.evaluate import in_band
+from midair.evaluate import Felt, felt, in_band
 from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution, frames_without_lead
 from midair.physics import radiation_pressure, transfer_matrix
 from midair.settings import Settings
@@ -105,6 +105,27 @@ def band_of(target: AmplitudeFrames) -> tuple[float, float]:
     """Band of the recording that a target was made from, in Hz; 20 to 470 Hz where its provenance has none."""
     known = Settings.of(target.provenance)
     return BAND if known is None else known.calibration.band
+
+
+def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLevel) -> Felt:
+    """By how many people the loudest two seconds of a drive are felt, if the array reaches what the model predicts."""
+    from midair.patterns import wanted_pressure  # here: other commands need no patterns
+
+    count, power = round(2 * target.rate), np.cumsum(power_of(target))
+    first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
+    part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
+    medium, grid = solution.drive.acoustics.medium, target.grid
+    cells = wanted_pressure(part, medium)
+    pressure, pitch = cells.pressure, cells.sensor.pitch
+    if target.provenance.last("draw"):
+        # Cells would spread a focus; only a recording was made by cells.
+        pressure, pitch = radiation_pressure(part.amplitude[:], medium).reshape(-1, grid.rows, grid.columns), grid.pitch
+    return felt(pressure, target.rate, pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
+
+
+def power_of(target: AmplitudeFrames) -> Array:
+    """Sum of the squared amplitudes of each frame."""
+    return np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
 
 
 def thinned(grid: ControlGrid) -> NDArray[np.int64]:

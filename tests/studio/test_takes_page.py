@@ -135,6 +135,8 @@ def test_a_session_by_keyboard_alone(takes_at, look):
     page.go("#reproduce/sample:orbit")
     page.until("studio.room?.take?.name === 'sample:orbit'", timeout=120)
     press, value = page.page.keyboard.press, page.page.evaluate
+    assert " of 10 people " in page.page.locator(".reproduce .verdict").inner_text()
+    assert page.page.locator(".reproduce .verdict").bounding_box()["y"] < 120, "on top of the panel"
 
     def tab_to(words):
         """Press Tab until the element in focus has these words."""

@@ -6,7 +6,6 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,8 @@ from midair import files
 from midair.cli.console import print_answer, print_json, print_note, print_rows, verbosity
 from midair.cli.options import format_quantity
 from midair.errors import InputError
-from midair.evaluate import Felt, error_by_energy, felt
+from midair.evaluate import error_by_energy
 from midair.model import (
-    AmplitudeFrames,
     ArrayCalibration,
     Calibration,
     PressureFrames,
@@ -26,14 +24,12 @@ from midair.model import (
     Recording,
     SensorGrid,
     Setting,
-    Solution,
     frames_without_lead,
 )
-from midair.physics import radiation_pressure
-from midair.pressure_level import PressureLevel, band_of, level_of
+from midair.pressure_level import PressureLevel, band_of, felt_of_drive, level_of, power_of
 from midair.recordings import dead_channels
 from midair.settings import Settings
-from midair.streaming import blocks, read_frames
+from midair.streaming import blocks
 from midair.table import Details, Line, Row, describe, plain, printed
 
 
@@ -165,28 +161,12 @@ def left_out_row(provenance: Provenance) -> tuple[str, str]:
     return "left out", str(provenance.last("not reproduced").get("text", ""))
 
 
-def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLevel) -> Felt:
-    """By how many people the loudest two seconds of a drive are felt, if the array reaches what the model predicts."""
-    from midair.patterns import wanted_pressure  # here: other commands need no patterns
-
-    count, power = round(2 * target.rate), np.cumsum(_power(target))
-    first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
-    part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
-    medium, grid = solution.drive.acoustics.medium, target.grid
-    cells = wanted_pressure(part, medium)
-    pressure, pitch = cells.pressure, cells.sensor.pitch
-    if target.provenance.last("draw"):
-        # Cells would spread a focus; only a recording was made by cells.
-        pressure, pitch = radiation_pressure(part.amplitude[:], medium).reshape(-1, grid.rows, grid.columns), grid.pitch
-    return felt(pressure, target.rate, pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
-
-
 def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]:
     """Duration and array of the drive in a file, and its table; it is felt with `change` dB of pressure."""
     solution, target = files.load_solution(path, streamed=True), files.load_target(path, streamed=True)
     drive, plays, life = solution.drive, solution.plays, solution.drive.provenance
     inside = frames_without_lead(life, drive.frames, drive.rate)
-    power = np.ones(drive.frames) if target is None else _power(target)
+    power = np.ones(drive.frames) if target is None else power_of(target)
     error = error_by_energy(solution.error[inside], (power * plays)[inside])
     pressure: list[Line] = [{"level": None}]
     if target is not None and plays.any():
@@ -219,10 +199,6 @@ def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]
             ]
         ),
     ]
-
-
-def _power(target: AmplitudeFrames) -> np.ndarray:
-    return np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
 
 
 @describe.register

@@ -3,6 +3,7 @@
 These functions run in a worker process; the server itself reads no such files.
 """
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.model import AmplitudeFrames, Provenance, Solution, frames_without_lead
 from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
+from midair.pressure_level import band_of, felt_of_drive, level_of
 from midair.rig import event_message, pressure_of
 from midair.settings import Settings, nearest_mode, typed_options
 from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
@@ -62,7 +64,6 @@ def facts(data: TakeData, _: object = None) -> dict[str, Any]:
         "pitch_mm": 1e3 * sensor.pitch,
         "simulated": recording.provenance.simulated,
         "source": recording.provenance.source,
-        "notes": dict(recording.provenance.notes),
         "calibrated": take.calibration is not None,
         "report": list(take.report),
         "journal": [
@@ -77,11 +78,10 @@ def facts(data: TakeData, _: object = None) -> dict[str, Any]:
 
 
 def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
-    solution, target, field_of = _drive(data.drive, data.stamp)
+    solution, target, _ = _drive(data.drive, data.stamp)
     drive, grid, known = solution.drive, target.grid, _chosen_settings(solution.drive.provenance)
     frames = _frames_of(solution, target, _take(data.take, data.stamp).recording.rate, 0, shown)
     fine = _finer(data.drive, data.stamp)
-    error, plays = solution.error[frames], solution.plays[frames]
     focus = focus_amplitude(grid, drive.array, acoustics=drive.acoustics)
     peak = target.amplitude[frames].max(axis=1)
     return {
@@ -99,14 +99,29 @@ def _drive_facts(data: TakeData, shown: int) -> dict[str, Any]:
         "positions_mm": np.round(1e3 * drive.array.position[:, :2], 2).ravel().tolist(),
         "down": np.round(fine[0], 6).ravel().tolist(),
         "across": np.round(fine[1], 6).ravel().tolist(),
-        "error": np.round(error, 4).tolist(),
+        "error": np.round(solution.error[frames], 4).tolist(),
         "strength": np.round(peak / focus, 4).tolist(),
-        "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
         "settings": None if known is None else describe_settings(known),
-        "not_reproduced": drive.provenance.last("not reproduced").get("text", ""),
+        "verdict": _predicted(data.drive, data.stamp),
         "array_calibration": drive.provenance.last("array calibration").get("age", ""),
-        "field_pa": field_of.shape[0],
     }
+
+
+@lru_cache(maxsize=16)
+def _predicted(path: str, stamp: str) -> list[tuple[str, str]]:
+    """Rows of the verdict that the model predicts for a drive; none for a silent one."""
+    solution, target, _ = _drive(path, stamp)
+    if not solution.plays.any():
+        return []
+    level = level_of(solution, target, band=band_of(target))
+    left_out = str(target.provenance.last("not reproduced").get("text", ""))
+    rows = [("felt, predicted", str(felt_of_drive(solution, target, level))), level.row()]
+    return page_rows([*rows, ("left out", left_out)] if left_out else rows)
+
+
+def page_rows(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Rows of a verdict without the dashes of options, and without advice that only a command can follow."""
+    return [(name, re.sub(r"; keep it: [^;]*|--(?=\w)", "", text)) for name, text in rows]
 
 
 def _chosen_settings(provenance: Provenance) -> Settings | None:

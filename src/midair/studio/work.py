@@ -13,7 +13,6 @@ from midair.evaluate import RATIOS, Verdict, compare, metrics_or_none, ratio_tex
 from midair.files import load_solution
 from midair.model import PressureFrames, TransducerArray
 from midair.pipeline import required_lead
-from midair.pressure_level import level_of
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
@@ -33,7 +32,7 @@ from midair.settings import MODES, Mode, Settings
 from midair.solvers import METHODS, takes
 from midair.studio.jobs import Progressed
 from midair.studio.solved_sample import SOLVED, write_sample
-from midair.studio.take_data import describe_settings, stamp_of
+from midair.studio.take_data import describe_settings, page_rows, stamp_of
 from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 
 
@@ -79,8 +78,8 @@ def led_pressure(order: SolveRequest) -> tuple[TransducerArray, Settings, Pressu
     return array, settings, led
 
 
-def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
-    """Solve a take, write its drive, and return its error and level."""
+def solve_take(order: SolveRequest, progress: Progressed) -> None:
+    """Solve a take and write its drive."""
     progress("reading the take", 0, 1)
     array, settings, led = led_pressure(order)
     drive = Path(order.drive)
@@ -92,22 +91,10 @@ def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
             expected = "the drive that was to be replaced" if order.replaces else "no drive of this name"
             raise InputError(f"{drive.name}: expected {expected}, found {found} since; it was not changed, solve again")
 
-    target, solution = solve_to_file(
-        led, array, settings, drive, progress=partial(progress, "solving"), confirm=confirm
-    )
+    solve_to_file(led, array, settings, drive, progress=partial(progress, "solving"), confirm=confirm)
     for path, stamp in order.outdated:
         if stamp_of(path) == stamp:
             Path(path).unlink(missing_ok=True)
-    level, plays = level_of(solution, target, band=settings.calibration.band), solution.plays
-    error = solution.error[plays]
-    return {
-        "drive": order.drive,
-        "frames": target.frames,
-        "rate_hz": target.rate,
-        "error_mean": float(error.mean()) if len(error) else 0.0,
-        "error_worst": float(error.max()) if len(error) else 0.0,
-        "level": [list(row) for row in level.rows()],
-    }
 
 
 def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dict[str, Any]:
@@ -141,7 +128,7 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
             *([name, f"{ratio_text(limits)} dB"] for name, limits in found.ratios.items()),
             *([name, _figure(*figure)] for name, figure in found.figures().items() if name not in RATIOS),
         ],
-        "verdict": Verdict.of(found, after, card, option=next_step(found.gain, settings)).rows(),
+        "verdict": page_rows(Verdict.of(found, after, card, option=next_step(found.gain, settings)).rows()),
         "card": [[name, f"{value} {unit}".rstrip(), meaning] for name, value, unit, meaning in rows],
         "channel_correlation": np.round(found.channel_correlation, 3).ravel().tolist(),
         "rate_hz": before.rate,

@@ -12,12 +12,12 @@ from midair import devices, files, rig
 from midair.cli.console import print_answer, print_grid, print_note, progress_bars
 from midair.cli.exposure_options import HeatOptions, RoomOptions, print_air
 from midair.cli.options import Force, PlayTakeOptions, StopInput, given, options_from, settings_from
-from midair.cli.output import describe_drive, felt_of_drive, left_out_row, may_write, next_row, print_table
+from midair.cli.output import describe_drive, left_out_row, may_write, next_row, print_table
 from midair.errors import ExposureError, InputError
 from midair.evaluate import Felt, felt, too_loud, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
-from midair.pressure_level import band_of, level_of
+from midair.pressure_level import band_of, felt_of_drive, level_of
 from midair.settings import Settings
 from midair.table import Details, Line
 

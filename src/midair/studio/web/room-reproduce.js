@@ -252,6 +252,7 @@ export default class Reproduce {
       ...Object.values(this.inputs).map((input, i) => field(FIELDS[i][0], input, FIELDS[i][1])),
       this.view,
     );
+    const details = make("details", {}, make("summary", {}, "Details"), this.frame);
     const left = make(
       "div.column.left",
       {},
@@ -274,8 +275,7 @@ export default class Reproduce {
         this.otherAir,
         make("div.buttons", {}, this.solve, this.play),
       ),
-      this.verdict,
-      panel("Current frame", null, this.frame, this.about),
+      panel("This take", null, this.about, details),
       this.listen.shown,
       panel("Palm", null, make("div.buttons", {}, this.palm), this.pressed),
       panel(
@@ -318,7 +318,7 @@ export default class Reproduce {
         if (this.link.controls) bringFile(this.studio, event.dataTransfer.files[0]);
       },
     };
-    this.studio.main.append(make("div.reproduce", drop, left, ...this.pictures, this.problem));
+    this.studio.main.append(make("div.reproduce", drop, left, this.verdict, ...this.pictures, this.problem));
     this._fill(USUAL);
   }
   /** Show settings in the form; a value that is not among its options is added. */
@@ -355,7 +355,8 @@ export default class Reproduce {
     this.solve.disabled = !controls || !this.take;
     this.palm.disabled = !controls || !row?.solved;
     this.pressed.replaceChildren(...palmFound(this.link, this.take?.name));
-    this.verdict.replaceChildren(...verdictOf(this.link, this.take?.name));
+    const drive = this.take?.facts.part ? null : this.take?.facts.drive;
+    this.verdict.replaceChildren(...verdictOf(this.link, this.take?.name, drive));
     this.verdict.hidden = !this.verdict.childElementCount;
     this.listen.tell(this.take?.name);
     const facts = this.take?.facts,
@@ -1101,13 +1102,11 @@ export default class Reproduce {
     const { frame, channel, span } = take.transport,
       drive = take.facts.drive,
       peak = this.played?.peak ?? this.wanted?.peak;
+    const error = 100 * drive?.error[frame];
     this.frame.replaceChildren(
       rows([
         ["Strength", drive?.strength[frame]?.toFixed(3) ?? "–"],
-        [
-          "E",
-          drive?.error[frame] === undefined ? "–" : `${(100 * drive.error[frame]).toFixed(1)} %`,
-        ],
+        ["E", error >= 0 ? `${error.toFixed(1)} %` : "–"],
         ["Peak", peak ? `${Math.round(peak.value)} Pa` : "–"],
         ["Place of peak", peak ? `${peak.x.toFixed(0)}, ${peak.y.toFixed(0)} mm` : "–"],
       ]),
@@ -1126,7 +1125,6 @@ export default class Reproduce {
         `the first ${this.take.seconds} s of ${(facts.frames_in_all / facts.rate_hz).toFixed(0)} s are shown`,
       );
     if (!facts.calibrated) said.push("not calibrated");
-    if (facts.drive?.not_reproduced) said.push(`not reproduced: ${facts.drive.not_reproduced}`);
     said.push(
       ...facts.report,
       ...facts.journal

@@ -218,14 +218,13 @@ export function listening(link) {
   return { sounds, shown, tell };
 }
 
-/** The lines of the verdict on a take that was compared; nothing for another. */
-export function verdictOf(link, name) {
-  const found = rowOf(link.state.takes, name)?.compared && link.state.comparisons?.[name];
-  if (!found) return [];
-  const lines = found.verdict.map(([name, text]) =>
-    make("div", {}, make("small.quiet", {}, name), make("strong", {}, text)),
-  );
-  return found.simulated ? [...lines, make("strong.simulated", {}, "SIMULATED")] : lines;
+/** The lines of the verdict on a take that was compared, or else those predicted for a drive. */
+export function verdictOf(link, name, drive) {
+  const found = rowOf(link.state.takes, name)?.compared && link.state.comparisons?.[name],
+    lines = (found || drive)?.verdict?.map(([name, text]) =>
+      make("div", {}, make("small.quiet", {}, name), make("strong", {}, text)),
+    );
+  return found?.simulated ? [...lines, make("strong.simulated", {}, "SIMULATED")] : (lines ?? []);
 }
 
 /** What a simulation of the whole palm found for a drive; nothing once the drive is replaced. */
