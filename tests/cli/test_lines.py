@@ -19,7 +19,7 @@ ROWS = [
     (8, "SIMULATED  0.1 s of towel", "cut take.h5 part.h5 --end 0.1s"),
     (14, "", "import sample:ridges"),
     (8, "SIMULATED  ", "calibrate take.h5"),
-    (6, "", "export take.h5 take.csv"),
+    (6, "SIMULATED  0.3 s of towel, 16 cells", "export take.h5 take.csv"),
     (4, "", "gallery heartbeat"),
     (16, "", "gallery"),
 ]
@@ -30,7 +30,7 @@ LONG = [
     (30, "SIMULATED  ", f"demo there --mode paper --method fast {COARSE}"),
     (12, "", "doctor"),
     (10, "SIMULATED  ", f"budget take.h5 budget.png --mode paper --method fast {COARSE}"),
-    (10, "SIMULATED  8 patterns solved", "sweep patterns s.sweep --count 4 --workers 1 --iterations 2"),
+    (10, "SIMULATED  8 targets solved", "sweep patterns s.sweep --count 4 --workers 1 --iterations 2"),
 ]
 
 

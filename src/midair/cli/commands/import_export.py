@@ -106,14 +106,10 @@ def import_command(
     file_row = Row("file", str(target), key="recording")
     table: list[Line] = [file_row, *describe(recording), *credits, stated_by, *then]
     notes = imported.report
-    if recording.duration < SHORT:
+    if recording.duration < 0.02:  # one period of the lowest frequency of the modes, in s
         notes = (*notes, f"It lasts {1e3 * recording.duration:.3g} ms: too short to be felt; is the file complete?")
     how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated}
     print_table(table, answer=recording_text(recording), json=json, **how)
-
-
-SHORT = 0.02
-"""Shortest recording that is imported without a note, in s: one period of the lowest frequency of the modes."""
 
 
 def export_command(
@@ -163,7 +159,8 @@ def export_command(
         calibration, made, notes = None, None, ("Calibration and places of the chosen channels were left out.",)
     lost = files.save(recording, output, calibration=calibration, pressure=made, force=True)
     table = [Row("written", str(output)), Row("format", files.format_of(output).name)]
-    return print_table(table, notes=notes, lost=lost, simulated=recording.provenance.simulated, json=json)
+    how: Any = {"notes": notes, "lost": lost, "simulated": recording.provenance.simulated, "json": json}
+    return print_table(table, answer=recording_text(recording), **how)
 
 
 def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> None:
@@ -189,11 +186,9 @@ def _export_drive(source: Path, output: Path, *, force: bool, json: bool) -> Non
     else:
         with files.atomic_file(output) as partial, partial.open("wb") as file:
             np.savez_compressed(file, **plain)
-    table = [
-        Row("written", str(output)),
-        Row("frames", f"{drive.frames} at {drive.rate:g} Hz, {drive.array.count} transducers"),
-    ]
-    print_table(table, notes=(), simulated=drive.provenance.simulated, json=json)
+    frames = f"{drive.frames} frames at {drive.rate:g} Hz, {drive.array.count} transducers"
+    table = [Row("written", str(output)), Row("frames", frames, text="")]
+    print_table(table, answer=frames, notes=(), simulated=drive.provenance.simulated, json=json)
 
 
 def repair_command(source: Path, /) -> None:

@@ -54,21 +54,19 @@ def show_report(results: SweepResults) -> None:
     tables = sweep_report(results)
     texts = ("recording", "variant") if "trials" in tables else ()
     numbers = ("frames", "strength") if texts else ("strength", "height_mm", "patterns")
-    shares = {"mean": "mean", "p95": "95 %", "worst": "worst", "mean_rounded": "rounded", "worst_rounded": "worst"}
+    bits = f"{results.settings['bits']}-bit"
+    shares = {"mean": "mean", "p95": "95 %", "worst": "worst"}
+    shares |= {"mean_rounded": f"{bits} mean", "worst_rounded": f"{bits} worst"}
     known = np.isfinite(results.error).sum()
-    items, each = ("frames", "a frame") if texts else ("patterns", "a pattern")
+    each = "" if texts else ", each pattern at each strength and height"
     missing = "" if results.complete else ", continue with the same command"
-    took = f"{results.seconds:.0f} s of processor time, {1e3 * results.seconds / known:.2f} ms {each}"
-    print_answer(f"{known} {items} solved{missing}; {took}", simulated=True)
-    rows = [
-        (
-            *(row[name] for name in texts),
-            *(f"{row[name]:.4g}" for name in numbers),
-            *(f"{100 * row[name]:.2f}" for name in shares),
-        )
-        for row in tables["trials" if texts else "conditions"]
-    ]
-    print_grid((*texts, *numbers, *shares.values()), rows, title="E = || |Gq| - p || / ||p||, in %")
+    took = f"{results.seconds:.0f} s of processor time, {1e3 * results.seconds / known:.2f} ms each"
+    print_answer(f"{known} {'frames' if texts else 'targets'} solved{each}{missing}; {took}", simulated=True)
+    forms = dict.fromkeys(texts, "{}") | dict.fromkeys(numbers, "{:.4g}") | dict.fromkeys(shares, "{:.2%}")
+    trials = tables["trials" if texts else "conditions"]
+    rows = [[form.format(row[name]) for name, form in forms.items()] for row in trials]
+    heads = [name.replace("_", " ") for name in (*texts, *numbers, *shares.values())]
+    print_grid(heads, rows, title=f"field error: mean, 95 % stay below, worst; {bits}: of rounded phases")
 
 
 Numbers = Annotated[tuple[float, ...], Parameter(consume_multiple=True)]
@@ -140,9 +138,6 @@ def patterns_command(
     return solve_and_show(sweep, output, scheduler=scheduler, workers=workers)
 
 
-Choice = tuple[str, Any]
-
-
 def recordings_command(
     output: Folder,
     /,
@@ -197,7 +192,7 @@ def recordings_command(
     return solve_and_show(sweep, output, scheduler=scheduler, workers=workers)
 
 
-def _with(options: SolveOptions, choices: Sequence[Choice]) -> SolveOptions:
+def _with(options: SolveOptions, choices: Sequence[tuple[str, Any]]) -> SolveOptions:
     lines = tuple(line for field, line in choices if field == "set")
     return replace(options, **dict(choices) | {"set": (*options.set, *lines)})
 
@@ -211,7 +206,7 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
 
 
-def _axis(text: str) -> list[tuple[str, Choice]]:
+def _axis(text: str) -> list[tuple[str, tuple[str, Any]]]:
     """The values of OPTION=VALUE,VALUE: as written, and as `midair solve` parses them."""
     name, equals, values = text.partition("=")
     if not equals or not all(value.strip() for value in values.split(",")):

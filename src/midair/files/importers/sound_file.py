@@ -150,7 +150,7 @@ def _losses(form: str, recording: Recording, rate: int, exponent: int) -> Iterat
     if rate != recording.rate:
         text = f"{form} holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
         yield FormatLoss(what="rate", text=text)
-    text = f"Full scale is 2^{exponent} {recording.unit}, which a reader has to be told."
+    text = f"Samples are stored from -1 to 1; multiply them by {2.0**exponent:g} to get {recording.unit}."
     yield FormatLoss(what="scale", text=text)
     if form == "FLAC":
         text = f"Samples are rounded to 24 bits, steps of {2.0 ** (exponent - 23):.3g} {recording.unit}."
