@@ -90,6 +90,7 @@ def test_density_of_moist_air():
 
 
 def test_a_medium_at_a_temperature_has_all_of_it():
+    assert str(Medium.at(temperature=200 / 9)) == "22.2 °C, 50 % humidity"
     medium = Medium.at(temperature=22.0, humidity=0.5)
     assert (medium.temperature, medium.humidity) == (22.0, 0.5)
     assert medium.speed == speed_of_sound(22, 0.5)

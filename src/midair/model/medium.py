@@ -178,7 +178,7 @@ class Medium:
     def __str__(self) -> str:
         if self.temperature is None or self.humidity is None:
             return f"{self.speed:g} m/s ({self.degrees:.0f} °C)"
-        return f"{self.temperature:g} °C, {100 * self.humidity:g} % humidity"
+        return f"{self.temperature:.3g} °C, {100 * self.humidity:g} % humidity"
 
 
 def _check_stated(temperature: float | None, humidity: float | None, speed: float) -> None:
