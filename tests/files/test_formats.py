@@ -283,6 +283,12 @@ def test_saves_each_kind_of_data(recording, calibration, solution, tmp_path):
     table = np.genfromtxt(tmp_path / "phases.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["time_s"], np.arange(len(table)) / solution.drive.rate, atol=1e-6)
     np.testing.assert_allclose(table["phase_1"], solution.drive.phase[:, 1], atol=1e-6)
+    solution.to_csv(tmp_path / "errors.csv")
+    with pytest.raises(InputError, match="already exists; give another name"):
+        solution.to_csv(tmp_path / "errors.csv")
+    table = np.genfromtxt(tmp_path / "errors.csv", delimiter=",", names=True)
+    wanted = np.column_stack([solution.drive.time, solution.error, solution.iterations, solution.plays])
+    np.testing.assert_allclose(table[["time_s", "E", "iterations", "plays"]].tolist(), wanted, rtol=1e-5, atol=1e-6)
 
 
 def test_saving_over_a_file_loses_nothing_that_it_holds(recording, calibration, solution, target, tmp_path):

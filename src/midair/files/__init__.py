@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .formats import load as load
     from .formats import open_take as open_take
     from .formats import save as save
+    from .formats import write_errors as write_errors
     from .formats import writer_of as writer_of
     from .importers.csv_file import load_palm_path as load_palm_path
     from .importers.csv_file import save_palm_path as save_palm_path

@@ -163,10 +163,18 @@ def _save_drive(what: Solution | Drive, path: Place) -> None:
 def _write_table(drive: Drive, path: Place) -> None:
     columns = {"level": np.asarray(drive.level).reshape(drive.frames, -1), "phase": np.asarray(drive.phase)}
     names = [f"{name}_{number}" for name, values in columns.items() for number in range(values.shape[1])]
-    time = np.arange(drive.frames)[:, None] / drive.rate
+    head = ",".join(["time_s", *(["level", *names[1:]] if drive.level.ndim == 1 else names)])
     with atomic_file(path) as file:
-        head = ",".join(["time_s", *(["level", *names[1:]] if drive.level.ndim == 1 else names)])
-        np.savetxt(file, np.hstack([time, *columns.values()]), "%.6f", ",", header=head, comments="")
+        np.savetxt(file, np.column_stack([drive.time, *columns.values()]), "%.6f", ",", header=head, comments="")
+
+
+def write_errors(solution: Solution, path: Place) -> None:
+    """Write the errors of a solution as a new CSV table; see `Solution.to_csv`."""
+    if Path(path).exists():
+        raise InputError(f"{path}: already exists; give another name")
+    columns = np.column_stack([solution.drive.time, solution.error, solution.iterations, solution.plays])
+    with atomic_file(path) as file:
+        np.savetxt(file, columns, ("%.6f", "%.6g", "%d", "%d"), ",", header="time_s,E,iterations,plays", comments="")
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

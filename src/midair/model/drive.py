@@ -1,5 +1,6 @@
 """The drive of an array, the solution that it is part of, and the frames that were played in live touch."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -124,6 +125,10 @@ class Solution(Shown):
         part = slice(first, last)
         drive = replace(self.drive, phase=self.drive.phase[part], level=self.drive.level[part])
         return Solution(drive=drive, error=self.error[part], iterations=self.iterations[part], status=self.status[part])
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a new table, a row a frame: time in s, E, iterations, and 1 where it plays; InputError if it exists."""
+        self._part("files").write_errors(self, path)
 
     def __repr__(self) -> str:
         # Its mean would differ from that by energy, which commands print and needs the target.

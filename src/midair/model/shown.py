@@ -16,14 +16,14 @@ class Shown:
 
     def plot(self) -> Any:
         """Draw it, small; see `figures.figure_of`."""
-        return self._figures().figure_of(self)
+        return self._part("figures").figure_of(self)
 
     def _repr_html_(self) -> str:
-        return self._figures().html_of(self)
+        return self._part("figures").html_of(self)
 
-    def _figures(self) -> Any:
-        # By its name, since figures are made of models.
-        return import_module("midair.figures")
+    def _part(self, name: str) -> Any:
+        # By its name, since figures and files are made of models.
+        return import_module(f"midair.{name}")
 
 
 class Frames(Shown):
