@@ -50,5 +50,5 @@ from .stage import StageSetup as StageSetup
 from .stage import StageStamp as StageStamp
 from .stage import speed_of as speed_of
 
-for _kind in [each for each in globals().values() if is_dataclass(each)]:
+for _kind in [Shown, *(each for each in globals().values() if is_dataclass(each))]:
     check_calls(_kind)

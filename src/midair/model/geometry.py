@@ -236,7 +236,8 @@ class ControlGrid(Grid):
                 f"{self.rows} of {1e3 * self.pitch:.3g} mm pitch, {wide:.3g} x {deep:.3g} m; use at most {most} x "
                 f"{most}, or a smaller pitch"
             )
-        object.__setattr__(self, "centre", tuple(map(float, frozen_array(self.centre, "centre", (2,)))))
+        centre = frozen_array(self.centre, "centre", (2,))
+        object.__setattr__(self, "centre", tuple(length(each, "centre", (-WIDEST, WIDEST)) for each in centre))
 
     @property
     def position(self) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from midair.array_types import Array, Complex
 from midair.errors import InputError, NegativePressureError, ShapeError
 from midair.model import Acoustics, ControlGrid, Directivity, Drive, Medium, TransducerArray
-from midair.validation import checked_call
+from midair.validation import checked_call, frozen_array
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
@@ -146,10 +146,8 @@ def quantise_phase(phase: Array, *, bits: int = 8) -> Array:
 
 
 def _places(points: Points) -> Array:
-    places = points.position if isinstance(points, ControlGrid) else np.asarray(points, float)
-    if places.ndim != 2 or places.shape[1] != 3:
-        raise ShapeError(f"points: expected shape (point, 3), got {places.shape}")
-    return places
+    axes = ("point" if not isinstance(points, np.ndarray) or len(points) else 0, 3)
+    return points.position if isinstance(points, ControlGrid) else frozen_array(points, "points", axes)
 
 
 Field = Complex | Array

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from midair.devices import SensorDevice, WrappedSensor
 from midair.errors import DeviceError, InputError
-from midair.files import OpenedTake, open_take
+from midair.files import OpenedTake, check_memory_for, open_take
 from midair.model import Event, Progress, SensorWiring
 from midair.rig.names.sensor_names import VirtualRig, sensor_named
 from midair.rig.takes.take import record_take
@@ -96,6 +98,9 @@ def record(
         device = sensor_named(chosen.sensor, VirtualRig(seed=chosen.seed), wiring=chosen.wiring)
         with WrappedSensor(device, paced=True) if chosen.real_time and device.on_demand else device as opened:
             return record(opened, path=path, notes=notes, progress=progress, settings=chosen)
+    if target is None and chosen.duration and np.isfinite(chosen.duration):
+        needed = 16 * sensor.rate * chosen.duration * sensor.grid.count
+        check_memory_for(needed, f"duration: {chosen.duration:g} s", "record for a shorter time, or give a path")
     take = record_take(sensor, chosen, _ProgramObserver(sensor, progress), path=target, notes=notes)
     if take.error is not None:
         raise take.error
