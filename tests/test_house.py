@@ -21,18 +21,18 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1911,
+    "model": 1917,
     "settings streaming .": 2710,
-    "physics": 3382,
+    "physics": 3380,
     "recordings targets correct evaluate": 4037,
     "calibration": 2940,
     "solvers": 4387,
-    "files": 4361,
+    "files": 4370,
     "devices": 7872,
-    "rig": 8681,
+    "rig": 8687,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6377,
+    "cli": 6369,
     "study": 6022,
     "studio": 6044,
     "sweep": 502,

@@ -164,11 +164,12 @@ def _status(tokens: Sequence[str]) -> int:
 def _message(wrong: MidairError) -> str:
     """The message of an error; a file of another program has to be imported before other commands read it."""
     named = str(wrong).partition(":")[0]
-    if isinstance(wrong, MissingFileError) and "." not in named:
+    if isinstance(wrong, MissingFileError):
         from midair.datasets import TOUCHES
 
-        if named in TOUCHES:
-            return f"{named}: no such file; midair gallery {named} writes this touch to {named}{TOUCHES[named].ending}"
+        name, dot, ending = named.partition(".")
+        if name in TOUCHES and dot + ending in ("", TOUCHES[name].ending):
+            return f"{named}: no such file; midair gallery {name} writes this touch to {name}{TOUCHES[name].ending}"
     if not isinstance(wrong, InputError) or not wrong.parameters:
         return str(wrong)
     from midair.cli.import_options import TYPED
@@ -196,7 +197,9 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
         return f'unknown option "{word}"{_advice(word, wrong)}'
     if isinstance(wrong, UnusedCliTokensError) and wrong.unused_tokens:
         before = next((a for a, b in itertools.pairwise(tokens) if b == wrong.unused_tokens[0]), "")
-        advice = "options begin with --, a value with a space needs quotes"
+        known = reduce(App.__getitem__, wrong.command_chain or (), app).assemble_argument_collection()
+        options = ", ".join([each.name for each in known if each.name.startswith("--")][:3])
+        advice = f"options begin with -- (such as {options}), a value with a space needs quotes"
         about = f"{before} takes no value" if before.startswith("--") else advice
         return f"unexpected: {' '.join(wrong.unused_tokens)}; {about}"
     if isinstance(wrong, UnknownCommandError) and wrong.unused_tokens and wrong.app is app:
@@ -204,6 +207,9 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
         word = wrong.unused_tokens[0]
         return f'unknown command "{word}"{did_you_mean(word, [*COMMANDS, *FOLDERS, "--version", "--help"])}'
     said = re.sub(r"unable to convert (.*) into (float|int)\.", r"expected a number, got \1", str(wrong).strip())
+    for a, b in itertools.pairwise(tokens):
+        if re.fullmatch(r"[A-Za-zµ°%]{1,2}(/[A-Za-z]+)?", b):
+            said = said.replace(f"got '{a}'; add the unit", f"got '{a} {b}'; write {a}{b}, without the space")
     named = getattr(wrong.argument, "name", "") if isinstance(wrong, CoercionError) else ""
     return said if not named or named in said else f"{named}: {said}"
 
@@ -211,7 +217,8 @@ def _usage(wrong: CycloptsError, tokens: Sequence[str]) -> str:
 def _advice(word: str, wrong: UnknownOptionError) -> str:
     """End of the message for an unknown option: one that is alike, or the command that has it."""
     names = [name for each in wrong.argument_collection for name in each.names]
-    if near := [name for name in names if re.fullmatch("-[a-z]", word) and name.startswith(f"-{word}")]:
+    word = {"--length": "--duration", "--time": "--duration"}.get(word, word)
+    if near := [name for name in names if name.startswith("--" + word.lstrip("-"))]:
         return f"; did you mean {' or '.join(near[:3])}?"
     if word in ("-o", "--out", "--output") and "OUTPUT" in names:
         return "; name the output after the other files, without an option"

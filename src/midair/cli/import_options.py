@@ -225,6 +225,8 @@ def calibration_from_options(recording: Recording, sensitivity: str | None, peak
     if sensitivity is not None and peak is not None:
         raise MismatchError("expected --sensitivity or --peak, got both; state one")
     if sensitivity is not None:
+        if recording.unit == "Pa":
+            raise InputError("--sensitivity: the recording is in Pa already; leave it out")
         value = stated_sensitivity(sensitivity, f"{recording.unit}/Pa", "--sensitivity")
         return Calibration.flat(recording.sensor, sensitivity=value, unit=recording.unit)
     if peak is None:

@@ -28,6 +28,7 @@ EXAMPLES = {
     "s": "0.5s",
     "Pa": "30Pa",
     "count/Pa": "2count/Pa",
+    "V/Pa": "20mV/Pa",
     "m/s": "50mm/s",
     "C": "22C",
     "K": "2C",

@@ -152,10 +152,8 @@ def test_a_report_holds_the_figures_and_both_recordings(capsys):
 @pytest.mark.long
 def test_a_level_that_is_off_comes_with_the_option_that_corrects_it(capsys):
     # A drive of its own: other tests of this folder solve other parts.
-    assert (
-        run(["solve", "take.h5", "level.drive.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE, "--force"])
-        == 0
-    )
+    solve = "solve take.h5 level.drive.h5 --start-at 0.55s --duration 0.1s --force"
+    assert run([*solve.split(), *COARSE]) == 0
     perfect("level.drive.h5")
     again = open_take("again.h5")
     weaker = replace(again.recording, samples=0.8 * again.recording.samples)

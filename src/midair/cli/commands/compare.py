@@ -9,9 +9,9 @@ from midair.cli.console import print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Reflection, Seed, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
-from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, Verdict, compare, metrics_or_none
+from midair.evaluate import PalmFidelity, Verdict, compare, metrics_or_none
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
-from midair.model import Palm, PressureFrames
+from midair.model import Palm
 from midair.settings import Settings
 from midair.table import Details, Line
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
@@ -97,7 +97,14 @@ def compare_command(
     option = rig.next_step(comparison.gain, Settings.of(take.recording.provenance))
     verdict = Verdict.of(comparison, after, card, option=option)
     if report is not None:
-        _write_report(report, before, after, comparison, verdict, card, told)
+        check_size(shown := show_comparison(before, after))
+        tables = [("All numbers", comparison_lines(comparison, card))]
+        if told is not None:
+            figures = told.figures().items()
+            rows = [(name.removeprefix("palm: "), f"{value:.3g} {unit}") for name, (value, unit) in figures]
+            tables.append((f"Fidelity on a whole palm, {told.palm}", rows))
+        page = show_page(shown, verdict=verdict.rows(), tables=tables, commands=(verbosity().line,))
+        write_file(report, page)
     answer, others = verdict_lines(verdict)
     table: list[Line] = [
         plain(comparison) | {"perception": card and card.plain()["figures"], "verdict": verdict.plain()},
@@ -124,24 +131,6 @@ def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
         print_note(f"{first.name} is a reproduction: compared with {second.name} as the original")
         return second, first
     return first, second
-
-
-def _write_report(
-    path: Path,
-    before: PressureFrames,
-    after: PressureFrames,
-    comparison: Comparison,
-    verdict: Verdict,
-    card: PerceptualMetrics | None,
-    palm: PalmFidelity | None,
-) -> None:
-    shown = show_comparison(before, after)
-    check_size(shown)
-    tables = [("All numbers", comparison_lines(comparison, card))]
-    if palm is not None:
-        rows = [(name.removeprefix("palm: "), f"{value:.3g} {unit}") for name, (value, unit) in palm.figures().items()]
-        tables.append((f"Fidelity on a whole palm, {palm.palm}", rows))
-    write_file(path, show_page(shown, verdict=verdict.rows(), tables=tables, commands=(verbosity().line,)))
 
 
 def _played(

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from midair import devices
+from midair.cli.console import print_note
 from midair.cli.options import ArrayCalibration, Seed, StopInput
 
 
@@ -44,6 +45,8 @@ def studio_command(
     """
     from midair.studio import StudioPlan, open_studio
 
+    if folder is not None and not folder.exists() and folder.parent.is_dir():
+        print_note(f"{folder}: no such folder; it is made")
     plan = StudioPlan(
         folder=folder or Path(), device=device, sensor=sensor, array_calibration=array_calibration, seed=seed
     )

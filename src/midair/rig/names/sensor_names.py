@@ -260,9 +260,10 @@ def _on_demand_sensor(kind: str, rest: str, name: str, rig: VirtualRig, duration
         take = open_take(rest)
         return ReplaySensor(take.recording, calibration=take.calibration, name=name)
     others = "".join(f"{kind}:PLACE, " for kind in SENSORS.others)
+    near = f"replay:{name}" if name.endswith(".h5") else "audio:" if name in ("mic", "microphone") else "virtual:towel"
     raise UnknownDeviceError(
         f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
-        f"got {name!r}; try {f'replay:{name}' if name.endswith('.h5') else 'virtual:towel'}"
+        f"got {name!r}; try {near}"
     )
 
 
