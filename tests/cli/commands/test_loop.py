@@ -60,7 +60,7 @@ def test_budget_as_json_and_as_a_figure(capsys):
     assert run(["budget", "take.h5", "budget.png", *words]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["stages"][0]["stage"] == "mapping"
-    assert "% of the power below 150 Hz" in answer["left_out"]
+    assert "the slow press below 150 Hz" in answer["left_out"]
     assert run(["solve", "take.h5", *words]) == 0
     assert json.loads(capsys.readouterr().out)["not_reproduced"]["text"] == answer["left_out"], "the same part, once"
     assert sum(answer["losses_db"].values()) == pytest.approx(60 - answer["stages"][-1]["sdr_so_far_db"], abs=1e-6)
