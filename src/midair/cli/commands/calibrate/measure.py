@@ -164,7 +164,7 @@ def apply_command(
     Examples
     --------
     $ midair calibrate take.h5 --peak 30Pa
-    $ midair calibrate take.h5 --sensitivity 20mV/Pa
+    $ midair calibrate take.h5 --sensitivity 20mV/Pa --force
     """
     chosen = (options or BandOptions()).settings().calibration
     may_write(source, force=True)
