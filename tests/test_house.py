@@ -24,7 +24,7 @@ LINES = {
     "model": 1917,
     "settings streaming .": 2710,
     "physics": 3380,
-    "recordings targets correct evaluate": 4037,
+    "recordings targets correct evaluate": 4045,
     "calibration": 2940,
     "solvers": 4387,
     "files": 4370,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_813, "benchmarks": 4_500}
+BESIDE = {"tests": 48_816, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -38,8 +38,8 @@ def samples():
     return np.stack([np.sin(2 * np.pi * 20 * time + i) for i in range(16)], axis=1)
 
 
-def report(samples):
-    return suspicious(Recording(samples=samples.reshape(-1, 4, 4), rate=1000, unit="count"))
+def report(samples, **life):
+    return suspicious(Recording(samples=samples.reshape(-1, 4, 4), rate=1000, unit="count", **life))
 
 
 def test_names_what_never_changes_and_a_white_floor_and_nothing_else(samples):
@@ -50,6 +50,9 @@ def test_names_what_never_changes_and_a_white_floor_and_nothing_else(samples):
     assert report(rng.normal(size=samples.shape)) == (), "white signals are allowed: a sponge may sound like one"
     samples[:, 5] = 1e-3 * rng.normal(size=2000)
     assert report(samples) == ("Channels that hold only white noise, more than ten times below the others: 5.",)
+    samples[:, 9] = 0
+    for life in (Provenance(simulated=True), Provenance().then("footprint", {})):
+        assert report(samples**4, provenance=life) == ("2 of 16 cells are untouched.",), "nor rectified"
     good[:, 3], good[:, 9] = 0, 65535
     assert report(good) == (
         "Channels that never change: 3 (0 count), 9 (65535 count); they are dead, saturated or not touched.",

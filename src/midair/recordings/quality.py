@@ -29,6 +29,8 @@ def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool
 def suspicious(recording: Recording) -> tuple[str, ...]:
     """One sentence for each kind of suspicious channel: constant, white noise only, clipped, outliers, or rectified.
 
+    Constant or noisy cells of a simulated field, or of a footprint, are counted as untouched.
+
     White noise: a channel more than ten times quieter than the median channel whose von Neumann ratio (mean square of
     successive differences over variance) is within four standard errors of 2 (J. von Neumann, Ann. Math. Stat. 12,
     1941: variance 4 (n - 2) / (n^2 - 1)).
@@ -45,9 +47,11 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     in the lower part of their range.
     """
     samples = recording.samples.reshape(recording.frames, -1)
-    dead = dead_channels(recording).ravel()
+    dead, life = dead_channels(recording).ravel() & (recording.frames > 1), recording.provenance
+    # Silent cells of a synthetic field are not broken but untouched, and its pressure may be positive.
+    synthetic = life.simulated or any(step.stage == "footprint" for step in life.steps)
     report: list[str] = []
-    if recording.frames > 1 and dead.any():
+    if dead.any() and not synthetic:
         values = ", ".join(f"{i} ({samples[0, i]:g} {recording.unit})" for i in np.flatnonzero(dead))
         report.append(f"Channels that never change: {values}; they are dead, saturated or not touched.")
     if recording.frames >= 100 and not dead.all():
@@ -55,8 +59,12 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         scaled = samples / 2.0 ** min(int(np.frexp(np.abs(samples).max())[1]), 1023)
         spread = scaled.std(axis=0)
         floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(scaled, spread)
-        if names := ", ".join(map(str, np.flatnonzero(floor))):
+        if synthetic:
+            dead |= floor
+        elif names := ", ".join(map(str, np.flatnonzero(floor))):
             report.append(f"Channels that hold only white noise, more than ten times below the others: {names}.")
+    if synthetic and dead.any():
+        report.append(f"{dead.sum()} of {dead.size} cells are untouched.")
     if names := ", ".join(map(str, clipped_channels(recording))):
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
     if outliers := _outliers(samples, recording.unit):
@@ -64,7 +72,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
             f"Outliers, more than a thousand times as far from the median as the other values: channel"
             f" {', '.join(outliers)}; check them, since a wrong bit or a lost cable looks the same."
         )
-    if recording.frames >= 100 and _is_rectified(samples):
+    if recording.frames >= 100 and not synthetic and _is_rectified(samples):
         report.append(
             "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is "
             "rectified and appears at other frequencies than the original; use one axis instead."

@@ -202,8 +202,8 @@ function ask(link, dialog, file) {
     const seconds = course.seconds.toFixed(2),
       pitch = Number((1e3 * sensor.pitch_m).toFixed(3));
     told.textContent = questions.childElementCount
-      ? "The file states the rest."
-      : "The file states all that is needed.";
+      ? "The file gives all other values."
+      : "The file gives all values that are needed.";
     said.replaceChildren(
       rows([
         ["frames", `${frames} at ${rate} Hz, ${seconds} s`],

@@ -1124,7 +1124,7 @@ export default class Reproduce {
       said.push(
         `the first ${this.take.seconds} s of ${(facts.frames_in_all / facts.rate_hz).toFixed(0)} s are shown`,
       );
-    if (!facts.calibrated) said.push("not calibrated");
+    if (!facts.calibrated && facts.unit !== "Pa") said.push("not calibrated");
     said.push(
       ...facts.report,
       ...facts.journal
