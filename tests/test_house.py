@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2002,
     "cli": 6369,
     "study": 6022,
-    "studio": 6044,
+    "studio": 6058,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_816, "benchmarks": 4_500}
+BESIDE = {"tests": 48_821, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
@@ -63,7 +63,7 @@ def test_tests_and_benchmarks_stay_below_their_lines():
     assert {folder: lines for folder, lines in found.items() if lines > BESIDE[folder]} == {}
 
 
-SCRIPTS = 9_630
+SCRIPTS = 9_640
 """Most lines of JavaScript, formatted as Prettier does with 100 columns."""
 
 

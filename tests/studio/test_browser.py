@@ -423,13 +423,17 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!!document.querySelector('#exposure p.bad')", timeout=60)
+    ways = page.page.locator("#exposure").inner_text()
+    assert re.findall(r"(\d+ of 10 people|solve it to see)", ways)[1] == "solve it to see"
+    assert len(re.findall(r"\d+ of 10 people", ways)) == 3
+    assert "--" not in ways, "options of the command line"
     assert page.page.get_by_role("button", name="Attenuate").is_visible()
     assert page.page.locator("#hold").is_disabled()
-    assert "dB too loud" in page.page.locator("#exposure p").first.inner_text()
-    page.page.get_by_role("button", name="on my responsibility").click()
+    assert "dB too loud for unprotected ears: " in page.page.locator("#exposure p").first.inner_text()
+    page.page.get_by_role("button", name="Answer for it").click()
     assert page.page.locator("#hold").is_disabled(), "a name is required"
-    page.page.get_by_label("Or play it on your own responsibility").fill("Ada")
-    page.page.get_by_role("button", name="on my responsibility").click()
+    page.page.get_by_label("Your name").fill("Ada")
+    page.page.get_by_role("button", name="Answer for it").click()
     page.until("document.querySelector('#exposure p').innerText.startsWith('overridden')", timeout=60)
     assert not page.page.locator("#exposure .stop").is_visible(), "nothing plays"
     page.hold_to_play()
@@ -440,8 +444,8 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.page.locator("#exposure").get_by_role("button", name="Close").click()
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!!document.querySelector('#exposure p.bad')", timeout=60)
-    page.page.get_by_label("Or play it on your own responsibility").fill("Ada")
-    page.page.get_by_role("button", name="on my responsibility").click()
+    page.page.get_by_label("Your name").fill("Ada")
+    page.page.get_by_role("button", name="Answer for it").click()
     page.until("document.querySelector('#exposure p').innerText.startsWith('overridden')", timeout=60)
     page.hold_to_play()
     page.until("studio.link.state.player.emitting")
@@ -518,7 +522,7 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     page.until("document.querySelector('#import-title').textContent.includes('whole')", timeout=60)
     page.until("document.querySelector('#import .course polygon')", timeout=60)
     assert page.page.evaluate(names) == []
-    assert page.page.get_by_text("The file states all that is needed.").is_visible()
+    assert page.page.get_by_text("The file gives all values that are needed.").is_visible()
 
 
 def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):

@@ -4,6 +4,7 @@ It checks the lease before every frame or bank switch, and from a thread 200 tim
 port for STOP. When the studio process ends, it silences the array and ends too. It sends the tracked palm to the pages.
 """
 
+import re
 import socket
 import threading
 import time
@@ -28,9 +29,11 @@ from midair.devices import (
     measure_exposure,
 )
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
-from midair.files import load_solution, profile_named, save
+from midair.evaluate import ways_to_play
+from midair.files import load_solution, load_target, profile_named, save
 from midair.model import RATE, Acoustics, Medium
 from midair.physics import PoseBox, middle_of, pose_of
+from midair.pressure_level import band_of, felt_of_drive, level_of
 from midair.rig import (
     Cleared,
     FollowRules,
@@ -329,11 +332,14 @@ class _Player(PlayObserver):
             # The page shows the excess and the possible remedies, so the exposure is measured again.
             found = measure_exposure(drive, rig.array.array, settings.exposure.profile, room=room)
             solved = round(drive.acoustics.medium.degrees, 2)
-            return {"number": 0, "refused": str(wrong), "solved_c": solved, **exposed(found)}
+            said = wrong.verdict or str(wrong)
+            if not order.get("protection"):
+                said = said.replace("dB too loud:", "dB too loud for unprotected ears:")
+            ways = ways_of(path, found.excess)
+            return {"number": 0, "refused": said, "ways": ways, "solved_c": solved, **exposed(found)}
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.checked = {number: one for number, one in self.checked.items() if number in kept}
-        duration = order["repeats"] * drive.frames / drive.rate
-        found = self._found(cleared.clearance, duration, drive.acoustics)
+        found = self._found(cleared.clearance, drive.acoustics)
         self.checked[self.number] = (session, cleared, path)
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
@@ -352,20 +358,18 @@ class _Player(PlayObserver):
         # The drive does not exist yet.
         session = Session(rig=rig, observer=self)
         self.checked = {self.number + 1: (session, solving, Path(order["solve"].take))}
-        found = self._found(clearance, order["repeats"] * pressure.frames / pressure.rate, settings.acoustics)
+        found = self._found(clearance, settings.acoustics)
         # A person answers for all parts, which are checked by now.
         begins = {"verdict": f"first part: {found['verdict']}; each part is checked before it sounds"}
         return found | (begins if how.exposure.override is None else {})
 
-    def _found(self, clearance: ExposureClearance, duration: float, solved: Acoustics) -> dict[str, Any]:
+    def _found(self, clearance: ExposureClearance, solved: Acoustics) -> dict[str, Any]:
         """Return a clearance for the page, with the next number."""
         self.number += 1
         return {
             "number": self.number,
             "outcome": clearance.outcome,
             "verdict": clearance.verdict(),
-            "by": clearance.by,
-            "duration_s": duration,
             "refused": "",
             "solved_c": round(solved.medium.degrees, 2),
             **exposed(clearance.exposure),
@@ -480,13 +484,23 @@ def _choices(order: Mapping[str, Any]) -> ExposureChoices:
     )
 
 
+def ways_of(path: Path, excess: float) -> list[tuple[str, int | None]]:
+    """Ways to play a drive that is `excess` dB too loud, and how many of ten people feel each; None needs a solve."""
+    solution, target = load_solution(path, streamed=True), load_target(path, streamed=True)
+    if target is None:
+        return []
+    whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
+    source = "" if target.provenance.last("draw") else path.name
+    return [
+        (", ".join([way.name, *re.findall(r"\d+dB", way.option)]), way.felt and way.felt.people[0])
+        for way in ways_to_play(whole, excess, source=source)
+    ]
+
+
 def exposed(found: Any) -> dict[str, Any]:
     """Return an exposure for the page: level and limit of each place in dB."""
-    place, _ = found.worst
     return {
-        "worst": place.name,
         "excess_db": round(float(found.excess), 2),
-        "pressure_pa": round(float(found.pressure), 2),
         "profile": found.profile.name,
         "heat": found.heat,
         "measured_in": found.measured_in,

@@ -3,6 +3,8 @@
 
 import { buttonOf, field, make, openModal, table, tried, whenHeld } from "/web/dom.js";
 import { palmView } from "/web/palm-view.js";
+import { solveTake } from "/web/jobs.js";
+import { takeOf } from "/web/take.js";
 import { heatWarning } from "/web/warnings.js";
 
 /** `correct`: with phases corrected for the air of the room. */
@@ -89,6 +91,7 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
         `${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`,
     ),
     verdict,
+    refused,
     hot,
     places,
     measured,
@@ -118,7 +121,6 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
       ),
     ),
     palm,
-    refused,
     make(
       "div.buttons",
       {},
@@ -169,34 +171,42 @@ export function askToPlay(studio, take, correct = false, solve = undefined) {
     hold.disabled = !clearance || !link.controls;
     refused.replaceChildren();
     if (!found.refused) return;
-    const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
-    refused.append(
-      make(
-        "div.buttons",
-        {},
-        buttonOf("Attenuate to meet the profile", "Plays more weakly, within the limits", () => {
-          given.attenuate = true;
-          given.override = "";
-          return check();
+    const name = make("input", { type: "text", autocomplete: "off", "aria-label": "Your name" });
+    name.placeholder = "your name";
+    const again = how => (Object.assign(given, { attenuate: false, override: "" }, how), check()),
+      answer = () =>
+        name.value.trim()
+          ? again({ override: name.value })
+          : ((name.required = true), name.reportValidity());
+    /** What a page offers for each way; none is taken by itself. */
+    const acts = {
+      "protect all ears in the room": [
+        buttonOf("State it", "Its attenuation in dB, worn by everyone here", () => protection.focus()),
+      ],
+      "solve for quiet ears": [
+        buttonOf("Solve quiet", "Another drive, at most 110 dB at the ears", async () => {
+          dialog.close();
+          const made = await solveTake(link, { take: takeOf(take), mode: "quiet" });
+          if (made) studio.go("reproduce", made.take);
         }),
-      ),
-      field("Or play it on your own responsibility", name, "Your name is logged with the play"),
-      make(
-        "div.buttons",
-        {},
-        buttonOf(
-          "Play above the profile on my responsibility",
-          "Needs your name; wear hearing protection",
-          () => {
-            if (name.value.trim()) {
-              given.override = name.value;
-              given.attenuate = false;
-              return check();
-            }
-            name.required = true;
-            return name.reportValidity();
-          },
-        ),
+      ],
+      "play it weaker": [
+        buttonOf("Attenuate", "Weaker, within the limits", () => again({ attenuate: true })),
+      ],
+      "answer for it by name": [
+        name,
+        buttonOf("Answer for it", "Logged with your name; wear ear protection", answer),
+      ],
+    };
+    refused.append(
+      table(
+        ["what you can do", "felt by", ""],
+        found.ways.map(([way, people]) => [
+          way,
+          people === null ? "solve it to see" : `${people} of 10 people`,
+          make("div.buttons", {}, ...acts[way.split(",")[0]]),
+        ]),
+        3,
       ),
     );
   }
