@@ -515,6 +515,8 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     page.page.get_by_role("textbox", name="Rate").press("Tab")
     page.until("!document.querySelector('#import .main').disabled")
     assert "--rate=2kHz --channels=0" in page.page.locator("#import pre").inner_text()
+    labels = "[...document.querySelectorAll('#import [aria-label]')].map((one) => one.ariaLabel)"
+    assert not [label for label in page.page.evaluate(labels) if "/" in label], "the folder of the upload"
     if kept := os.environ.get("MIDAIR_PICTURES"):
         page.page.screenshot(path=f"{kept}/import-asks.png")
     page.page.locator("#import").get_by_role("button", name="Cancel", exact=True).click()

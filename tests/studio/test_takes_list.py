@@ -37,6 +37,7 @@ def test_further_drives_belong_to_their_take(takes):
     drives = [(each["name"], each["played"]) for each in rows["a.h5"]["drives"]]
     assert drives == [("a.h5@best-2", False), ("a.h5@paper", True)]
     assert takes.drives("a.h5@paper") == ["a.h5", "a.h5@best-2", "a.h5@paper"]
+    assert takes.folder.free("my fabric (1)", ".wav").name == "my fabric_1.wav"
     free = [takes.free_drive("a.h5", mode) for mode in ("best", "paper", "quick")]
     assert free == ["a.h5@best", "a.h5@paper-2", "a.h5@quick"]
     takes.rename("a.h5@paper", "c")

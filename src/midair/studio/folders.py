@@ -100,7 +100,7 @@ class StudioFolder:
 
     def free(self, stem: str, ending: str) -> Path:
         """Return a path of a name that a page sent, with a number if that of a file or of those beside one is taken."""
-        plain = re.sub(r"[^\w -]+", "_", unicodedata.normalize("NFC", stem)).strip("_ -")[:60] or "recording"
+        plain = re.sub(r" *[^\w -]+", "_", unicodedata.normalize("NFC", stem)).strip("_ -")[:60] or "recording"
         own, number = plain, 0
         while (self.path / own).exists() or any(self.path.glob(f"{own}.*")):
             number += 1

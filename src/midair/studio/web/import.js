@@ -109,7 +109,7 @@ function ask(link, dialog, file) {
     more = make("details", {}, make("summary", {}, "More options")),
     told = make("p.quiet", {}, ""),
     ended = new AbortController(),
-    film = new PalmFilm(file, ended.signal),
+    film = new PalmFilm(file.split("/").at(-1), ended.signal),
     seen = make("div.column", { hidden: true }, playerOf(film), said),
     bar = make("progress", { "aria-label": "reading the file" });
   dialog.addEventListener("close", () => (ended.abort(), film.still()), { once: true });
@@ -215,7 +215,7 @@ function ask(link, dialog, file) {
     );
     seen.hidden = false;
     seen.classList.remove("old");
-    await film.fill(course.film, course, `waveform of ${file} over ${seconds} s`);
+    await film.fill(course.film, course, `waveform of ${file.split("/").at(-1)} over ${seconds} s`);
   }
   const show = () => bring(false);
   dialog

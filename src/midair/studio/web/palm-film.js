@@ -144,7 +144,7 @@ export function playerOf(film) {
     button.textContent = film.playing ? "Pause" : "Play";
     time.max = seconds;
     time.value = film.at ?? 0;
-    at.textContent = film.at === null ? "rms of all" : `${film.at.toFixed(2)} s`;
+    at.textContent = film.at === null ? "whole touch" : `${film.at.toFixed(2)} s`;
   };
   return make("div.player", {}, film.canvas, make("div.row", {}, button, time, at));
 }

@@ -143,7 +143,7 @@ export default class Compare {
             this.beside,
             this.spent,
             this.pressed,
-            this.card,
+            make("details", {}, make("summary", {}, "Details"), this.card),
           ),
         ),
       ),
