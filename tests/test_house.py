@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2002,
     "cli": 6369,
     "study": 6022,
-    "studio": 6058,
+    "studio": 6059,
     "sweep": 502,
     "paper": 425,
 }

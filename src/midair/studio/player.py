@@ -501,6 +501,7 @@ def exposed(found: Any) -> dict[str, Any]:
     """Return an exposure for the page: level and limit of each place in dB."""
     return {
         "excess_db": round(float(found.excess), 2),
+        "pressure_pa": round(float(found.pressure), 2),
         "profile": found.profile.name,
         "heat": found.heat,
         "measured_in": found.measured_in,
