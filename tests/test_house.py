@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2002,
     "cli": 6369,
     "study": 6022,
-    "studio": 6059,
+    "studio": 6062,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_824, "benchmarks": 4_500}
+BESIDE = {"tests": 48_828, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -12,7 +12,7 @@ from tests.waiting import wait_until
 
 from midair.cli import run
 from midair.devices import PlayLease
-from midair.errors import DeviceError, DeviceStateError, StoppedError
+from midair.errors import DeviceError, DeviceStateError, ExposureError, StoppedError
 from midair.files import DEFAULT_PROFILE, load_solution
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance
 from midair.rig import record
@@ -76,6 +76,10 @@ def test_a_take_plays_while_it_is_solved_and_leaves_its_drive(tmp_path, device):
     player = _Player(StudioPipe(Pipe()[1]), lease, device, 0)
     play = {"do": "play", "masked": False, "output": "", "token": lease.arm(lasts=10.0)}
     with player.held, player.solver:
+        if device != "virtual":
+            # In words of the page, without options of a command.
+            with pytest.raises(ExposureError, match=r"dB too loud: .* limit 110 dB; solve it to see what you can do"):
+                player.act(admit | CHECKED)
         found = player.act(admit | CHECKED | {"protection": 40.0})
         assert "each part is checked before it sounds" in found["verdict"]
         lease.stop()

@@ -192,7 +192,7 @@ class _LiveSupervisor:
             profile = order.exposure.profile
             airs = airs_of_room(order.exposure.room, profile.places, array)
             found = greatest_exposure(array, order.level, profile, rate=RATE, airs=airs)
-            return {"number": 0, "refused": str(wrong), **exposed(found)}
+            return {"number": 0, "refused": wrong.verdict or str(wrong), **exposed(found)}
         self._number += 1
         self._checked = {self._number: order}
         return {

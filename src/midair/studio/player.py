@@ -354,7 +354,10 @@ class _Player(PlayObserver):
         else:
             rig = replace(self._real_rig(), settings=how)
         solving = SolvedAhead(pressure, transducers, rig.array, settings, how, path)
-        clearance = self.solver.enter_context(solving).first_part()
+        try:
+            clearance = self.solver.enter_context(solving).first_part()
+        except ExposureError as wrong:
+            raise ExposureError(f"{wrong.verdict or wrong}; solve it to see what you can do") from None
         # The drive does not exist yet.
         session = Session(rig=rig, observer=self)
         self.checked = {self.number + 1: (session, solving, Path(order["solve"].take))}
