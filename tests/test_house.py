@@ -29,10 +29,10 @@ LINES = {
     "solvers": 4387,
     "files": 4370,
     "devices": 7872,
-    "rig": 8687,
+    "rig": 8700,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6369,
+    "cli": 6371,
     "study": 6022,
     "studio": 6062,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_828, "benchmarks": 4_500}
+BESIDE = {"tests": 48_830, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .correction.drive_rerecording import settings_of_rerecording as settings_of_rerecording
     from .correction.iteration import Stage as Stage
     from .correction.iteration import no_progress as no_progress
+    from .correction.laboratory import laboratory_of_drive as laboratory_of_drive
     from .correction.laboratory import laboratory_of_loop as laboratory_of_loop
     from .correction.loop_report import view_of_loop as view_of_loop
     from .correction.loop_report import write_report as write_report

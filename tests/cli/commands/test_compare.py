@@ -97,6 +97,7 @@ def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
     assert 0.05 < told["palm"]["outside"] < 1
     assert len(told["palm"]["sdr_displacement_db"]) == 4
     assert told["verdict"]["lines"]["felt"].startswith("by about ")
+    assert "array measured" in told["verdict"]["lines"]["laboratory"]
 
 
 @pytest.mark.long

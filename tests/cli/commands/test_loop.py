@@ -28,7 +28,8 @@ def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys):
     assert errors == sorted(errors, reverse=True)
     assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in answer["perception"]}
     page = Path(answer["report"]).read_text(encoding="utf-8")
-    for words in ("SIMULATED", "Perceptual metrics", "of each pass", "do not notice"):
+    assert "array measured" in answer["verdict"]["lines"]["laboratory"]
+    for words in ("SIMULATED", "Perceptual metrics", "of each pass", "do not notice", "In a real laboratory"):
         assert words in page
 
 

@@ -9,7 +9,7 @@ from midair.cli.console import print_note, progress_bars, verbosity
 from midair.cli.options import BandOptions, Force, Json, Reflection, Seed, Spread
 from midair.cli.output import may_write, print_table
 from midair.errors import InputError
-from midair.evaluate import PalmFidelity, Verdict, compare, metrics_or_none
+from midair.evaluate import LaboratoryLoss, PalmFidelity, Verdict, compare, metrics_or_none
 from midair.files import DRIVE_SUFFIX, OpenedTake, atomic_file, load_palm, load_solution, open_take, write_file
 from midair.model import Palm
 from midair.settings import Settings
@@ -35,7 +35,7 @@ def compare_command(
 ) -> None:
     """Compare a re-recording or a drive with its original recording.
 
-    Prints what a palm would feel and what to change, then waveform, spectrum, level, place and delay.
+    Prints what a palm would feel and what to change; of a drive also what a real laboratory would leave.
     The files state which of the two is the original.
     Band, rate, lead and the part of the original are read from the re-recording.
     The band filter is applied to the original once more, since a re-recording passes it twice.
@@ -71,11 +71,12 @@ def compare_command(
             ffmpeg()
     original, reproduced = _in_order(original, reproduced)
     told: PalmFidelity | None = None
+    laboratory: LaboratoryLoss | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         if options not in (None, BandOptions()):
             raise InputError("--band, --rate: expected a recording as second file, got a drive, which has them")
         virtual = rig.VirtualRig(seed=seed, spread=spread, reflection=reflection)
-        settings, take, told = _played(original, reproduced, palm, virtual, film)
+        settings, take, told, laboratory = _played(original, reproduced, palm, virtual, film)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
@@ -95,7 +96,7 @@ def compare_command(
         card = metrics_or_none(before, after)
         done(3, 3)
     option = rig.next_step(comparison.gain, Settings.of(take.recording.provenance))
-    verdict = Verdict.of(comparison, after, card, option=option)
+    verdict = Verdict.of(comparison, after, card, option=option, laboratory=laboratory)
     if report is not None:
         check_size(shown := show_comparison(before, after))
         tables = [("All numbers", comparison_lines(comparison, card))]
@@ -135,8 +136,8 @@ def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
 
 def _played(
     original: Path, drive_file: Path, palm: Path | None, virtual: rig.VirtualRig, film: Path | None
-) -> tuple[Settings, OpenedTake, PalmFidelity]:
-    """Settings of a drive, its re-recording by a virtual sensor, and its fidelity on a whole palm."""
+) -> tuple[Settings, OpenedTake, PalmFidelity, LaboratoryLoss]:
+    """Settings of a drive, its re-recording by a virtual sensor, and what a whole palm and a laboratory get of it."""
     drive = load_solution(drive_file).drive
     settings = Settings.of(drive.provenance)
     if settings is None:
@@ -170,4 +171,5 @@ def _played(
             made = film_of_palm(groups, rate=frames.rate)
             with atomic_file(film) as partial:
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-    return settings, heard, pressed.fidelity(judged=judged, band=band)
+        laboratory = rig.laboratory_of_drive(asked, drive, settings, judged[1], progress=stage("laboratory"))
+    return settings, heard, pressed.fidelity(judged=judged, band=band), laboratory

@@ -91,7 +91,7 @@ def demo_command(
                 loop = go_round(original, each, opened, corrections=corrections, stage=stage)
             palm = rig.palm_of_loop(loop, virtual, options.outline(), progress=stage("palm"))
             outcomes.append(rig.Outcome.of(loop, palm=palm, name=name))
-        laboratory = rig.laboratory_of_loop(outcomes[0].loop, virtual, progress=stage("laboratory"))
+        laboratory = rig.laboratory_of_loop(outcomes[0].loop, progress=stage("laboratory"))
         outcomes[0] = replace(outcomes[0], verdict=replace(outcomes[0].verdict, laboratory=laboratory))
         _write_files(outcomes, output, object_name, laboratory, stage("draw"))
     _print(outcomes, output, laboratory)

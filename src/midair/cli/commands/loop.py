@@ -12,7 +12,7 @@ from midair.cli.output import may_write, pressure_lines, print_table
 from midair.errors import InputError
 from midair.evaluate import TOUCHED
 from midair.pressure_level import level_of
-from midair.rig import Outcome, PlaySettings, VirtualRig, laboratory_of_loop, open_rig, pressure_of, write_report
+from midair.rig import Outcome, PlaySettings, laboratory_of_loop, open_rig, pressure_of, write_report
 from midair.rig import loop as go_round
 from midair.table import Details, Line
 
@@ -88,7 +88,7 @@ def loop_command(
         loop = go_round(original, settings, opened, stage=stage, **passes)
         outcome, laboratory = Outcome.of(loop), None
         if playing.device == "virtual":
-            laboratory = laboratory_of_loop(loop, VirtualRig(), progress=stage("laboratory"))
+            laboratory = laboratory_of_loop(loop, progress=stage("laboratory"))
             outcome = replace(outcome, verdict=replace(outcome.verdict, laboratory=laboratory))
         how: Any = {"beside": (outcome,), "laboratory": laboratory, "progress": stage("draw")}
         write_report(loop, target, source=str(source), commands=(verbosity().line,), **how)

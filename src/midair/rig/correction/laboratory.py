@@ -35,6 +35,7 @@ from midair.physics import (
 )
 from midair.rig.correction.correction_loop import Loop
 from midair.rig.names.sensor_names import VirtualRig
+from midair.settings import Settings
 
 LONGEST = 0.1
 """Duration of the compared part in s, from the middle of a longer one."""
@@ -134,20 +135,31 @@ def laboratory_loss(
     )
 
 
-def laboratory_of_loop(loop: Loop, rig: VirtualRig, *, progress: Progress | None = None) -> LaboratoryLoss:
-    """Loss of a loop's last pass in a laboratory with the default uncertainties, from few draws."""
-    last, original = loop.passes[-1], loop.original
+def laboratory_of_drive(
+    asked: PressureFrames, drive: Drive, settings: Settings, judged: float, *, progress: Progress | None = None
+) -> LaboratoryLoss:
+    """Loss of a drive in a laboratory with the default uncertainties, from few draws.
+
+    `asked` is the target pressure on the cells, from the drive's first frame; its middle `judged` s are compared.
+    """
     return laboratory_loss(
-        last.asked,
-        last.reproduction.solution.drive,
+        asked,
+        drive,
         Laboratory(),
-        sensor=replace(rig, cells=original.sensor).sensor_model,
-        grid=loop.settings.target.grid,
-        judged=((last.asked.frames - original.frames) / 2 / original.rate, original.frames / original.rate),
-        band=loop.settings.calibration.band,
+        sensor=VirtualRig(cells=asked.sensor).sensor_model,
+        grid=settings.target.grid,
+        judged=((asked.frames / asked.rate - judged) / 2, judged),
+        band=settings.calibration.band,
         draws=(4, 16),
         progress=progress,
     )
+
+
+def laboratory_of_loop(loop: Loop, *, progress: Progress | None = None) -> LaboratoryLoss:
+    """Loss of a loop's last pass in a laboratory, as `laboratory_of_drive`."""
+    last, original = loop.passes[-1], loop.original
+    judged = original.frames / original.rate
+    return laboratory_of_drive(last.asked, last.reproduction.solution.drive, loop.settings, judged, progress=progress)
 
 
 def _stated(name: str, value: float) -> str:
