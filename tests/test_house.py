@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2002,
     "cli": 6371,
     "study": 6022,
-    "studio": 6062,
+    "studio": 6063,
     "sweep": 502,
     "paper": 425,
 }

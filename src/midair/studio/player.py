@@ -340,6 +340,7 @@ class _Player(PlayObserver):
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.checked = {number: one for number, one in self.checked.items() if number in kept}
         found = self._found(cleared.clearance, drive.acoustics)
+        found["duration_s"] = order["repeats"] * drive.frames / drive.rate
         self.checked[self.number] = (session, cleared, path)
         self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
         return found
