@@ -70,10 +70,10 @@ def test_a_drive_for_a_real_array_takes_its_stored_calibration(solved, monkeypat
     shown = facts(TakeData(take=solved.take, drive=request.drive))["drive"]
     assert f"({drive.provenance.last('solve')['array_calibration']}), " in shown["array_calibration"]
     # The felt line is that of `midair info`.
-    felt = next(row for row in describe_drive(Path(request.drive))[1] if getattr(row, "name", "") == "felt")
+    felt = next(row for row in describe_drive(Path(request.drive))[1] if getattr(row, "name", "") == "predicted")
     assert [name for name, _ in shown["verdict"]] == ["felt, predicted", "pressure", "left out"]
-    assert shown["verdict"][0][1] == felt.text
-    assert shown["verdict"][2][1].endswith(" Hz, the slow press")
+    assert f"felt {shown['verdict'][0][1]}" == felt.text
+    assert shown["verdict"][2][1].startswith("the slow press below ")
     # The form shows the settings as they were chosen.
     assert (shown["settings"]["mode"], shown["settings"]["method"]) == ("paper", "fast")
     plain = replace(request, array_calibration=Path("none"), drive=str(tmp_path / "plain.drive.h5"))
