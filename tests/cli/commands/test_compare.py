@@ -98,6 +98,9 @@ def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
     assert len(told["palm"]["sdr_displacement_db"]) == 4
     assert told["verdict"]["lines"]["felt"].startswith("by about ")
     assert "array measured" in told["verdict"]["lines"]["laboratory"]
+    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--fixed-place", "--json"]) == 0
+    fixed = json.loads(capsys.readouterr().out)["verdict"]["laboratory_db"]
+    assert all(ratio < told["verdict"]["laboratory_db"][name] for name, ratio in fixed.items())
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from midair import rig
 from midair.cli.comparisons import comparison_lines, palm_lines, plain, verdict_lines
@@ -76,7 +77,7 @@ def compare_command(
         if options not in (None, BandOptions()):
             raise InputError("--band, --rate: expected a recording as second file, got a drive, which has them")
         virtual = rig.VirtualRig(seed=seed, spread=spread, reflection=reflection)
-        settings, take, told, laboratory = _played(original, reproduced, palm, virtual, film)
+        settings, take, told, laboratory = _played(original, reproduced, palm, virtual, film, fixed_place)
     else:
         for option, given in (("--palm", palm), ("--film", film)):
             if given is not None:
@@ -135,7 +136,7 @@ def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
 
 
 def _played(
-    original: Path, drive_file: Path, palm: Path | None, virtual: rig.VirtualRig, film: Path | None
+    original: Path, drive_file: Path, palm: Path | None, virtual: rig.VirtualRig, film: Path | None, fixed_place: bool
 ) -> tuple[Settings, OpenedTake, PalmFidelity, LaboratoryLoss]:
     """Settings of a drive, its re-recording by a virtual sensor, and what a whole palm and a laboratory get of it."""
     drive = load_solution(drive_file).drive
@@ -171,5 +172,6 @@ def _played(
             made = film_of_palm(groups, rate=frames.rate)
             with atomic_file(film) as partial:
                 (write_mp4 if film.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
-        laboratory = rig.laboratory_of_drive(asked, drive, settings, judged[1], progress=stage("laboratory"))
+        how: Any = {"fixed_place": fixed_place, "progress": stage("laboratory")}
+        laboratory = rig.laboratory_of_drive(asked, drive, settings, judged[1], **how)
     return settings, heard, pressed.fidelity(judged=judged, band=band), laboratory

@@ -88,7 +88,7 @@ def loop_command(
         loop = go_round(original, settings, opened, stage=stage, **passes)
         outcome, laboratory = Outcome.of(loop), None
         if playing.device == "virtual":
-            laboratory = laboratory_of_loop(loop, progress=stage("laboratory"))
+            laboratory = laboratory_of_loop(loop, fixed_place=fixed_place, progress=stage("laboratory"))
             outcome = replace(outcome, verdict=replace(outcome.verdict, laboratory=laboratory))
         how: Any = {"beside": (outcome,), "laboratory": laboratory, "progress": stage("draw")}
         write_report(loop, target, source=str(source), commands=(verbosity().line,), **how)

@@ -136,11 +136,12 @@ def laboratory_loss(
 
 
 def laboratory_of_drive(
-    asked: PressureFrames, drive: Drive, settings: Settings, judged: float, *, progress: Progress | None = None
+    asked: PressureFrames, drive: Drive, settings: Settings, judged: float, **how: Any
 ) -> LaboratoryLoss:
     """Loss of a drive in a laboratory with the default uncertainties, from few draws.
 
-    `asked` is the target pressure on the cells, from the drive's first frame; its middle `judged` s are compared.
+    `asked` is the target pressure on the cells, from the drive's first frame; its middle `judged` s are compared. `how`
+    is `fixed_place` and `progress` of `laboratory_loss`.
     """
     return laboratory_loss(
         asked,
@@ -151,15 +152,15 @@ def laboratory_of_drive(
         judged=((asked.frames / asked.rate - judged) / 2, judged),
         band=settings.calibration.band,
         draws=(4, 16),
-        progress=progress,
+        **how,
     )
 
 
-def laboratory_of_loop(loop: Loop, *, progress: Progress | None = None) -> LaboratoryLoss:
+def laboratory_of_loop(loop: Loop, **how: Any) -> LaboratoryLoss:
     """Loss of a loop's last pass in a laboratory, as `laboratory_of_drive`."""
     last, original = loop.passes[-1], loop.original
     judged = original.frames / original.rate
-    return laboratory_of_drive(last.asked, last.reproduction.solution.drive, loop.settings, judged, progress=progress)
+    return laboratory_of_drive(last.asked, last.reproduction.solution.drive, loop.settings, judged, **how)
 
 
 def _stated(name: str, value: float) -> str:
