@@ -115,11 +115,12 @@ def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLe
     first = int(np.argmax(power[count:] - power[:-count])) if len(power) > count else 0
     part = replace(target, amplitude=read_frames(target.amplitude, first, min(first + count, target.frames)))
     medium, grid = solution.drive.acoustics.medium, target.grid
-    cells = wanted_pressure(part, medium)
-    pressure, pitch = cells.pressure, cells.sensor.pitch
     if target.provenance.last("draw"):
         # Cells would spread a focus; only a recording was made by cells.
         pressure, pitch = radiation_pressure(part.amplitude[:], medium).reshape(-1, grid.rows, grid.columns), grid.pitch
+    else:
+        cells = wanted_pressure(part, medium)
+        pressure, pitch = cells.pressure, cells.sensor.pitch
     return felt(pressure, target.rate, pitch).at(20 * float(np.log10(max(level.comes, 1e-9))))
 
 

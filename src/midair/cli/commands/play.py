@@ -158,12 +158,15 @@ def play_command(
         files.save(heard, target, calibration=played.take.calibration, force=True)
         answer = f"played {part:.4g} s on the virtual array"
         ears = ("ears", f"on a real array {too_loud(found.sound_excess)}")
-        came = rig.rerecorded_pressure(played.take, played.drive)
-        by: Line = ("felt", str(felt(came.pressure, came.rate, came.sensor.pitch)))
+        if played.drive.provenance.last("draw"):
+            # Cells would spread the foci of a drawing.
+            by = describe_drive(source)[1][0]
+        else:
+            came = rig.rerecorded_pressure(played.take, played.drive)
+            by = ("felt", str(felt(came.pressure, came.rate, came.sensor.pitch)))
         table = [
             ("re-recorded", str(target)),
-            # Cells would spread the foci of a drawing.
-            describe_drive(source)[1][0] if played.drive.provenance.last("draw") else by,
+            by,
             Details([("silencer", str(heard.provenance.steps[-1].settings["silencer"]))]),
         ]
     if played.reaction is not None:
