@@ -31,14 +31,11 @@ def main() -> None:
     parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
     parser.add_argument("--frames", type=int, default=1200, help="frames of a sequence (default 1200)")
     parser.add_argument("--plain-frames", type=int, default=100, help="frames for the slow solvers (default 100)")
-    parser.add_argument(
-        "--yardstick", help="file with paper_lm (default $MIDAIR_YARDSTICK, ../shared/baseline/paper_lm.py)"
-    )
     parser.add_argument("--methods", nargs="*", default=[*METHODS, *PUBLISHED], help="names of solvers (default all)")
     options = parser.parse_args()
     if min(options.frames, options.plain_frames) < 40:
         parser.error("--frames and --plain-frames: expected 40 or more, because the first ten frames are ignored")
-    name, reference = plain(options.yardstick)
+    name, reference = plain()
     spot, stroke = problem_of(moving_blob(options.frames), 0.1), towel(options.frames, 0.1)
     print(load())
     with one_blas_thread():

@@ -26,7 +26,7 @@ from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
 from midair.pipeline import reproduce, required_lead
 from midair.recordings import Footprint, footprint_field
-from midair.settings import Mode, paper_mode
+from midair.settings import paper_mode
 from midair.solvers import one_blas_thread
 from midair.targets import add_lead
 
@@ -41,16 +41,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.real_objects", description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=DATA, help="folder with fabricslide, hapmat and audio-to-tactile")
     parser.add_argument("--part", choices=("fidelity", "materials"), nargs="*", default=["fidelity", "materials"])
-    parser.add_argument(
-        "--mode", choices=("best", "quick"), default="best", help="mode to compare with the paper's (default best)"
-    )
     options = parser.parse_args()
     print(load())
     with one_blas_thread(), TemporaryDirectory() as folder:
         if "fidelity" in options.part:
-            fidelity(takes(options.data, Path(folder)), options.mode)
+            fidelity(takes(options.data, Path(folder)))
         if "materials" in options.part:
-            materials(options.data, Path(folder), options.mode)
+            materials(options.data, Path(folder))
 
 
 def takes(data: Path, folder: Path) -> list[str]:
@@ -82,9 +79,9 @@ def kept(recording: Recording, path: Path) -> Path:
     return path
 
 
-def fidelity(things: list[str], mode: Mode) -> None:
+def fidelity(things: list[str]) -> None:
     """Print the table of `midair paper --fidelity`, and the fidelity on the skin with nominal transducers."""
-    plan = FidelityPlan(things=tuple(things), paper=paper_mode().but(method="glide"), mode=mode, passes=0)
+    plan = FidelityPlan(things=tuple(things), paper=paper_mode().but(method="glide"), passes=0)
     rows = iter(fidelity_table(plan).rows)
     for thing in things:
         for settings in plan.modes.values():
@@ -107,13 +104,13 @@ def fidelity(things: list[str], mode: Mode) -> None:
             )
 
 
-def materials(data: Path, folder: Path, mode: Mode) -> None:
+def materials(data: Path, folder: Path) -> None:
     """Print the classification of seven fabrics at 50 mm/s, with three to six strokes each."""
     below = folder / "fabrics"
     below.mkdir()
     for path in sorted((data / "fabricslide" / "fabric").glob("*50mmps_?.csv")):
         kept(fast(open_take(path).recording), below / f"{path.stem}.h5")
-    print_materials(MaterialsPlan(folder=below, mode=mode))
+    print_materials(MaterialsPlan(folder=below))
 
 
 if __name__ == "__main__":

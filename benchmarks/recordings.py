@@ -133,7 +133,7 @@ def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Pr
 
 def paper(plain_frames: int, seconds: float) -> None:
     """Glide, fast and the plain form in the paper's mode."""
-    name, reference = plain(None)
+    name, reference = plain()
     settings = paper_mode()
     for label, pressure in sequences(settings, seconds):
         asked = problem(pressure, settings, 0.1)

@@ -17,9 +17,9 @@ Plain = Callable[[np.ndarray, np.ndarray, int, "np.ndarray | None"], np.ndarray]
 """(G, p, iterations, initial x) -> x = [theta, psi]."""
 
 
-def plain(path: str | None) -> tuple[str, Plain]:
-    """Name and function of the plain form."""
-    file = Path(path or os.environ.get("MIDAIR_YARDSTICK", "../shared/baseline/paper_lm.py"))
+def plain() -> tuple[str, Plain]:
+    """Name and function of the plain form: paper_lm of the file $MIDAIR_YARDSTICK, if there is one."""
+    file = Path(os.environ.get("MIDAIR_YARDSTICK", "../shared/baseline/paper_lm.py"))
     if not file.exists():
         return "lm (no yardstick found)", _own
     spec = importlib.util.spec_from_file_location("yardstick", file)
