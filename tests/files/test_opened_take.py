@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError, MismatchError, NonFiniteError, ShapeError, UnitError
+from midair.errors import InputError, MismatchError, ShapeError, UnitError
 from midair.files.opened_take import ImportedData, ImportOptions
 from midair.model import SensorGrid
-from midair.recordings import Mending
 
 
 @pytest.fixture
@@ -67,26 +66,3 @@ def test_a_scale_makes_pressure_of_any_number(path):
     for scale in (0.0, np.nan):
         with pytest.raises(InputError, match="other than 0 Pa"):
             ImportOptions(scale=scale)
-
-
-def test_gaps_are_refused_or_filled_and_reported(path):
-    samples = np.ones((200, 16))
-    samples[50:53, 2] = np.nan
-    file = ImportedData(samples=samples, form="bin", rate=1000.0, units=samples.shape[1] * ("V",))
-    with pytest.raises(NonFiniteError, match="midair import --mend"):
-        file.resolve(ImportOptions(), path)
-    seen = file.resolve(ImportOptions(mending=Mending(longest=5e-3)), path)
-    assert (seen.recording.samples == 1).all()
-    assert seen.report[-1] == (
-        "3 numbers were missing in 1 gaps and were interpolated, the longest 3 ms from 0.05 s on in channel 2."
-    )
-    assert [(row.kind, row.frame, row.frames, row.channel) for row in seen.journal] == [("mended", 50, 3, 2)]
-    step = seen.recording.provenance.steps[-1]
-    assert step.stage == "mend"
-    assert dict(step.settings) == {
-        "longest_s": 5e-3,
-        "fill": "spectrum",
-        "gaps": 1,
-        "numbers": 3,
-        "channel_frame_frames": ((2, 50, 3),),
-    }

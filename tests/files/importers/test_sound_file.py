@@ -149,21 +149,11 @@ def test_full_scale_can_be_a_pressure(foreign):
     assert seen.recording.provenance.steps[0].settings["scale_pa"] == 30
 
 
-LOSSLESS = [("a.flac", "FLAC", "PCM_24"), ("a.aiff", "AIFF", "PCM_16"), ("a.aif", "AIFF", "PCM_24")]
 LOSSY = [("a.ogg", "VORBIS"), ("a.mp3", "MPEG_LAYER_III")]
 
 
 def tone(seconds=0.5, rate=8000):
     return 0.5 * np.sin(2 * np.pi * 150 * np.arange(int(seconds * rate)) / rate)
-
-
-@pytest.mark.parametrize(("name", "form", "subtype"), LOSSLESS)
-def test_lossless_samples_are_a_part_of_full_scale(tmp_path, name, form, subtype):
-    soundfile.write(tmp_path / name, np.stack([tone(), -tone()], axis=1), 8000, subtype=subtype, format=form)
-    taken = open_take(tmp_path / name, scale=30.0, channels=("0",))
-    assert taken.recording.rate == 8000
-    np.testing.assert_allclose(taken.recording.samples[:, 0, 0], 30 * tone(), atol=30 * 2.0**-15)
-    assert "was taken as 30 Pa" in " ".join(taken.report)
 
 
 @pytest.mark.parametrize(("name", "subtype"), LOSSY)
@@ -176,10 +166,8 @@ def test_lossy_samples_are_close_and_reported(tmp_path, name, subtype):
     assert "lossy" in " ".join(taken.report)
 
 
-def test_missing_facts_and_damage_are_named(tmp_path):
+def test_damage_is_named(tmp_path):
     soundfile.write(tmp_path / "a.flac", tone(2.0), 8000)
-    with pytest.raises(UnitError, match="unit"):
-        open_take(tmp_path / "a.flac")
     whole = (tmp_path / "a.flac").read_bytes()
     (tmp_path / "b.flac").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(BrokenFileError):

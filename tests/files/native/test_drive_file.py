@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midair.devices import intensity_bytes, phase_bytes
-from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
+from midair.errors import BrokenFileError, MismatchError, NonFiniteError
 from midair.files import load_solution, load_target, save_solution, save_solutions
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
 from midair.streaming import LazyFrames
@@ -40,23 +40,11 @@ def test_returns_the_target(path, target):
     assert (again.rate, again.grid, again.provenance) == (target.rate, target.grid, target.provenance)
 
 
-def test_returns_none_without_target(solution, tmp_path):
-    save_solution(solution, tmp_path / "a.drive.h5")
-    assert load_target(tmp_path / "a.drive.h5") is None
-
-
 def test_refuses_the_target_of_other_frames(solution, target, tmp_path):
     other = AmplitudeFrames(amplitude=target.amplitude[:3], rate=1000, grid=target.grid)
     with pytest.raises(MismatchError, match="expected 4 frames at 1000 Hz as in the drive, got 3"):
         save_solution(solution, tmp_path / "a.drive.h5", target=other)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_refuses_another_ending_and_a_missing_file(solution, tmp_path):
-    with pytest.raises(UnknownFormatError, match=r"ends in \.drive\.h5"):
-        save_solution(solution, tmp_path / "a.h5")
-    with pytest.raises(MissingFileError):
-        load_solution(tmp_path / "a.drive.h5")
 
 
 def with_phases_in_radians(path, phase):

@@ -98,7 +98,3 @@ def test_numbers_that_mean_nothing_are_refused(name, value, tmp_path):
         file[name][0] = value
     with pytest.raises(BrokenFileError, match=r"live\.h5: (events: expected|expected event_kind 0 to)"):
         load(tmp_path / "live.h5")
-
-
-def test_a_file_without_a_journal_has_no_events():
-    assert journal_from({}) == ((), ())

@@ -114,6 +114,20 @@ def test_frames_of_live_touch_are_cut_with_what_was_played(options, recording, t
         assert load(path).frames == frames / 2
 
 
+def test_frames_need_played_values_only_with_an_array(options, recording, tmp_path):
+    array, frames = TransducerArray.autd3(columns=1, rows=1), recording.samples[:4]
+    played = {"phase_steps": np.zeros((4, array.count), np.uint8), "intensity": np.zeros(4, np.uint8)}
+    played |= {"instant": np.zeros(4, np.int64), "state": np.zeros(4, np.int8)}
+    with RecordingWriter(tmp_path / "plain.h5", **options) as file:
+        file.append(frames)
+        with pytest.raises(FileError, match="without the values played"):
+            file.append(frames, played)
+    assert load_played(tmp_path / "plain.h5") is None
+    writer = RecordingWriter(tmp_path / "take.h5", **options, array=array)
+    with writer as file, pytest.raises(FileError, match="with the values played"):
+        file.append(frames)
+
+
 def test_closes_in_order_on_an_error_and_refuses_what_is_wrong(recording, options, tmp_path, alike):
     path = tmp_path / "live.h5"
 
