@@ -76,6 +76,7 @@ def test_control_characters_in_warnings_of_libraries_are_escaped(capsys, monkeyp
     assert "stacklevel" not in said  # no line of the source
 
 
+@pytest.mark.parametrize("failure", ["bug"], indirect=True)
 def test_the_traceback_can_be_had(failure, monkeypatch):
     monkeypatch.setenv("MIDAIR_TRACEBACK", "1")
     with pytest.raises(Exception):  # noqa: B017  # any of them

@@ -13,14 +13,6 @@ from midair.model import Drive
 from midair.rig import VirtualRig
 
 
-def test_options_are_one_choice():
-    chosen = ExposureOptions(profile="public-100", attenuate=True).choices()
-    assert chosen.profile.name == "public-100"
-    assert chosen.attenuate
-    with pytest.raises(InputError, match="occupational-110"):
-        ExposureOptions(profile="none").choices()
-
-
 def test_ear_protection_raises_the_limits_outside_it_and_is_named():
     chosen = ExposureOptions(ear_protection=12.0).choices().profile
     assert chosen.name == "occupational-110, 12 dB of ear protection stated by the user"

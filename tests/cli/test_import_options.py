@@ -7,8 +7,6 @@ import soundfile
 
 from midair.cli import run
 from midair.cli.console import PlainConsole
-from midair.cli.import_options import FileOptions, import_recording
-from midair.errors import InputError
 from midair.evaluate import felt
 from midair.files import load, load_calibration, load_pressure, save
 from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
@@ -68,14 +66,6 @@ def test_a_felt_level_follows_from_the_model_of_skin_and_a_fast_sound_is_resampl
     assert "Keep the file's: --resample 48000Hz" in " ".join(told["notes"])
     answer("import", "fast.wav", "whole.h5", "--unit", "V", "--resample", "48kHz", *still)
     assert load("whole.h5").rate == 48000
-
-
-def test_a_stated_peak_of_the_field_is_a_nominal_calibration(capsys):
-    words = ["--unit", "V", "--footprint", "square:11mm", "--speed", "0mm/s", "--peak", "10Pa"]
-    assert run(["import", "towel.wav", "a.h5", *words]) == 0
-    largest = np.abs(load("a.h5").samples - np.median(load("a.h5").samples, axis=0)).max()
-    assert largest / load_calibration("a.h5").response[0, 0, 0].real == pytest.approx(10)
-    assert load_calibration("a.h5").sensor.shape == (4, 4)
 
 
 def test_an_accelerometer_needs_a_stated_scale(capsys):
@@ -145,21 +135,6 @@ def test_an_imported_midair_recording_keeps_calibration_and_pressure(calibrated)
     assert run(["import", "take.h5", "again.h5"]) == 0
     assert load_calibration("again.h5") is not None
     np.testing.assert_array_equal(load_pressure("again.h5").pressure, 50 * calibrated.samples)
-
-
-def test_advice_is_in_the_words_of_the_command_line(tmp_path):
-    np.savetxt(tmp_path / "five.csv", np.zeros((9, 5)), delimiter=",", header="a,b,c,d,e", comments="")
-    says = []
-    for given in ({}, {"rate": 1000.0}, {"rate": 1000.0, "unit": "V"}):
-        with pytest.raises(InputError) as refused:
-            import_recording(tmp_path / "five.csv", FileOptions(**given))
-        says.append(str(refused.value))
-    assert "--rate 1000Hz" in says[0]
-    assert "--unit V, count or Pa" in says[1]
-    assert "--scale 1Pa" in says[1]
-    assert "--layout ROWSxCOLUMNS:PITCH" in says[2]
-    assert "--channels 0 " in says[2]
-    assert not any("=" in text.split(";")[-1] or "SensorGrid" in text for text in says)
 
 
 def test_a_terminal_is_asked_for_what_the_file_lacks(monkeypatch, capsys):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from midair.cli.commands.record import MeterScreen, decibels, meters
+from midair.cli.commands.record import MeterScreen, meters
 from midair.cli.keys import Keys, Signals
 from midair.devices import ReplaySensor
 from midair.model import Event, Recording, SensorGrid
@@ -65,11 +65,6 @@ def test_any_grid_fits_eighty_columns(shape):
     text = drawn(meters(view(sensor), sensor, "x"))
     assert f"{sensor.grid.count - 1} " in text
     assert max(len(line) for line in text.splitlines()) <= 80
-
-
-def test_decibels():
-    assert decibels(0.5, 1.0) == pytest.approx(-6.0206, abs=1e-4)
-    assert decibels(0.0, 1.0) == -99
 
 
 def screen(*, terminal, quiet=False, every=0.0):

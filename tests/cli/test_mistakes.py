@@ -43,6 +43,7 @@ def files(tmp_path_factory):
         np.savetxt("gaps.csv", gaps, delimiter=",")
         Path("ticks.csv").write_text("time,a\n" + "".join(f"{at},{at % 7}\n" for at in range(5, 400)))
         Path("unit.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n')
+        assert run(["study", "new", "drawn", "--participants", "2", "--drives", "none"]) == 0
         Path("there").mkdir()
         for name, text in (("empty.h5", ""), ("broken.toml", "a = = 3"), ("x.m4a", "x"), ("there/report.html", "x")):
             Path(name).write_text(text)

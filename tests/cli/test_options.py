@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -116,6 +117,22 @@ def test_the_finest_mode_takes_the_outline_of_a_palm(tmp_path):
     options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
     assert options.settings().solver.quiet_palm.outline
     assert [each.mode_name for each in (options, SolveOptions(mode="paper"))] == ["the finest mode", "the paper's mode"]
+
+
+@pytest.mark.long
+def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tmp_path, capsys):
+    drive = str(tmp_path / "am.drive.h5")
+    solve = ["solve", str(stroke), drive, *SMALL.split(), "--start-at", "20ms", "--lead", "0s", "--strength"]
+    assert run([*solve, "0.1"]) == 0
+    assert "too strong" not in capsys.readouterr().err
+    assert run([*solve, "1.2", "--force", "--json"]) == 0
+    told = capsys.readouterr()
+    level = json.loads(told.out)["level"]
+    assert level["too_loud"]
+    assert level["comes"] < 0.8
+    assert "use --strength" in told.err
+    assert run(["info", drive, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["level"] == level
 
 
 @pytest.mark.parametrize(

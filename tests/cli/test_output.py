@@ -1,9 +1,6 @@
 import json
 
-import pytest
-
-from midair.cli.output import may_write, print_table
-from midair.errors import InputError
+from midair.cli.output import print_table
 from midair.files import FormatLoss
 from midair.table import Details, Row, printed
 
@@ -41,11 +38,3 @@ def test_a_table_is_printed_or_json(capsys):
     assert all(word in said for word in ("frames", "note    cut", "lost    No rate."))
     print_table(table, json=False, simulated=False)
     assert "SIMULATED" not in "".join(capsys.readouterr())
-
-
-def test_nothing_is_overwritten_without_force(tmp_path):
-    (tmp_path / "a").touch()
-    may_write(tmp_path / "b", force=False)
-    may_write(tmp_path / "a", force=True)
-    with pytest.raises(InputError, match="--force"):
-        may_write(tmp_path / "a", force=False)

@@ -9,14 +9,11 @@ import pytest
 from tests.drives import plan_of, save_drive
 
 from midair.cli import run
-from midair.cli.commands.live import LiveOptions
 from midair.devices.frame_bytes import actual_level
 from midair.errors import InputError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
-from midair.rig import LiveSettings
-from midair.settings import best_mode
 
 pytestmark = pytest.mark.usefixtures("own_state")
 ARRAY = TransducerArray.autd3()
@@ -51,15 +48,6 @@ def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(capsys, monk
 
 @pytest.mark.long
 @pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
-def test_play_and_exposure(words, expected, capsys):
-    assert run(["play", loud(), "--device", NOWHERE, *words]) == 1
-    assert "too loud" in capsys.readouterr().err
-    assert run(["exposure", "loud.drive.h5", "--json", *words]) == 0
-    assert f"{json.loads(capsys.readouterr().out)['loudest_air']['temperature_c']:.0f}" in expected
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
 def test_a_study(words, expected, capsys):
     pytest.importorskip("autd3")
     loud()
@@ -68,16 +56,6 @@ def test_a_study(words, expected, capsys):
     capsys.readouterr()
     assert run(["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", *words]) == 1
     assert "too loud" in capsys.readouterr().err
-
-
-def test_live():
-    room = Medium.at(temperature=40.0)
-    live = LiveOptions(temperature=room.degrees, humidity=room.humidity).settings()
-    assert live.exposure.room == live.acoustics.medium == room
-    assert LiveOptions().settings().acoustics == best_mode().acoustics == Acoustics(medium=Medium.at(temperature=22.0))
-    assert LiveOptions().settings().exposure.room is None
-    # The studio states no air either; the default air of the processing must not count.
-    assert LiveSettings().exposure.room is None
 
 
 @pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])

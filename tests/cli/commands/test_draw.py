@@ -102,15 +102,6 @@ def test_a_drawn_drive_is_compared_and_follows_a_palm(drawn, answer, capsys):
 
 
 @pytest.mark.long
-def test_a_drawn_drive_plays_on_the_emulator(drawn, capsys):
-    pytest.importorskip("autd3")
-    assert run(["play", "circle.drive.h5", "--device", "autd3:emulator"]) == 1
-    assert "dB at the" in capsys.readouterr().err
-    assert run(["play", "circle.drive.h5", "--device", "autd3:emulator", "--attenuate"]) == 0
-    assert "played 0.25 s on autd3:emulator" in capsys.readouterr().out
-
-
-@pytest.mark.long
 def test_a_pattern_is_played_at_once(capsys):
     Path("circle.toml").write_text(CIRCLE.replace("0.25", "0.02"), encoding="utf-8")
     assert run(["play", "circle.toml"]) == 0

@@ -8,8 +8,9 @@ from pydantic import ValidationError
 from midair.cli.app import app
 from midair.cli.commands.live import _session_lines
 from midair.devices.arrays.silencer import Silencer
-from midair.model import HEIGHTS, Medium, SensorGrid
+from midair.model import HEIGHTS, Acoustics, Medium, SensorGrid
 from midair.rig import LiveSettings
+from midair.settings import best_mode
 from midair.studio.panels.live_panel import CheckLive
 from midair.table import printed
 
@@ -22,6 +23,8 @@ def typed(words):
 
 def test_typed_values_become_settings():
     assert typed(["--seed", "0"]) == LiveSettings()
+    assert LiveSettings().acoustics == best_mode().acoustics == Acoustics(medium=Medium.at(temperature=22.0))
+    assert LiveSettings().exposure.room is None, "the assumed air of the processing is not that of the check"
     words = "--hold 4ms --band 20Hz 200Hz --height 150mm --temperature 25C --humidity 30%"
     known = typed(words.split())
     assert (known.hold, known.band, known.height) == (0.004, (20.0, 200.0), 0.15)

@@ -116,28 +116,22 @@ def with_nan(name):
 
 
 WRONG = {
-    "truncated": (truncated, [], 1, "x.drive.h5"),
-    "nan": (with_nan, [], 1, "nan"),
+    "truncated": (truncated, "x.drive.h5"),
+    "nan": (with_nan, "nan"),
     "another array": (
         lambda name: make(name, array=TransducerArray.autd3(columns=1, rows=1)),
-        [],
-        1,
         "solve the target again",
     ),
-    "a rate that does not divide 40 kHz": (lambda name: make(name, rate=900.0), [], 1, "40 kHz / N"),
-    "no repeats": (make, ["--repeats", "0"], 1, "repeat"),
-    "unknown profile": (make, ["--profile", "loud"], 1, "occupational-110"),
-    "no such placement": (make, ["--placement", "no.toml"], 1, "no.toml"),
-    "unknown silencer": (make, ["--silencer", "loud"], 2, "silencer"),
+    "a rate that does not divide 40 kHz": (lambda name: make(name, rate=900.0), "40 kHz / N"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_forbidden_drives_do_not_play(case, capsys):
-    prepare, options, status, word = WRONG[case]
+    prepare, word = WRONG[case]
     prepare("x.drive.h5")
     capsys.readouterr()
-    assert run(["play", "x.drive.h5", *EMULATOR, *options]) == status
+    assert run(["play", "x.drive.h5", *EMULATOR]) == 1
     (line,) = said(capsys)
     assert word in line
     assert not Path("state/played.jsonl").exists() or log()[-1]["event"] == "end"
@@ -166,14 +160,6 @@ def test_exposure_in_the_air_of_the_room(capsys):
         excess[name] = json.loads(capsys.readouterr().out)["excess_db"]
     assert excess["cold"] > excess["room"] + 0.1
     assert excess["unknown"] > excess["room"] + 0.1
-
-
-def test_exposure_as_json(capsys):
-    small = make("a.drive.h5", level=0.0015, frames=20, array=TransducerArray.autd3(columns=1, rows=1))
-    assert run(["exposure", small, "--json", "--profile", "public-100"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["kept"] is True
-    assert answer["places"]["left ear"]["limit_db"] == 100
 
 
 @pytest.mark.long

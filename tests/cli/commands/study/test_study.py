@@ -154,16 +154,11 @@ def test_six_simulated_people_from_a_take_of_ones_own_to_its_threshold(tmp_path,
     assert "Detection threshold of my &#34;wool&#34; in midair" in report
 
 
-def test_refusals_are_one_clear_line(tmp_path):
+def test_a_study_without_answers_exports_nothing(tmp_path):
     study("new", tmp_path / "s", "--participants", 2, "--drives", "none")
-    with pytest.raises(InputError, match="--participant N"):
-        study("run", tmp_path / "s")
-    with pytest.raises(InputError, match="give --array"):
-        study("run", tmp_path / "s", "--participant", 1)
-    with pytest.raises(InputError, match="scored"):
-        study("analyse", tmp_path / "s")
     with pytest.raises(InputError, match="expected answers"):
         study("export", tmp_path / "s", tmp_path / "b")
+    assert not (tmp_path / "b").exists()
 
 
 BY_HAND = """
