@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4045,
     "calibration": 2940,
     "solvers": 4387,
-    "files": 4370,
+    "files": 4404,
     "devices": 7872,
     "rig": 8701,
     "patterns datasets": 1777,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_833, "benchmarks": 4_500}
+BESIDE = {"tests": 48_381, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -36,8 +36,20 @@ def test_returns_the_saved_drive_bit_by_bit(path, solution):
 def test_returns_the_target(path, target):
     again = load_target(path)
     assert again is not None
-    np.testing.assert_array_equal(again.amplitude, target.amplitude)
+    np.testing.assert_allclose(again.amplitude, target.amplitude, rtol=2**-13)
     assert (again.rate, again.grid, again.provenance) == (target.rate, target.grid, target.provenance)
+
+
+def test_a_target_has_13_binary_digits_and_is_saved_again_unchanged(solution, target, tmp_path):
+    exact = np.random.default_rng(0).lognormal(mean=5, sigma=2, size=target.amplitude.shape)
+    exact[0, :3] = 0, 1, 1234.5
+    first, again = tmp_path / "a.drive.h5", tmp_path / "b.drive.h5"
+    save_solution(solution, first, target=replace(target, amplitude=exact))
+    stored = load_target(first)
+    np.testing.assert_allclose(stored.amplitude, exact, rtol=2**-13)
+    assert stored.amplitude[0, :3].tolist() == [0, 1, 1234.5]
+    save_solution(solution, again, target=stored)
+    np.testing.assert_array_equal(load_target(again).amplitude, stored.amplitude)
 
 
 def test_refuses_the_target_of_other_frames(solution, target, tmp_path):

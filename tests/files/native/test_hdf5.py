@@ -40,10 +40,10 @@ def test_xarray_opens_calibrated_pressure(path, recording):
 def test_xarray_opens_a_drive(solution, target, tmp_path):
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
     with xarray.open_dataset(tmp_path / "a.drive.h5", engine="h5netcdf") as table:
-        assert table.phase_step.dims == ("time", "transducer")
+        assert table.phase_step.dims == ("transducer", "time")
         assert table.target.attrs["units"] == "Pa"
         assert table.status.attrs["flag_meanings"] == "converged iterations stalled silent"
-        np.testing.assert_array_equal(table.phase_step / (256 / (2 * np.pi)), solution.drive.phase)
+        np.testing.assert_array_equal(table.phase_step.T / (256 / (2 * np.pi)), solution.drive.phase)
 
 
 def edit(path, act):

@@ -43,7 +43,7 @@ class Entry:
     single: bool = False
     """Whether it is stored as f4 if that holds every number."""
     packed: bool = False
-    """Whether it is compressed."""
+    """Whether it is compressed, with its axes in reverse order: time last."""
 
     @property
     def coordinate(self) -> bool:
@@ -61,7 +61,7 @@ class Entry:
         return self.of.rpartition(".")[0]
 
 
-BLOCK = 64
+BLOCK = 128
 """Number of frames in a compressed chunk."""
 
 _STORED = tomllib.loads(Path(__file__).with_name("schema.toml").read_text(encoding="utf-8"))
@@ -81,6 +81,9 @@ def _entries(listed: Iterable[Any]) -> Iterator[Entry]:
 
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {kind: tuple(_entries(listed)) for kind, listed in _STORED["kind"].items()}
 """Entries of each kind."""
+
+PACKED = frozenset(entry.name for entries in TABLE.values() for entry in entries if entry.packed)
+"""Names of the compressed datasets."""
 
 FLAGS = {"event_kind": get_args(EventKind), "status": get_args(Status)}
 """Meanings of the numbers 0, 1, 2 ... of a dataset."""
