@@ -64,13 +64,13 @@ class PatternSweep:
 
     def job(self, task: Task) -> Job:
         """Job of a worker."""
-        return partial(_solve, self, *self.conditions()[task.condition], self.patterns()[slice(*task[1:])])
+        return partial(_solve, self, *self.conditions()[task.condition], slice(*task[1:]))
 
 
-def _solve(sweep: PatternSweep, height: float, strength: float, patterns: NDArray[np.int64]) -> dict[str, Any]:
+def _solve(sweep: PatternSweep, height: float, strength: float, some: slice) -> dict[str, Any]:
     """Solve patterns independently: 1 at active channels, interpolated to the control points (paper, 4.1)."""
     array, grid, sensor = TransducerArray.autd3(), ControlGrid(height=height), SensorGrid()
-    shape = channel_amplitudes(patterns, sensor) @ interpolation_matrix(sensor, grid).T
+    shape = channel_amplitudes(sweep.patterns()[some], sensor) @ interpolation_matrix(sensor, grid).T
     focus = focus_amplitude(grid, array, acoustics=sweep.acoustics)
     target = AmplitudeFrames(amplitude=strength * focus * shape, rate=RATE, grid=grid)
     method: Any = {"method": sweep.method, "iterations": sweep.iterations, "start": "zero"}
