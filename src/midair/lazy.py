@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -34,3 +35,17 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
         return value
 
     return get, lambda: sorted(modules())
+
+
+class _OnUse(ModuleType):
+    """Stands for a module until one of its names is read."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module(self.__name__), name)
+
+
+def defer_numpy_tools() -> None:
+    """Keep SciPy from loading the Fortran and test tools of a loaded NumPy, a third of SciPy's import, before use."""
+    if (numpy := sys.modules.get("numpy")) is not None:
+        for name in {"f2py", "testing"} - vars(numpy).keys():
+            setattr(numpy, name, _OnUse(f"numpy.{name}"))

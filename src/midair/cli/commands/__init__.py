@@ -7,6 +7,7 @@ from pathlib import Path
 from cyclopts import App
 
 from midair.cli.help_text import app_of_command
+from midair.lazy import defer_numpy_tools
 
 GROUPED: Mapping[str, Sequence[str]] = {
     "Get started": ("demo", "gallery", "studio", "doctor"),
@@ -56,4 +57,5 @@ def __getattr__(name: str) -> App:
     if typed == name or typed not in COMMANDS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = import_module(f"{__name__}.{COMMANDS[typed]}")
+    defer_numpy_tools()
     return app_of_command(getattr(module, f"{typed}_command"), typed)
