@@ -93,17 +93,34 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         if not isinstance(value, list):
             raise InputError(f"{where}: expected tables [[{where}]], got {value!r}")
         return tuple(_value(get_args(hint)[0], each, f"{where} {number}") for number, each in enumerate(value))
-    from pydantic import ValidationError
-
     # Dataclasses are excluded, because pydantic does not support those with arrays.
     plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
     if not plain:
         raise InputError(f"{where}: expected a table, got {value!r}")
+    # Importing pydantic takes a tenth of a second, and most values need no conversion.
+    if (simple := _simple(plain, value)) is not None:
+        return simple
+    from pydantic import ValidationError
+
     try:
         # Strict, so that true and "4" are no numbers; from JSON, whose lists become tuples.
         return _adapter(plain).validate_json(dumps(value, default=str), strict=True)
     except ValidationError as wrong:
         raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
+
+
+def _simple(kinds: tuple[Any, ...], value: Any) -> Any:
+    """A value with exactly the type of an annotation, whole numbers for floats, or tuples of these; otherwise None."""
+    if type(value) in kinds or (type(value) is str and any(value in get_args(kind) for kind in kinds)):
+        return value
+    if type(value) is int and float in kinds and abs(value) < 2**53:
+        return float(value)
+    given: tuple[Any, ...] = tuple(value) if isinstance(value, list | tuple) else ()
+    for parts in (get_args(kind) for kind in kinds if given and get_origin(kind) is tuple):
+        each = [_simple((part,), one) for part, one in zip(parts, given, strict=False)]
+        if len(parts) == len(given) and None not in each:
+            return tuple(each)
+    return None
 
 
 @cache
