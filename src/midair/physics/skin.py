@@ -16,6 +16,7 @@ under ultrasound.
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -257,12 +258,21 @@ _PANEL = 40.0
 
 def _kernel(tissue: Tissue, shape: tuple[int, int], pitch: float, omega: Array) -> Complex:
     """The kernel h at all distances between two points, shape (bin, row + 1, column + 1), in m/Pa/m2."""
+    place, k, waves = _waves(shape, pitch)
+    return np.asarray((waves @ skin_compliance(tissue, k[:, None], omega)).T[:, place], np.complex128)
+
+
+@lru_cache(maxsize=2)
+def _waves(shape: tuple[int, int], pitch: float) -> tuple[NDArray[np.intp], Complex, Complex]:
+    """The integral on one grid, for tissues one after the other.
+
+    Index of each point's distance, shape (row + 1, column + 1); wavenumbers (node,) in rad/m; weights (distance, node).
+    """
     row, column = np.arange(shape[0] + 1), np.arange(shape[1] + 1)
     square, place = np.unique(row[:, None] ** 2 + column**2, return_inverse=True)
     k, weight = _path(np.pi / pitch)
-    moved = skin_compliance(tissue, k[:, None], omega) * (weight * k / (2 * np.pi))[:, None]
-    h = scipy.special.jv(0, pitch * np.sqrt(square)[:, None] * k) @ moved
-    return np.asarray(h.T[:, place.ravel()].reshape(-1, len(row), len(column)), np.complex128)
+    waves = scipy.special.jv(0, pitch * np.sqrt(square)[:, None] * k) * (weight * k / (2 * np.pi))
+    return place.reshape(len(row), len(column)), k, np.asarray(waves, np.complex128)
 
 
 def _path(finest: float) -> tuple[Complex, Complex]:
