@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from midair.array_types import Array, Single
 from midair.model import Acoustics, Drive, TransducerArray
-from midair.physics.exposure_places import Place, combined
+from midair.physics.exposure_places import Place, combined, small_angle
 from midair.physics.propagation import wavenumber
 
 
@@ -224,11 +224,7 @@ def drive_parts(
     phase = np.asarray(drive.phase[frames])
     level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
     parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
-    with np.errstate(over="ignore"):
-        angle[:] = phase
-    # Remove whole turns, which would cost digits in single precision; files may contain any phase.
-    if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
-        angle[:] = np.remainder(phase, 2 * np.pi)
+    small_angle(phase, angle)
     if steps is not None:
         angle *= steps / (2 * np.pi)
         np.rint(angle, out=angle)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.array_types import Array
+from midair.array_types import Array, Single
 from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics.propagation import transfer_matrix, wavenumber
 from midair.streaming import blocks
@@ -150,6 +150,16 @@ _FRAMES, _FEWEST = 4_000, 8
 """Frames whose field is computed: all of a drive up to the first number, and at least the second in each bin."""
 
 
+def small_angle(phase: Array, angle: Single) -> Single:
+    """Write phases into `angle` in single precision, without whole turns if they are many, which would cost digits."""
+    with np.errstate(over="ignore"):
+        angle[:] = phase
+    # Files may contain any phase.
+    if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
+        angle[:] = np.remainder(phase, 2 * np.pi)
+    return angle
+
+
 def unit_levels(drive: Drive, *, every: int = 1) -> Array:
     """Mean level of the transducers of each unit over `every` frames, or the rest, shape (part, unit), 0 to 1."""
     unit = drive.array.unit
@@ -241,8 +251,12 @@ class HeatSoFar:
 
     def _intensity_of(self, drive: Drive, frames: NDArray[np.intp]) -> Array:
         """Mean intensity at each point in W/m2; that of the last frame without frames."""
-        q = drive.q_of(frames if len(frames) else np.array([drive.frames - 1]))
-        field = q.astype(np.complex64) @ self._matrix
+        some = frames if len(frames) else np.array([drive.frames - 1])
+        phase, level = np.asarray(drive.phase[some]), np.asarray(drive.level[some], np.float32).reshape(len(some), -1)
+        angle, q = small_angle(phase, np.empty(phase.shape, np.float32)), np.empty(phase.shape, np.complex64)
+        np.multiply(level, np.cos(angle), out=q.real)
+        np.multiply(level, np.sin(angle), out=q.imag)
+        field = q @ self._matrix
         return np.mean(np.abs(field) ** 2, axis=0) / (2 * self._acoustics.medium.density * self._acoustics.medium.speed)
 
 
