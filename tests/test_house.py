@@ -22,17 +22,17 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1917,
-    "settings streaming .": 2711,
-    "physics": 3380,
+    "settings streaming .": 2743,
+    "physics": 3400,
     "recordings targets correct evaluate": 4045,
     "calibration": 2940,
     "solvers": 4387,
-    "files": 4404,
+    "files": 4421,
     "devices": 7872,
-    "rig": 8701,
+    "rig": 8699,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6376,
+    "cli": 6378,
     "study": 6022,
     "studio": 6063,
     "sweep": 502,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_381, "benchmarks": 4_500}
+BESIDE = {"tests": 48_392, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import ceil
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from midair.model import (
     Recording,
     Solution,
     TransducerArray,
+    frame_range,
 )
 from midair.physics import MEASURED, UNLIKE, Transducers, check_frame_rate, focus_amplitude, level_if_unlike
 from midair.settings import MOST_GAIN, Settings
@@ -49,9 +51,15 @@ class Reproduction:
 
 
 def calibrated_pressure(
-    recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
+    recording: Recording,
+    calibration: Calibration | None,
+    settings: Settings,
+    start: float = 0.0,
+    duration: float | None = None,
+    *,
+    from_rest: bool = False,
 ) -> PressureFrames:
-    """Pressure on the sensor, as by `calibrate` with the settings' band, at their rate.
+    """Pressure on the sensor, as by `calibrate` with the settings' band, at their rate; all, or a part in s.
 
     With `from_rest` it was at rest before the first and after the last frame; otherwise the end values are held.
     """
@@ -59,7 +67,8 @@ def calibrated_pressure(
 
     band, rate = settings.calibration.band, settings.target.rate
     if not from_rest:
-        return resample_pressure(calibrate(recording, calibration, band=band), rate)
+        # Cut after calibration, so that filters leave no edges.
+        return resample_pressure(calibrate(recording, calibration, band=band), rate, start, duration)
     # A number of frames that is whole at the other rate too.
     ratio = Fraction(rate / recording.rate).limit_denominator(1000)
     pad = -(-band_settling_frames(band, recording.rate) // ratio.denominator) * ratio.denominator
@@ -69,16 +78,20 @@ def calibrated_pressure(
     return replace(whole, pressure=whole.pressure[first : whole.frames - first])
 
 
-def resample_pressure(pressure: PressureFrames, rate: float) -> PressureFrames:
-    """The same pressure, band-limited, at another frame rate; unchanged if the rate is equal."""
+def resample_pressure(
+    pressure: PressureFrames, rate: float, start: float = 0.0, duration: float | None = None
+) -> PressureFrames:
+    """The same pressure, band-limited, at another frame rate; all, or a part in s, which has the bits of the whole."""
+    whole = start == 0 and duration is None
     if np.isclose(pressure.rate, rate, rtol=1e-9):
-        return pressure
-    return replace(
-        pressure,
-        pressure=resample(pressure.pressure, pressure.rate, rate),
-        rate=rate,
-        provenance=pressure.provenance.then("resample", {"from_hz": pressure.rate, "to_hz": rate}),
-    )
+        return pressure if whole else pressure.cut(start, duration)
+    frames = ceil(pressure.frames * Fraction(rate / pressure.rate).limit_denominator(1000))
+    first, last = frame_range(start, duration, frames, rate, "cut")
+    life = pressure.provenance.then("resample", {"from_hz": pressure.rate, "to_hz": rate})
+    if not whole:
+        life = life.then("cut", {"start_s": first / rate, "duration_s": (last - first) / rate})
+    values = resample(pressure.pressure, pressure.rate, rate, part=slice(first, last))
+    return replace(pressure, pressure=values, rate=rate, provenance=life)
 
 
 def required_lead(settings: Settings) -> float:

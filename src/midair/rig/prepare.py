@@ -33,9 +33,7 @@ def pressure_of(
     Its provenance states what the band leaves out of this part. Raises InputError if the part is not in the take.
     """
     opened = take if isinstance(take, OpenedTake) else calibrated_take(take)
-    # Cut after calibration, so that filters leave no edges.
-    pressure = calibrated_pressure(opened.recording, opened.calibration, settings)
-    part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
+    part = calibrated_pressure(opened.recording, opened.calibration, settings, start, duration)
     first, last = (
         start * opened.recording.rate,
         None if duration is None else (start + duration) * opened.recording.rate,
