@@ -37,11 +37,3 @@ def test_a_picture_tells_its_size_and_holds_its_bytes():
     picture = Picture(title="one", data=png_bytes(new_figure(2.0, 1.0, simulated=False), dpi=50))
     assert picture.size == (100, 50)
     assert base64.b64decode(picture.source.partition(",")[2]) == picture.data
-
-
-@pytest.mark.parametrize(
-    "wanted", ["prefers-color-scheme: dark", "@media print", "break-inside: avoid", "max-width: 700px"]
-)
-def test_every_page_supports_dark_mode_print_and_phones(wanted):
-    page = render_page("study/report.html.j2", title="A", simulated=True, pictures=[], findings=[], notes="n")
-    assert wanted in page

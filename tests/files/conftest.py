@@ -3,7 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests import foreign_files
 
 from midair.files import save
 from midair.model import (
@@ -113,14 +112,3 @@ def alike() -> Callable[[Recording, Recording], None]:
         assert one.provenance == other.provenance
 
     return check
-
-
-@pytest.fixture(scope="session")
-def xdf() -> Callable[..., bytes]:
-    foreign_files.xdf.whole = foreign_files.xdf_whole
-    return foreign_files.xdf
-
-
-@pytest.fixture(scope="session")
-def tdms() -> Callable[..., bytes]:
-    return foreign_files.tdms

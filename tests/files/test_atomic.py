@@ -69,13 +69,6 @@ def test_names_the_file_once(tmp_path):
     assert str(caught.value) == f"{tmp_path}: phase: got nan"
 
 
-def test_takes_the_first_line_of_a_parser(tmp_path):
-    with pytest.raises(BrokenFileError) as caught, parse_errors(tmp_path, "a table"):
-        raise KeyError("no such\nthing")
-    assert "\n" not in str(caught.value)
-    assert "expected a table" in str(caught.value)
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes with a name")
 def test_pipes_and_devices_are_not_opened(tmp_path):
     """Opening a pipe blocks until another process writes to it."""
@@ -216,11 +209,6 @@ def test_a_file_that_is_recorded_is_not_replaced_but_readable(path):
         other.kill()
     check_not_recording(path)
     assert [each.name for each in path.parent.iterdir()] == ["log"]
-
-
-def test_missing_files_and_folders_are_not_locked(tmp_path):
-    check_not_recording(tmp_path)
-    check_not_recording(tmp_path / "nothing")
 
 
 WITHOUT_LOCKS = """

@@ -272,14 +272,18 @@ def test_saves_each_kind_of_data(recording, calibration, solution, tmp_path):
 
 def test_saving_over_a_file_loses_nothing_that_it_holds(recording, calibration, solution, target, tmp_path):
     path, drive = tmp_path / "a.h5", tmp_path / "a.drive.h5"
-    pressure = PressureFrames(pressure=recording.samples, rate=recording.rate, sensor=recording.sensor)
+    life = recording.provenance.then("calibrate", {"band": (20.0, 470.0)})
+    how = {"sensor": recording.sensor, "band": (20.0, 470.0), "provenance": life}
+    pressure = PressureFrames(pressure=recording.samples[:7], rate=250, **how)
     save(recording, path, calibration=calibration, pressure=pressure, journal=[Event(kind="trigger", frame=3)])
     for _ in range(2):
         save(load(path), path)
     take, other = open_take(path), replace(recording, samples=recording.samples + 1)
     assert (take.calibration.identifier, take.journal[0].frame) == (calibration.identifier, 3)
     assert [step.stage for step in take.recording.provenance.steps].count("events") == 1
-    assert files.load_pressure(path).frames == pressure.frames
+    kept = files.load_pressure(path)
+    np.testing.assert_array_equal(kept.pressure, pressure.pressure)
+    assert (kept.rate, {name: getattr(kept, name) for name in how}) == (250, how)
     for lossy in (other, replace(pressure, pressure=pressure.pressure + 1)):
         with pytest.raises(InputError, match="holds a calibration; give calibration=, force=True"):
             save(lossy, path)
@@ -294,6 +298,21 @@ def test_saving_over_a_file_loses_nothing_that_it_holds(recording, calibration, 
         save(part, drive)
     assert files.load_target(drive).frames == target.frames
     np.testing.assert_array_equal(load(drive).error, solution.error)
+
+
+def test_refuses_pressure_of_another_sensor(recording, path):
+    with pytest.raises(MismatchError, match=r"expected pressure of \(3, 5\) cells, got \(4, 4\)"):
+        save(recording, path, pressure=PressureFrames(pressure=np.zeros((3, 4, 4)), rate=250, sensor=SensorGrid()))
+
+
+def test_keeps_a_long_provenance(recording, tmp_path):
+    life = Provenance()
+    for i in range(2000):
+        life = life.then("correct", {"round": i, "what": "x" * 50})
+    save(
+        type(recording)(samples=recording.samples, rate=10, sensor=recording.sensor, provenance=life), tmp_path / "a.h5"
+    )
+    assert load(tmp_path / "a.h5").provenance == life
 
 
 def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):

@@ -134,16 +134,6 @@ def test_speed_moves_the_patch_and_leaves_the_waveform():
         assert np.argmax(whole[:, 0, 0]) == np.ceil(11 / speed)
 
 
-def test_long_recordings_are_done_in_blocks(monkeypatch):
-    import importlib
-
-    module = importlib.import_module("midair.recordings.footprint")
-    time = np.linspace(0, 1.28, 100)
-    whole = covered(Footprint(), SENSOR, time)
-    monkeypatch.setattr(module, "_BLOCK", 7)
-    np.testing.assert_array_equal(covered(Footprint(), SENSOR, time), whole)
-
-
 def test_the_field_is_marked_as_simulated():
     recording = mono(np.ones(10))
     field = footprint_field(
@@ -176,8 +166,3 @@ def test_a_disc_within_the_sensor_has_all_its_area_on_the_cells():
     assert share.sum() * CELL == pytest.approx(np.pi * 10e-3**2, rel=1e-12)
     np.testing.assert_allclose(share, share.T, atol=1e-12)
     np.testing.assert_allclose(share, share[::-1, ::-1], atol=1e-12)
-
-
-def test_the_default_stroke_has_the_expected_duration():
-    """44 mm of cells and a patch of 20 mm at 50 mm/s: 1.28 s."""
-    assert Footprint(shape="circle", size=20e-3, speed=50e-3).crossing(SENSOR) == pytest.approx(1.28)

@@ -124,14 +124,6 @@ def test_reports_changes_and_assumptions():
     assert seen.recording.provenance.steps[0].settings["left_out"] == ("proximity1", "proximity2")
 
 
-def test_takes_a_layout_that_is_given():
-    sensor = SensorGrid(rows=2, columns=8, pitch=3e-3, name="finger")
-    seen = open_take(sample_path("denim"), sensor=sensor, rate=35.6)
-    assert seen.recording.sensor == sensor
-    assert seen.recording.rate == 35.6
-    assert "layout" not in seen.recording.provenance.notes
-
-
 def test_repeated_rows_and_gaps_are_reported(tmp_path):
     lines = sample_path("denim").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:50], lines[49], *lines[50:100], *lines[101:]]))

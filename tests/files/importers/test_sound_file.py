@@ -1,21 +1,10 @@
-import struct
-
 import numpy as np
 import pytest
 import soundfile
 
-from midair.errors import BrokenFileError, MismatchError, NonFiniteError, UnitError
+from midair.errors import BrokenFileError, MismatchError, UnitError
 from midair.files import load, open_take, save
 from midair.model import Recording, SensorGrid
-
-BUSTED = b"RIFF" + struct.pack("<I", 95) + b"WAVEfact" + b"busted"
-
-
-@pytest.mark.parametrize("data", [b"RIFX\0\0\0\0WAVE", b"RIFF\0\0\0\0AVI ", b"RI", BUSTED])
-def test_refuses_other_files_than_wav(data, tmp_path):
-    (tmp_path / "a.wav").write_bytes(data)
-    with pytest.raises(BrokenFileError, match=r"expected a WAV file, got (a damaged|one that begins with ')"):
-        load(tmp_path / "a.wav", unit="V")
 
 
 @pytest.fixture
@@ -112,12 +101,6 @@ def test_refuses_other_subtypes(foreign):
         load(foreign("ALAW"), unit="V")
 
 
-def test_refuses_non_finite_samples(tmp_path):
-    soundfile.write(tmp_path / "a.wav", np.array([0.0, np.nan]), 8000, subtype="FLOAT")
-    with pytest.raises(NonFiniteError):
-        load(tmp_path / "a.wav", unit="V")
-
-
 @pytest.mark.parametrize(
     ("form", "ending", "subtype", "channels"),
     [("RF64", ".rf64", "DOUBLE", 16), ("RF64", ".wav", "PCM_24", 1), ("WAVEX", ".wav", "PCM_16", 3)],
@@ -157,13 +140,9 @@ def tone(seconds=0.5, rate=8000):
 
 
 @pytest.mark.parametrize(("name", "subtype"), LOSSY)
-def test_lossy_samples_are_close_and_reported(tmp_path, name, subtype):
+def test_lossy_files_are_reported(tmp_path, name, subtype):
     soundfile.write(tmp_path / name, tone(1.0), 8000, subtype=subtype)
-    taken = open_take(tmp_path / name, unit="V")
-    heard = taken.recording.samples[2000:6000, 0, 0]
-    assert np.abs(np.fft.rfft(heard)).argmax() == 75
-    assert heard.std() == pytest.approx(tone(1.0).std(), rel=0.05)
-    assert "lossy" in " ".join(taken.report)
+    assert "lossy" in " ".join(open_take(tmp_path / name, unit="V").report)
 
 
 def test_damage_is_named(tmp_path):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.foreign_files import daqmx
+from tests.foreign_files import daqmx, tdms
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files import load, open_take
@@ -29,7 +29,7 @@ def columns():
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("interleaved", [False, True])
 @pytest.mark.parametrize("chunks", [1, 3])
-def test_reads_every_layout(order, interleaved, chunks, tdms, columns, file):
+def test_reads_every_layout(order, interleaved, chunks, columns, file):
     seen = open_take(file(tdms(columns, order=order, interleaved=interleaved, chunks=chunks)), sensor=PAIR)
     for i, name in enumerate(columns):
         np.testing.assert_array_equal(seen.recording.samples[:, 0, i], columns[name])
@@ -39,7 +39,7 @@ def test_reads_every_layout(order, interleaved, chunks, tdms, columns, file):
     assert seen.report == ()
 
 
-def test_later_segments_without_metadata_go_on(tdms, columns, file):
+def test_later_segments_without_metadata_go_on(columns, file):
     more = {name: column + 1 for name, column in columns.items()}
     recording = load(file(tdms(columns) + tdms(more, meta=False)), sensor=PAIR)
     assert recording.frames == 120
@@ -47,18 +47,18 @@ def test_later_segments_without_metadata_go_on(tdms, columns, file):
 
 
 @pytest.mark.parametrize("dtype", ["i2", "i4", "u1", "f4"])
-def test_whole_numbers_stay_whole(dtype, tdms, file):
+def test_whole_numbers_stay_whole(dtype, file):
     data = np.array([1, 2, 250 if dtype == "u1" else -3], dtype)
     assert load(file(tdms({"x": data}, said={})), rate=50, unit="count").samples.ravel().tolist() == data.tolist()
 
 
-def test_requires_a_missing_rate(tdms, columns, file):
+def test_requires_a_missing_rate(columns, file):
     path = file(tdms(columns, said={"unit_string": "mV"}))
     assert load(path, rate=48000, sensor=PAIR).samples[0, 0, 0] == columns["a"][0] * 1e-3
     assert load(path, rate=48000, sensor=PAIR).rate == 48000
 
 
-def test_several_groups_need_a_name(tdms, columns, file):
+def test_several_groups_need_a_name(columns, file):
     path = file(tdms(columns) + tdms(columns, group="arm"))
     with pytest.raises(BrokenFileError, match=r"skin \(2 channels\), arm \(2 channels\)"):
         load(path, sensor=PAIR)
@@ -67,7 +67,7 @@ def test_several_groups_need_a_name(tdms, columns, file):
         load(path, field="leg")
 
 
-def test_an_unclosed_file_gives_its_complete_records(tdms, columns, file):
+def test_an_unclosed_file_gives_its_complete_records(columns, file):
     data = tdms(columns, chunks=6)
     unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
     seen = open_take(file(unfinished), sensor=PAIR)
@@ -114,7 +114,7 @@ def test_an_outside_reader_reads_the_same_of_daqmx(logged):
     np.testing.assert_allclose(np.stack([each[:] for each in channels], axis=1), volts, rtol=1e-12)
 
 
-def test_refuses_data_that_it_would_misread(tdms, columns, file):
+def test_refuses_data_that_it_would_misread(columns, file):
     table = {"wf_increment": 1.0, "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "RTD"}
     with pytest.raises(UnknownFormatError, match="scale RTD, which is not read"):
         load(file(tdms(columns, said=table)), sensor=PAIR)

@@ -4,6 +4,7 @@ import builtins
 
 import numpy as np
 import pytest
+from tests.foreign_files import xdf, xdf_whole
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files import load, open_take
@@ -25,8 +26,8 @@ def file(tmp_path):
     return write
 
 
-def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
-    seen = open_take(file(xdf.whole(xdf(samples, labels=LABELS, unit="volts"))))
+def test_reads_a_stream_with_its_names_and_unit(samples, file):
+    seen = open_take(file(xdf_whole(xdf(samples, labels=LABELS, unit="volts"))))
     recording = seen.recording
     np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
     assert recording.rate == pytest.approx(1000, rel=1e-9)
@@ -37,8 +38,8 @@ def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
 
 
 @pytest.mark.long
-def test_several_streams_need_a_name(xdf, samples, file):
-    data = xdf.whole(xdf(samples, name="skin"), xdf(samples[:, :3] * 2, name="arm", number=2))
+def test_several_streams_need_a_name(samples, file):
+    data = xdf_whole(xdf(samples, name="skin"), xdf(samples[:, :3] * 2, name="arm", number=2))
     with pytest.raises(BrokenFileError, match=r"expected one stream of numbers.*skin \(200\), arm \(200\)"):
         load(file(data), unit="V")
     assert load(file(data), unit="V", field="arm", channels=["1"]).samples[5, 0, 0] == 2 * samples[5, 1]
@@ -46,8 +47,8 @@ def test_several_streams_need_a_name(xdf, samples, file):
         load(file(data), unit="V", field="leg")
 
 
-def test_damage_is_reported_not_printed(xdf, samples, file, capsys):
-    data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
+def test_damage_is_reported_not_printed(samples, file, capsys):
+    data = bytearray(xdf_whole(xdf(samples), xdf(samples, name="arm", number=2)))
     place = data.rindex(b"\x04" + np.uint32(200).tobytes())
     data[place] = 9
     seen = open_take(file(bytes(data)), unit="V", field="skin")
@@ -55,7 +56,7 @@ def test_damage_is_reported_not_printed(xdf, samples, file, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_names_the_package_to_install(xdf, samples, file, monkeypatch):
+def test_names_the_package_to_install(samples, file, monkeypatch):
     real = builtins.__import__
 
     def without(name, *rest, **more):
@@ -65,4 +66,4 @@ def test_names_the_package_to_install(xdf, samples, file, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(MissingExtraError, match=r"pip install 'midair\[xdf\]'"):
-        load(file(xdf.whole(xdf(samples))), unit="V")
+        load(file(xdf_whole(xdf(samples))), unit="V")

@@ -49,13 +49,6 @@ def test_stored_events_are_read_back(events):
     assert journal_from({name: np.array(value) for name, value in values.items()})[0] == tuple(events)
 
 
-def test_the_step_lists_the_events_within_the_recording():
-    life = with_events(Provenance(source="bench"), EVENTS, 10)
-    assert life.steps[-1].stage == "events"
-    assert dict(life.steps[-1].settings) == STEP
-    assert with_events(Provenance(), EVENTS, 2) == Provenance(), "nothing happened in the first two frames"
-
-
 def test_a_flood_is_counted_and_its_beginning_listed():
     events = [Event(kind="lost", frame=2 * i, frames=1) for i in range(3 * LISTED)]
     settings = with_events(Provenance(), events, 10**6).steps[-1].settings

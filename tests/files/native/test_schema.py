@@ -11,19 +11,6 @@ from midair.model import PressureFrames
 REFERENCE = Path(__file__).parents[3] / "docs" / "reference.py"
 
 
-@pytest.mark.parametrize("kind", TABLE)
-def test_every_axis_has_a_coordinate_and_every_name_is_there_once(kind):
-    names = [entry.name for entry in TABLE[kind]]
-    assert len(names) == len(set(names))
-    axes = {axis for entry in TABLE[kind] for axis in entry.dimensions or ()}
-    assert axes <= {entry.name for entry in TABLE[kind] if entry.coordinate}
-
-
-@pytest.mark.parametrize("kind", TABLE)
-def test_every_dataset_has_a_unit(kind):
-    assert all(entry.unit for entry in TABLE[kind] if entry.dimensions is not None)
-
-
 @pytest.mark.long
 def test_files_hold_exactly_what_the_table_says(recording, calibration, solution, target, tmp_path):
     pressure = PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor, band=(20, 160))

@@ -129,14 +129,6 @@ def test_texts_and_sounds_last_as_long_as_stated(tmp_path):
     assert times[3] - times[2] >= 0.1
 
 
-def test_a_stop_ends_a_picture():
-    shown = []
-    made, _ = presenter(show=shown.append)
-    threading.Timer(0.05, made.silence).start()
-    made.present(Stimulus(name="a", kind="picture", source="a.png", duration_s=3000))
-    assert shown[-1] is None
-
-
 def test_a_stop_ends_the_wait_for_the_experimenter():
     made, said = presenter()
     threading.Timer(0.05, made.silence).start()

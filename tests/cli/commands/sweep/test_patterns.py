@@ -77,3 +77,24 @@ def test_ctrl_c_is_one_line_and_results_are_kept():
     assert "Traceback" not in said
     assert "midair: stopped; the results so far are stored" in said
     assert not load_sweep(Path("s.sweep")).complete
+
+
+COARSE = ["--mode", "paper", "--set", "target.grid={rows=6,columns=6,pitch=0.011}", "--workers", "1"]
+
+
+@pytest.mark.long
+def test_recordings_under_settings(take, capsys, one_line):
+    ask = ["sweep", "recordings", "r.sweep", take, "--vary", "method=fast,glide", "height=150mm,200mm"]
+    ask += ["--duration", "20ms", *COARSE]
+    assert run(ask) == 0
+    said = capsys.readouterr()
+    assert "80/80" in said.err
+    assert "SIMULATED" in said.out
+    assert run(["sweep", "report", "r.sweep", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [trial["variant"] for trial in answer["trials"]] == [
+        f"method={method} height={height}" for method in ("fast", "glide") for height in ("150mm", "200mm")
+    ]
+    assert all(Path(name).is_file() for name in answer["files"])
+    assert run([*ask, "--bits", "4"]) == 1
+    assert "bits" in one_line()
