@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from midair.cli import run
 from midair.cli.options import BandOptions, SolveOptions, format_quantity, parse_quantity
-from midair.files import load_palm, load_solution
-from midair.model import Acoustics, ControlGrid, Medium
+from midair.files import load_solution
+from midair.model import Acoustics, ControlGrid
 from midair.settings import MODES, Settings, best_mode
 from midair.solvers import Guard
 from midair.targets import Circle
@@ -82,34 +82,7 @@ def test_a_drive_is_made_again_from_its_own_settings():
     assert Settings.of(one.drive.provenance) == Settings.of(two.drive.provenance)
 
 
-@pytest.mark.long
-def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
-    small = f"{FEW} --start-at 20ms --duration 10ms --lead 0s"
-    drive = tmp_path / "am.drive.h5"
-    assert run(["solve", str(stroke), str(drive), *small.split(), "--temperature", "26C", "--humidity", "30%"]) == 0
-    assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)
-    assert "air: 26 °C, 30 % humidity\n" in capsys.readouterr().err
-    assert run(["solve", str(stroke), str(drive), "--mode", "quick", *small.split(), "--force"]) == 0
-    assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
-    assert "air: 22 °C, 50 % humidity, assumed; state yours" in capsys.readouterr().err
-    assert run(["solve", str(stroke), str(drive), "--mode", "paper", *small.split(), "--force"]) == 0
-    assert load_solution(drive).drive.acoustics.medium == Medium()
-    assert "air: 340 m/s (14 °C), assumed; state yours" in capsys.readouterr().err
-
-
 SMALL = f"--mode paper {FEW} --duration 10ms"
-
-
-@pytest.mark.long
-def test_an_outlined_hand_is_kept_quiet(stroke, tmp_path):
-    corners = "outline_mm = [[-50, -35], [50, -35], [50, 35], [-50, 35]]"
-    (tmp_path / "hand.toml").write_text(corners, encoding="utf-8")
-    words = ["--set", "solver.quiet_palm=0.2", "--palm", str(tmp_path / "hand.toml")]
-    assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL.split(), "--lead", "0s", *words]) == 0
-    drive = load_solution(tmp_path / "hand.drive.h5").drive
-    term = Settings.of(drive.provenance).solver.quiet_palm
-    assert (term.weight, term.outline) == (0.2, load_palm(tmp_path / "hand.toml").rows)
-    assert stages(tmp_path / "hand.drive.h5")["solve"]["quiet_palm_outline"] == term.outline
 
 
 def test_the_finest_mode_takes_the_outline_of_a_palm(tmp_path):
@@ -120,7 +93,7 @@ def test_the_finest_mode_takes_the_outline_of_a_palm(tmp_path):
 
 
 @pytest.mark.long
-def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tmp_path, capsys):
+def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tmp_path, capsys, answer):
     drive = str(tmp_path / "am.drive.h5")
     solve = ["solve", str(stroke), drive, *SMALL.split(), "--start-at", "20ms", "--lead", "0s", "--strength"]
     assert run([*solve, "0.1"]) == 0
@@ -131,8 +104,7 @@ def test_strength_is_printed_in_pascal_with_a_warning_above_the_limit(stroke, tm
     assert level["too_loud"]
     assert level["comes"] < 0.8
     assert "use --strength" in told.err
-    assert run(["info", drive, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["level"] == level
+    assert answer("info", drive)["level"] == level
 
 
 @pytest.mark.parametrize(

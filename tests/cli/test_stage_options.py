@@ -1,6 +1,5 @@
 """`midair record --stage`: the whole command against a stand-in machine, and what is left when it goes wrong."""
 
-import json
 import os
 import signal
 import subprocess
@@ -52,7 +51,7 @@ def steps(path):
 
 
 @pytest.mark.long  # It compares a speed with the clock, to 2 %.
-def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, capsys):
+def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, capsys, answer):
     assert run(command(machine, stroke="60mm")) == 0
     said = capsys.readouterr()
     assert "it will move: over x -180, y -60 mm at z -20 mm; then 1 x down to z -22.5 mm at 5 mm/s, 60 mm" in said.err
@@ -65,8 +64,7 @@ def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, caps
     shown = capsys.readouterr().out
     assert "stroke " in shown
     assert " stamps" in shown
-    assert run(["info", "out.h5", "--json"]) == 0
-    stage = next(step for step in json.loads(capsys.readouterr().out)["steps"] if step["stage"] == "stage")
+    stage = next(step for step in answer("info", "out.h5")["steps"] if step["stage"] == "stage")
     assert stage["columns"] == ["time_s", "x_m", "y_m", "z_m", "feed_m_s"]
 
 

@@ -43,12 +43,10 @@ def perfect(drive_file):
 
 @pytest.mark.long
 @pytest.mark.parametrize("mode", [["--mode", "paper"], ["--mode", "best", "--rate", "2kHz"]], ids=["paper", "best"])
-def test_a_perfect_chain_scores_above_60_db(mode, capsys):
+def test_a_perfect_chain_scores_above_60_db(mode, answer):
     assert run(["solve", "take.h5", *mode, *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "--force"]) == 0
     perfect("take.drive.h5")
-    capsys.readouterr()
-    assert run(["compare", "take.h5", "again.h5", "--json"]) == 0
-    figures = json.loads(capsys.readouterr().out)["figures"]
+    figures = answer("compare", "take.h5", "again.h5")["figures"]
     assert figures["signal to distortion"]["value"] > 60
     assert figures["waveform error"]["value"] < 0.1
     assert abs(figures["delay"]["value"]) < 1e-3
@@ -86,20 +84,18 @@ def test_a_recording_that_was_never_played_is_compared_unchanged(capsys):
 
 
 @pytest.mark.long
-def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
+def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(answer):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "-f"]) == 0
-    capsys.readouterr()
     Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")
-    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    compare = ["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml"]
+    told = answer(*compare)
     assert told["simulated"]
     assert told["figures"]["signal to distortion"]["value"] < 10  # half a wave is gone
     assert 0.05 < told["palm"]["outside"] < 1
     assert len(told["palm"]["sdr_displacement_db"]) == 4
     assert told["verdict"]["lines"]["felt"].startswith("by about ")
     assert "array measured" in told["verdict"]["lines"]["laboratory"]
-    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--fixed-place", "--json"]) == 0
-    fixed = json.loads(capsys.readouterr().out)["verdict"]["laboratory_db"]
+    fixed = answer(*compare, "--fixed-place")["verdict"]["laboratory_db"]
     assert all(ratio < told["verdict"]["laboratory_db"][name] for name, ratio in fixed.items())
 
 
@@ -131,14 +127,11 @@ def test_a_drive_s_palm_can_be_filmed(capsys):
 
 
 @pytest.mark.slow
-def test_palm_fidelity_of_a_drive_equals_that_of_the_budget(capsys):
+def test_palm_fidelity_of_a_drive_equals_that_of_the_budget(answer):
     piece = ["--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s"]
     assert run(["solve", "take.h5", *piece, "-f"]) == 0
-    capsys.readouterr()
-    assert run(["compare", "take.h5", "take.drive.h5", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["palm"]
-    assert run(["budget", "take.h5", *piece, "--json"]) == 0
-    budgeted = json.loads(capsys.readouterr().out)["palm"]
+    told = answer("compare", "take.h5", "take.drive.h5")["palm"]
+    budgeted = answer("budget", "take.h5", *piece)["palm"]
     assert told["outside"] == pytest.approx(budgeted["outside"], rel=1e-3)
     assert told["sdr_pressure_db"] == pytest.approx(budgeted["sdr_pressure_db"], abs=0.05)
 
@@ -183,27 +176,24 @@ def quoted(original, reproduced):
     return {name: ratio for name, (ratio, _, _) in found.items()}
 
 
-def printed(capsys, *arguments):
-    capsys.readouterr()
-    assert run(["compare", *arguments, "--json"]) == 0
-    figures = json.loads(capsys.readouterr().out)["figures"]
+def printed(answer, *arguments):
+    figures = answer("compare", *arguments)["figures"]
     return {name: figure["value"] for name, figure in figures.items() if name.startswith("signal to distortion")}
 
 
 @pytest.mark.long
-def test_the_printed_ratios_are_those_of_the_documentation(capsys):
+def test_the_printed_ratios_are_those_of_the_documentation(capsys, answer):
     assert run(["solve", "take.h5", "a.drive.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE, "--force"]) == 0
     capsys.readouterr()
     assert run(["play", "a.drive.h5", "--force"]) == 0
     played = " ".join(capsys.readouterr().out.split())
-    assert run(["compare", "take.h5", "a.rerecorded.h5", "--json"]) == 0
-    assert f"felt {json.loads(capsys.readouterr().out)['verdict']['lines']['felt']}" in played
-    found = printed(capsys, "take.h5", "a.rerecorded.h5")
+    assert f"felt {answer('compare', 'take.h5', 'a.rerecorded.h5')['verdict']['lines']['felt']}" in played
+    found = printed(answer, "take.h5", "a.rerecorded.h5")
     assert found == pytest.approx(quoted("take.h5", "a.rerecorded.h5"), abs=0.5)
 
 
 @pytest.mark.slow
-def test_the_start_page_has_the_ratios_of_its_commands(tmp_path, monkeypatch, capsys):
+def test_the_start_page_has_the_ratios_of_its_commands(tmp_path, monkeypatch, answer):
     monkeypatch.chdir(tmp_path)
     page = (Path(__file__).parents[3] / "docs" / "start.md").read_text(encoding="utf-8")
     by_hand = page[page.index("## Do it by hand") : page.index("## In Python")]
@@ -211,6 +201,6 @@ def test_the_start_page_has_the_ratios_of_its_commands(tmp_path, monkeypatch, ca
     for line in commands:
         assert run(line.split()) == 0
     told = float(re.search(r"alike +the same: ([0-9.]+) dB", by_hand)[1])
-    found = printed(capsys, *last.split()[1:])
+    found = printed(answer, *last.split()[1:])
     assert found["signal to distortion, touched cells, without noise"] == pytest.approx(told, abs=0.5)
     assert found == pytest.approx(quoted(*last.split()[1:]), abs=0.5)

@@ -1,7 +1,6 @@
 """The commands loop, compare and budget as a person types them."""
 
 import html
-import json
 import re
 import shlex
 from pathlib import Path
@@ -18,17 +17,16 @@ pytestmark = pytest.mark.usefixtures("with_take")
 
 
 @pytest.mark.long
-def test_an_iterative_loop_prints_passes_and_perceptual_metrics(capsys):
-    assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["simulated"] is True
-    assert len(answer["passes"]) + answer["taken_back"] == 4
-    assert [one["step"] for one in answer["passes"][:2]] == [None, None]
-    errors = [one["figures"]["waveform error"]["value"] for one in answer["passes"][1:]]
+def test_an_iterative_loop_prints_passes_and_perceptual_metrics(answer):
+    told = answer("loop", "take.h5", *QUICK, "--iterate", "2", "--force")
+    assert told["simulated"] is True
+    assert len(told["passes"]) + told["taken_back"] == 4
+    assert [one["step"] for one in told["passes"][:2]] == [None, None]
+    errors = [one["figures"]["waveform error"]["value"] for one in told["passes"][1:]]
     assert errors == sorted(errors, reverse=True)
-    assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in answer["perception"]}
-    page = Path(answer["report"]).read_text(encoding="utf-8")
-    assert "array measured" in answer["verdict"]["lines"]["laboratory"]
+    assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in told["perception"]}
+    page = Path(told["report"]).read_text(encoding="utf-8")
+    assert "array measured" in told["verdict"]["lines"]["laboratory"]
     for words in ("SIMULATED", "Perceptual metrics", "of each pass", "do not notice", "In a real laboratory"):
         assert words in page
 
@@ -56,15 +54,13 @@ def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figur
 
 
 @pytest.mark.long
-def test_budget_as_json_and_as_a_figure(capsys):
-    words = [*QUICK, "--band", "150Hz", "470Hz", "--json"]
-    assert run(["budget", "take.h5", "budget.png", *words]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["stages"][0]["stage"] == "mapping"
-    assert "the slow press below 150 Hz" in answer["left_out"]
-    assert run(["solve", "take.h5", *words]) == 0
-    assert json.loads(capsys.readouterr().out)["not_reproduced"]["text"] == answer["left_out"], "the same part, once"
-    assert sum(answer["losses_db"].values()) == pytest.approx(60 - answer["stages"][-1]["sdr_so_far_db"], abs=1e-6)
-    assert answer["palm"]["palm"] == "disc of 85 mm"
-    assert len(answer["palm"]["sdr_displacement_db"]) == 4
+def test_budget_as_json_and_as_a_figure(answer):
+    words = [*QUICK, "--band", "150Hz", "470Hz"]
+    told = answer("budget", "take.h5", "budget.png", *words)
+    assert told["stages"][0]["stage"] == "mapping"
+    assert "the slow press below 150 Hz" in told["left_out"]
+    assert answer("solve", "take.h5", *words)["not_reproduced"]["text"] == told["left_out"], "the same part, once"
+    assert sum(told["losses_db"].values()) == pytest.approx(60 - told["stages"][-1]["sdr_so_far_db"], abs=1e-6)
+    assert told["palm"]["palm"] == "disc of 85 mm"
+    assert len(told["palm"]["sdr_displacement_db"]) == 4
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")

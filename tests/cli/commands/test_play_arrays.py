@@ -1,4 +1,3 @@
-import json
 import os
 import re
 import shlex
@@ -150,14 +149,13 @@ def test_exposure_prints_and_draws(capsys):
 
 
 @pytest.mark.long
-def test_exposure_in_the_air_of_the_room(capsys):
+def test_exposure_in_the_air_of_the_room(answer):
     """Cold dry air takes less from the sound than a damp room; with nothing stated, the least attenuation counts."""
     make("a.drive.h5", level=0.003)
     excess = {}
     room, cold = "--temperature 22C --humidity 60%", "--temperature 0C --humidity 10%"
     for name, words in {"unknown": "", "room": room, "cold": cold}.items():
-        assert run(["exposure", "a.drive.h5", "--json", *words.split()]) == 0
-        excess[name] = json.loads(capsys.readouterr().out)["excess_db"]
+        excess[name] = answer("exposure", "a.drive.h5", *words.split())["excess_db"]
     assert excess["cold"] > excess["room"] + 0.1
     assert excess["unknown"] > excess["room"] + 0.1
 
@@ -405,7 +403,7 @@ def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
 
 
 @pytest.mark.long
-def test_the_strength_in_a_file_changes_no_exposure(capsys):
+def test_the_strength_in_a_file_changes_no_exposure(capsys, answer):
     """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
     claims = TransducerArray(
         position=ARRAY.position,
@@ -415,12 +413,10 @@ def test_the_strength_in_a_file_changes_no_exposure(capsys):
         frequency=ARRAY.frequency,
         name=ARRAY.name,
     )
-    answers = []
-    for name, array in (("honest.drive.h5", ARRAY), ("claims.drive.h5", claims)):
-        assert run(["exposure", make(name, array=array), "--json"]) == 0
-        answers.append(json.loads(capsys.readouterr().out))
-    assert answers[0]["places"] == answers[1]["places"]
-    assert answers[1]["file_transducer_pa_m"] == pytest.approx(1e-6)
+    honest = answer("exposure", make("honest.drive.h5"))
+    claimed = answer("exposure", make("claims.drive.h5", array=claims))
+    assert honest["places"] == claimed["places"]
+    assert claimed["file_transducer_pa_m"] == pytest.approx(1e-6)
     assert run(["exposure", "claims.drive.h5", *EMULATOR, "--all"]) == 0
     page = " ".join(capsys.readouterr().out.split())
     assert "the file states 1e-06 Pa m, which is ignored" in page

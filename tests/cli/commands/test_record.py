@@ -1,4 +1,3 @@
-import json
 import os
 import pty
 import re
@@ -173,12 +172,8 @@ def test_missing_notes_are_asked_once_and_offered_again(capsys):
 
 
 @pytest.mark.long
-def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
-    assert (
-        run(["record", "virtual:towel+groove", "--duration", "0.1s", "--repeats", "2", "--pause", "50ms", "--json"])
-        == 0
-    )
-    takes = json.loads(capsys.readouterr().out)
+def test_names_make_themselves_and_the_virtual_object_is_known(answer):
+    takes = answer("record", "virtual:towel+groove", "--duration", "0.1s", "--repeats", "2", "--pause", "50ms")
     assert [take["recording"] for take in takes] == ["towel-groove-01.h5", "towel-groove-02.h5"]
     assert [take["frames"] for take in takes] == [100, 100]
     assert load("towel-groove-02.h5").provenance.notes == {"object": "towel", "surface": "groove"}
@@ -186,7 +181,7 @@ def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
 
 
 @pytest.mark.slow
-def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, capsys):
+def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, answer):
     """LSL over loopback; the sender leaves out seven frames now and then, which its counter shows."""
     pytest.importorskip("pylsl")
     here = Path(__file__).parents[2] / "devices" / "sensors"
@@ -197,10 +192,9 @@ def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, ca
         try:
             assert sender.stdout.readline().strip() == "ready"
             source = f"lsl:{name}?search=60&counter=16&timeout=20"
-            assert run(["record", source, "take.h5", "--duration", "8s", "--json"]) == 0
+            (take,) = answer("record", source, "take.h5", "--duration", "8s")
         finally:
             sender.kill()
-    (take,) = json.loads(capsys.readouterr().out)
     recording = load("take.h5")
     assert recording.frames == take["frames"] == 8000
     frames = np.rint(recording.samples.reshape(8000, 16)).astype(int)

@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import BrokenFileError, FileError
-from midair.files import load_palm, load_placement, load_sensor, load_stage, load_tracker, save_sensor, save_tracker
+from midair.files import (
+    load_palm,
+    load_placement,
+    load_profiles,
+    load_sensor,
+    load_stage,
+    load_tracker,
+    save_sensor,
+    save_tracker,
+)
 from midair.model import Palm, SensorGrid, SensorWiring
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "data" / "stage.toml"
@@ -20,6 +29,19 @@ unit = "V"
 full_scale = 1.25
 sensitivity = 0.02
 order = [5, 4, 3, 2, 1, 0]
+"""
+
+PROFILE = """
+[[profile]]
+name = "mine"
+title = "t"
+source = "s"
+evidence = "e"
+[[profile.place]]
+name = "ear"
+position_mm = [0, 0, 500]
+reach_mm = 0
+limit_db = 100
 """
 
 UNITS = """
@@ -148,25 +170,39 @@ def test_invalid_files_are_one_clear_line(path, load, text, complaint):
     assert "\n" not in str(refused.value)
 
 
+WHOLE = {load_stage: EXAMPLE.read_text(encoding="utf-8"), load_profiles: PROFILE}
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("load", "old", "new", "complaint"),
     [
-        ("contact_mm = -22.5", "", "contact_mm is missing"),
-        ("contact_mm = -22.5", 'contact_mm = "deep"', "contact_mm: expected float"),
-        ("contact_mm = -22.5", "contact_mm = -10", "clear_mm: expected a height above contact_mm"),
-        ('"+x"', '"x"', "heading: expected .x or -x or .y or -y"),
-        ("z_mm", "w_mm", "travel.w_mm: expected one of"),
-        ("[-60.0, 0.0]", "[0.0, -60.0]", "travel.z_mm: expected the smaller value first"),
-        ("[travel]", "[[travel]]", "travel: expected a table"),
-        ('heading = "+x"', 'heading = "+x"\nhoming = "never"', "homing: expected switches or by hand"),
+        (load_stage, "contact_mm = -22.5", "", "contact_mm is missing"),
+        (load_stage, "contact_mm = -22.5", 'contact_mm = "deep"', "contact_mm: expected float"),
+        (load_stage, "contact_mm = -22.5", "contact_mm = -10", "clear_mm: expected a height above contact_mm"),
+        (load_stage, '"+x"', '"x"', "heading: expected .x or -x or .y or -y"),
+        (load_stage, "z_mm", "w_mm", "travel.w_mm: expected one of"),
+        (load_stage, "[-60.0, 0.0]", "[0.0, -60.0]", "travel.z_mm: expected the smaller value first"),
+        (load_stage, "[travel]", "[[travel]]", "travel: expected a table"),
+        (load_stage, 'heading = "+x"', 'heading = "+x"\nhoming = "never"', "homing: expected switches or by hand"),
+        (load_profiles, "reach_mm = 0", "", "reach_mm"),
+        (load_profiles, "reach_mm = 0", "reach_mm = -1", "reach_mm"),
+        (load_profiles, "limit_db = 100", "limit_db = nan", "finite"),
+        (load_profiles, "limit_db = 100", "limit_db = 'loud'", "loud"),
+        (load_profiles, "limit_db = 100", "limit_db = 100\nlimt = 3", "limt"),
+        (load_profiles, "limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
+        (load_profiles, "[0, 0, 500]", "[0, 0]", "position_mm"),
+        (load_profiles, 'evidence = "e"', "", "evidence"),
+        (load_profiles, 'evidence = "e"', 'evidence = "e"\nduty = 1.5', "at most 1"),
+        (load_profiles, 'evidence = "e"', 'evidence = "e"\nwarming_k = nan', "above 0 K"),
+        (load_profiles, "[[profile]]", "[[profile]", "TOML"),
+        (load_profiles, "[[profile]]\n", "[[profiles]]\n", "profile"),
     ],
 )
-def test_invalid_values_of_a_stage_are_named(path, old, new, complaint):
-    text = EXAMPLE.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new), encoding="utf-8")
+def test_invalid_values_are_named(path, load, old, new, complaint):
+    assert old in WHOLE[load]
+    path.write_text(WHOLE[load].replace(old, new), encoding="utf-8")
     with pytest.raises(BrokenFileError, match=complaint):
-        load_stage(path)
+        load(path)
 
 
 def test_a_disc_and_corners(path):
@@ -178,3 +214,24 @@ def test_a_disc_and_corners(path):
     square = load_palm(path)
     assert square.name == "a"
     assert square.inside[1:-1, 1:-1].all()
+
+
+def test_profiles_of_midair_state_source_and_evidence():
+    profiles = load_profiles()
+    assert list(profiles) == ["occupational-110", "public-100"]
+    for each in profiles.values():
+        assert any(year in each.source for year in ("1984", "2005", "2010"))
+        assert "thin" in each.evidence
+        assert {place.name for place in each.places} == {"left ear", "right ear", "bystander", "palm"}
+        assert not each.places[-1].enforced
+
+
+def test_a_user_profile(path):
+    path.write_text(PROFILE)
+    mine = load_profiles(path)["mine"]
+    assert mine.places[0].position == (0, 0, 0.5)
+    assert mine.places[0].enforced
+    assert (mine.duty, mine.warming) == (0.5, 6.0)
+    path.write_text(PROFILE.replace('title = "t"', 'title = "t"\nduty = 0.8\nwarming_k = 2.5'))
+    own = load_profiles(path)["mine"]
+    assert (own.duty, own.warming) == (0.8, 2.5)

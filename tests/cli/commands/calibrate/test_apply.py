@@ -1,4 +1,3 @@
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -46,10 +45,9 @@ def known():
 
 
 @pytest.mark.long
-def test_from_takes_to_a_calibration_with_its_page(bench, capsys):
+def test_from_takes_to_a_calibration_with_its_page(bench, capsys, answer):
     takes = ["all-a.h5", "all-b.h5", "--reference", "all-a-ref.h5", "all-b-ref.h5", "--quiet", "quiet.h5"]
-    assert run(["calibrate", "measure", *takes, *MEASURE, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = answer("calibrate", "measure", *takes, *MEASURE)
     assert told["written"] == "palm-3-2026-01-31.calibration.h5"
     assert told["simulated"] is True
     assert "± 2" in told["uncertainty"]
@@ -106,11 +104,9 @@ def test_a_force_cell_has_a_face(bench):
 
 
 @pytest.mark.long
-def test_a_recording_names_its_calibration(known, capsys):
+def test_a_recording_names_its_calibration(known, answer):
     assert run(["calibrate", "take.h5", "--calibration", "palm.calibration.h5"]) == 0
-    capsys.readouterr()
-    assert run(["info", "take.h5", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = answer("info", "take.h5")
     known = load_calibration("palm.calibration.h5")
     assert (told["calibration"]["id"], told["calibration"]["version"]) == (known.identifier, 1)
     assert told["calibration"]["date"] == "2026-01-31"

@@ -1,4 +1,3 @@
-import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -8,22 +7,15 @@ import pytest
 from tests.model.test_calibration import calibration as known
 
 from midair.cli import run
-from midair.files import load_array_calibration, load_solution, open_take, save, save_array_calibration
-from midair.model import Calibration, Recording, TransducerArray
+from midair.files import load_array_calibration, load_solution, open_take, save_array_calibration
+from midair.model import TransducerArray
 from midair.rig import keep_array_calibration
 
 QUICK = shlex.split("--mode paper --set target.grid={rows=4,columns=4} --set solver.iterations=[3,2] --duration 0.01s")
 
 
-@pytest.fixture
-def take():
-    samples = np.random.default_rng(0).normal(size=(200, 4, 4))
-    recording = Recording(samples=samples, rate=1000)
-    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
-
-
 @pytest.mark.long
-def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, capsys):
+def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, answer):
     calibration = known(TransducerArray.autd3())
     save_array_calibration(calibration, "mine.array.h5")
     assert run(["solve", "take.h5", *QUICK, "--array-calibration", "mine.array.h5"]) == 0
@@ -32,9 +24,7 @@ def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, capsys):
     step = next(step for step in drive.provenance.steps if step.stage == "array calibration")
     assert step.settings["id"] == calibration.identifier
     assert run(["play", "take.drive.h5"]) == 0
-    capsys.readouterr()
-    assert run(["info", "mine.array.h5", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = answer("info", "mine.array.h5")
     assert told["dead"] == "1: 7"
     assert told["array"] == "AUTD3 2 x 2, 996 transducers"
 

@@ -1,4 +1,3 @@
-import json
 import os
 import signal
 import subprocess
@@ -18,7 +17,7 @@ SMALL = ["--count", "12", "--chunk", "4", "--iterations", "1", "--workers", "2"]
 
 
 @pytest.mark.long
-def test_from_patterns_to_a_report(capsys, one_line):
+def test_from_patterns_to_a_report(capsys, one_line, answer):
     ask = ["sweep", "patterns", "s.sweep", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
     assert run(ask) == 0
     said = capsys.readouterr()
@@ -29,13 +28,10 @@ def test_from_patterns_to_a_report(capsys, one_line):
     assert sweep.strengths == (0.1, 0.2)
     assert sweep.heights == pytest.approx((0.18, 0.2))
     assert sweep.iterations == 1
-
-    assert run(["sweep", "report", "s.sweep", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["simulated"] is True
-    assert [row["patterns"] for row in answer["conditions"]] == [12] * 4
-    assert all(Path(name).is_file() for name in answer["files"])
-
+    report = answer("sweep", "report", "s.sweep")
+    assert report["simulated"] is True
+    assert [row["patterns"] for row in report["conditions"]] == [12] * 4
+    assert all(Path(name).is_file() for name in report["files"])
     assert run([*ask, "--seed", "7"]) == 1
     line = one_line()
     assert "seed" in line
@@ -83,18 +79,17 @@ COARSE = ["--mode", "paper", "--set", "target.grid={rows=6,columns=6,pitch=0.011
 
 
 @pytest.mark.long
-def test_recordings_under_settings(take, capsys, one_line):
+def test_recordings_under_settings(take, capsys, one_line, answer):
     ask = ["sweep", "recordings", "r.sweep", take, "--vary", "method=fast,glide", "height=150mm,200mm"]
     ask += ["--duration", "20ms", *COARSE]
     assert run(ask) == 0
     said = capsys.readouterr()
     assert "80/80" in said.err
     assert "SIMULATED" in said.out
-    assert run(["sweep", "report", "r.sweep", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert [trial["variant"] for trial in answer["trials"]] == [
+    report = answer("sweep", "report", "r.sweep")
+    assert [trial["variant"] for trial in report["trials"]] == [
         f"method={method} height={height}" for method in ("fast", "glide") for height in ("150mm", "200mm")
     ]
-    assert all(Path(name).is_file() for name in answer["files"])
+    assert all(Path(name).is_file() for name in report["files"])
     assert run([*ask, "--bits", "4"]) == 1
     assert "bits" in one_line()

@@ -1,19 +1,23 @@
 """Every command that can play passes the air of the room to the exposure check only if it was typed."""
 
-import json
 import os
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.drives import plan_of, save_drive
 
 from midair.cli import run
+from midair.cli.exposure_options import ExposureOptions
+from midair.devices import ExposureChoices, check_exposure
 from midair.devices.frame_bytes import actual_level
-from midair.errors import InputError
+from midair.errors import ExposureError, InputError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import exposure, focus_phase, transfer_matrix
+from midair.rig import VirtualRig
 
 pytestmark = pytest.mark.usefixtures("own_state")
 ARRAY = TransducerArray.autd3()
@@ -29,7 +33,7 @@ def loud():
     return save_drive("loud.drive.h5", np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (10, 1)), 1.0, acoustics=WARM)
 
 
-def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(capsys, monkeypatch):
+def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(answer, monkeypatch):
     """With one unit, as the command computes the exposure; of a play, what it hands to the check."""
     save_drive("one.drive.h5", level=1.0, array=TransducerArray.autd3(columns=1, rows=1), acoustics=WARM, frames=2)
     rooms = []
@@ -40,8 +44,7 @@ def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(capsys, monk
 
     monkeypatch.setattr("midair.rig.play", seen)
     for words, expected in (([], UNKNOWN), (["--temperature", "40C"], TYPED)):
-        assert run(["exposure", "one.drive.h5", "--json", *words]) == 0
-        assert f"{json.loads(capsys.readouterr().out)['loudest_air']['temperature_c']:.0f}" in expected
+        assert f"{answer('exposure', 'one.drive.h5', *words)['loudest_air']['temperature_c']:.0f}" in expected
         assert run(["play", "one.drive.h5", "--device", NOWHERE, *words]) == 1
     assert [room and room.temperature for room in rooms] == [None, 40.0]
 
@@ -105,3 +108,26 @@ def test_a_file_of_no_air_is_refused(words, capsys, monkeypatch):
     command, *rest = words
     assert run([command, "slow.drive.h5", *rest]) == 1
     assert "expected a speed of sound of 300 to 370 m/s, as in air, got 100 m/s" in capsys.readouterr().err
+
+
+def test_ear_protection_raises_the_limits_outside_it_and_is_named():
+    chosen = ExposureOptions(ear_protection=12.0).choices().profile
+    assert chosen.name == "occupational-110, 12 dB of ear protection stated by the user"
+    assert [place.limit for place in chosen.places] == [122, 122, 122, 155]
+    with pytest.raises(InputError, match="ear protection: expected 0 to 40 dB at 40 kHz, got 60 dB"):
+        ExposureOptions(ear_protection=60.0).choices()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", ["play", "loop", "study run", "calibrate beam"])
+def test_every_command_accepts_the_options_that_its_refusal_advises(command, capsys):
+    array = VirtualRig().array
+    loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
+    device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)
+    with pytest.raises(ExposureError) as refused:
+        check_exposure(loud, device, ExposureChoices(profile=profile_named("occupational-110")))
+    advised = re.findall(r"--[a-z-]+", str(refused.value))
+    assert {"--attenuate", "--override-exposure"} <= set(advised)
+    assert run([*command.split(), "--help"]) == 0
+    page = capsys.readouterr().out
+    assert all(option in page for option in advised)

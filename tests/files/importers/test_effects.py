@@ -1,6 +1,8 @@
-"""AHAP: events of known intensity and sharpness are rendered to waves."""
+"""Effects of AHAP and of Meta Haptics Studio: what is written becomes a wave of that level and frequency."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,10 +31,10 @@ def wave(path, **more):
     return load(path, scale=10.0, **more).samples.ravel() / 10
 
 
-def frequency(part, rate):
-    return np.fft.rfftfreq(8 * len(part), 1 / rate)[
-        np.abs(np.fft.rfft(part * np.hanning(len(part)), 8 * len(part))).argmax()
-    ]
+def frequency_of(wave, rate=8000):
+    """Strongest frequency in Hz."""
+    power = np.abs(np.fft.rfft(wave * np.hanning(len(wave)), 8 * len(wave)))
+    return power.argmax() * rate / (8 * len(wave))
 
 
 @pytest.mark.parametrize(("sharpness", "hertz"), [(0.0, 80), (0.5, 155), (1.0, 230)])
@@ -41,7 +43,7 @@ def test_a_continuous_event_is_a_sine_of_its_intensity_and_sharpness(sharpness, 
     assert len(made) == 4800
     assert not made[:800].any()
     assert made[800:].max() == pytest.approx(0.6, abs=0.01)
-    assert frequency(made[800:], 8000) == pytest.approx(hertz, abs=1)
+    assert frequency_of(made[800:]) == pytest.approx(hertz, abs=1)
 
 
 def test_a_curve_is_linear_and_holds_its_last_value(pattern):
@@ -115,3 +117,57 @@ def test_a_very_long_effect_is_refused_before_rendering(pattern):
 def test_events_that_overlap_are_reported(pattern):
     both = pattern(*[event("HapticContinuous", 0, duration=0.1, HapticIntensity=0.8)] * 2)
     assert any("together they reach 1.6 of full intensity" in text for text in open_take(both, scale=10.0).report)
+
+
+def clip(path, amplitude, frequency=None):
+    envelopes = {"amplitude": amplitude} | ({"frequency": frequency} if frequency else {})
+    content = {"version": {"major": 1, "minor": 0, "patch": 0}, "signals": {"continuous": {"envelopes": envelopes}}}
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_a_clip_has_its_amplitude_and_frequency_over_time(tmp_path):
+    amplitude = [{"time": 0, "amplitude": 0.5}, {"time": 1, "amplitude": 0.5}, {"time": 2, "amplitude": 1.0}]
+    frequency = [{"time": 0, "frequency": 0.2}, {"time": 1, "frequency": 0.2}, {"time": 1.001, "frequency": 0.8}]
+    samples = wave(clip(tmp_path / "a.haptic", amplitude, frequency))
+    assert len(samples) == 16000
+    assert frequency_of(samples[:8000]) == pytest.approx(110, abs=0.5)
+    assert frequency_of(samples[8100:]) == pytest.approx(200, abs=0.5)
+    assert np.abs(samples[:8000]).max() == pytest.approx(0.5, abs=0.01)
+    assert np.abs(samples[11900:12100]).max() == pytest.approx(0.75, abs=0.02)
+
+
+def test_an_emphasis_is_a_click_in_silence(tmp_path):
+    amplitude = [
+        {"time": 0, "amplitude": 0},
+        {"time": 0.5, "amplitude": 0, "emphasis": {"amplitude": 0.6, "frequency": 1.0}},
+        {"time": 1, "amplitude": 0},
+    ]
+    samples = wave(clip(tmp_path / "a.haptic", amplitude))
+    assert not samples[:4000].any()
+    assert 0.4 < np.abs(samples[4000:4100]).max() < 0.6
+    assert np.abs(samples[4500:]).max() < 1e-3
+    assert frequency_of(samples[4000:4400]) == pytest.approx(230, abs=5)
+
+
+@pytest.mark.parametrize(
+    "content", [[], {"signals": {}}, {"signals": {"continuous": {"envelopes": {"amplitude": []}}}}, {"signals": None}]
+)
+def test_a_clip_without_an_envelope_is_refused(content, tmp_path):
+    (tmp_path / "a.haptic").write_text(json.dumps(content))
+    with pytest.raises(BrokenFileError, match=r"a\.haptic: expected"):
+        open_take(tmp_path / "a.haptic")
+
+
+@pytest.mark.parametrize("value", [-0.5, float("nan")])
+def test_points_are_numbers_from_0_on(value, tmp_path):
+    with pytest.raises(BrokenFileError, match="points of amplitude"):
+        wave(clip(tmp_path / "a.haptic", [{"time": 0, "amplitude": value}, {"time": 1, "amplitude": 1}]))
+
+
+@pytest.mark.skipif("MIDAIR_HAPTICS_STUDIO" not in os.environ, reason="MIDAIR_HAPTICS_STUDIO names no checkout")
+def test_the_clips_of_the_makers_are_read():
+    found = sorted(Path(os.environ["MIDAIR_HAPTICS_STUDIO"]).rglob("*.haptic"))
+    assert len(found) > 50
+    for path in found:
+        assert 0 < np.abs(wave(path)).max() <= 1, path

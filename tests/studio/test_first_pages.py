@@ -1,4 +1,4 @@
-"""The panel Gallery in a real browser: pictures, film, sound, use, accessibility."""
+"""The first page and the panel Gallery in a real browser: ways to a touch, pictures, film, sound, accessibility."""
 
 import pytest
 
@@ -36,4 +36,23 @@ def test_touches_are_seen_heard_and_used(studio_at, look, tmp_path):
     page.page.get_by_role("button", name="use ridges").press("Enter")
     page.until("studio.room?.take?.name === 'ridges.h5'")
     assert load(studio.folder / "ridges.h5").provenance.notes["licence"] == "MIT"
+    assert page.wrong == []
+
+
+pytestmark = pytest.mark.browser
+
+
+def test_three_doors_lead_to_a_touch_and_nothing_is_solved_unasked(studio_at, look, tmp_path):
+    studio = studio_at()
+    page = look(studio, at="")
+    page.until("studio.name === 'start' && document.querySelectorAll('.recent li').length === 4")
+    assert len(list(page.shown("start", tmp_path, ("dark", 1400), ("light", 390)))) == 2
+    for words, room in (("Choose a touch", "gallery"), ("Start drawing", "draw"), ("Record a touch", "record")):
+        page.page.get_by_role("link", name=words).click()
+        page.until(f"studio.name === '{room}'")
+        page.go("#start")
+        page.until("studio.name === 'start'")
+    assert page.page.evaluate("studio.link.state.takes.filter(take => take.solved).map(take => take.name)") == [
+        "sample:orbit"
+    ]
     assert page.wrong == []
