@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from .playing.play_settings import PlaySettings as PlaySettings
     from .playing.play_settings import default_exposure as default_exposure
     from .playing.solving_ahead import SolvedAhead as SolvedAhead
+    from .playing.solving_ahead import prepare_check as prepare_check
     from .prepare import calibrated_take as calibrated_take
     from .prepare import pressure_of as pressure_of
     from .prepare import pressure_to_solve as pressure_to_solve

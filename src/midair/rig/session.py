@@ -6,6 +6,7 @@ events.
 
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -424,6 +425,7 @@ def play_pressure(
     source: str | Path = "python",
     observer: PlayObserver | None = None,
     progress: Progress | None = None,
+    ready: Future[None] | None = None,
 ) -> Played:
     """Solve a pressure and play it at the same time: the first sound comes as soon as no gap will follow.
 
@@ -432,7 +434,7 @@ def play_pressure(
 
     `pressure` is a calibrated recording with its lead (`add_lead`); `rig`, from `open_rig`, is not entered; `path` is a
     drive to write, complete or not at all; `observer` gets one line if this computer is too slow to begin at once.
-    `source`, `progress` and the errors are those of `play`; InputError as in `SolvedAhead`.
+    `source`, `progress` and the errors are those of `play`; InputError and `ready` as in `SolvedAhead`.
     """
     session = Session(rig=rig, observer=observer or PlayObserver())
     # Without a placement the numbers are those of `midair solve`, to the last digit.
@@ -440,7 +442,7 @@ def play_pressure(
     if rig.measured is not None:
         session.observer.note(f"array calibration: {rig.measured.described(settings)}")
         transducers, settings, pressure = rig.measured.applied(transducers, settings, pressure)
-    solving = SolvedAhead(pressure, transducers, rig.array, settings, rig.settings, path)
+    solving = SolvedAhead(pressure, transducers, rig.array, settings, rig.settings, path, ready)
     with signals_end_the_program(), solving, rig:
         session.observer.opened(rig.array)
         return session.play_ahead(solving, source=source, progress=progress)

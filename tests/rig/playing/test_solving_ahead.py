@@ -178,6 +178,15 @@ def test_a_short_last_part_has_the_speed_of_one_thread():
     assert ahead._lacks()[0] == pytest.approx(1.2 - 769 / 2000 + 0.3, abs=0.05)
 
 
+@pytest.mark.long
+def test_nothing_sounds_before_a_check_that_was_begun_earlier_is_ready():
+    ready = Future()
+    with SolvedAhead(pressure(), ARRAY, Loud(ARRAY), QUICK, PlaySettings(exposure=QUIET_ENOUGH), None, ready) as ahead:
+        ready.set_exception(InputError("no check"))
+        with pytest.raises(InputError, match="no check"):
+            ahead.first_part()
+
+
 def test_what_needs_the_whole_drive_is_refused():
     for settings, choices in ((QUICK.but(ears=110.0), SURE), (QUICK, replace(SURE, override=None, attenuate=True))):
         with pytest.raises(InputError, match="use midair solve"):

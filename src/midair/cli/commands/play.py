@@ -139,6 +139,9 @@ def play_command(
                 may_write(drive, force, files.DRIVE_SUFFIX)
             solve.refuse_idle_palm()
             solving = _solving(solve, medium)
+            # Beside the reading of the recording, so that the check does not delay the first sound.
+            array = rig.transducers_of(device, settings.placement)
+            ready = rig.prepare_check(array, settings.exposure, solving.target.rate)
             pressure = rig.pressure_to_solve(source, solving, solve.start_at, solve.duration, lead=solve.lead)
             if device == "virtual":
                 height, band = solving.target.grid.height, solving.calibration.band
@@ -146,7 +149,7 @@ def play_command(
             player = rig.open_rig(settings=settings)
             print_air(solving.acoustics.medium, stated=medium is not None)
             shown.simulated = pressure.provenance.simulated
-            how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress}
+            how: Any = {"path": drive, "source": source, "observer": shown, "progress": shown.progress, "ready": ready}
             played = rig.play_pressure(pressure, solving, player, **how)
     part = played.report.duration if played.report else played.drive.frames / played.drive.rate
     found, table = played.exposure, list[Line]()

@@ -3,17 +3,24 @@
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Event
+from threading import Event, Thread
 from typing import Self
 
 import numpy as np
 
 from midair.array_types import Array
-from midair.devices import PHASE_STEPS, ArrayDevice, ExposureClearance, ExposureStream, measure_exposure
+from midair.devices import (
+    PHASE_STEPS,
+    ArrayDevice,
+    ExposureChoices,
+    ExposureClearance,
+    ExposureStream,
+    measure_exposure,
+)
 from midair.errors import InputError, StoppedError
 from midair.files import save_solutions
 from midair.model import Drive, PressureFrames, Solution, TransducerArray
@@ -28,10 +35,28 @@ SLOWER = 1.2
 """Factor by which the rest may take longer than measured."""
 
 
+def prepare_check(array: TransducerArray, limits: ExposureChoices, rate: float) -> Future[None]:
+    """Compute in a thread what exposure checks of an array need, at a rate in Hz, for a loud frame after silence."""
+    done = Future[None]()
+
+    def prepare() -> None:
+        try:
+            loud = Drive(phase=np.zeros((1, array.count)), level=np.ones(1), rate=rate, array=array)
+            measure_exposure(loud, array, limits.profile, room=limits.room)
+            done.set_result(None)
+        except BaseException as wrong:  # noqa: BLE001  # raised where the result is needed
+            done.set_exception(wrong)
+
+    # A program that ends does not wait for it.
+    Thread(target=prepare, name="midair check", daemon=True).start()
+    return done
+
+
 class SolvedAhead:
     """Inside, a thread solves a pressure, as `reproduce_stream`, and checks each part for a device.
 
-    `transducers` are those of the device, or as they were measured; `path` is a drive to write, complete or not at all.
+    `transducers` are those of the device, or as they were measured; `path` is a drive to write, complete or not at all;
+    `ready` is the result of `prepare_check`, if it was called earlier.
     Raises InputError if the whole drive is needed before its first sound: for a level at the ears, for attenuation, to
     follow a palm, and for an array that does not stream or has other phase steps than AUTD3 units.
     """
@@ -44,6 +69,7 @@ class SolvedAhead:
         settings: Settings,
         playing: PlaySettings,
         path: str | Path | None,
+        ready: Future[None] | None = None,
     ) -> None:
         alike = device.streams and device.steps_a_turn == PHASE_STEPS
         if not alike or settings.target.ears is not None or playing.exposure.attenuate or playing.follow is not None:
@@ -53,6 +79,7 @@ class SolvedAhead:
             )
         self._pressure, self._transducers, self._device, self._path = pressure, transducers, device, path
         self._settings, self._playing, self._frames, self.rate = settings, playing, 0, settings.target.rate
+        self._ready = ready
         self._news, self._ends, self._open = SimpleQueue[None](), Event(), ExitStack()
         self._stream: ExposureStream | None = None
         # A person answers for what was measured: with an override all of it, before the first sound.
@@ -64,8 +91,10 @@ class SolvedAhead:
     def __enter__(self) -> Self:
         # One limit around all threads: each of them would restore another one.
         self._open.enter_context(one_blas_thread())
-        pool = self._open.enter_context(ThreadPoolExecutor(2))
-        self._ready, self._solved = pool.submit(self._prepare_check), pool.submit(self._solve)
+        pool = self._open.enter_context(ThreadPoolExecutor(1))
+        ready = self._ready or prepare_check(self._device.array, self._playing.exposure, self.rate)
+        self._open.callback(wait, [ready])
+        self._solved = pool.submit(self._solve, ready)
         self._solved.add_done_callback(lambda _: self._news.put(None))
         return self
 
@@ -74,17 +103,11 @@ class SolvedAhead:
         self._ends.set()
         self._open.close()
 
-    def _prepare_check(self) -> None:
-        """Compute what checks of this array need, for a loud frame after silence, while the first part is solved."""
-        array, choices = self._device.array, self._playing.exposure
-        loud = Drive(phase=np.zeros((1, array.count)), level=np.ones(1), rate=self.rate, array=array)
-        measure_exposure(loud, array, choices.profile, room=choices.room)
-
-    def _solve(self) -> None:
+    def _solve(self, ready: Future[None]) -> None:
         try:
             order = (self._pressure, self._transducers, self._settings)
             target, parts = reproduce_stream(*order, progress=self._check_end)
-            self._frames, checked = target.frames, self._checked(parts)
+            self._frames, checked = target.frames, self._checked(parts, ready)
             if self._path is None:
                 deque(checked, maxlen=0)
             else:
@@ -98,9 +121,9 @@ class SolvedAhead:
         if self._ends.is_set():
             raise StoppedError("solver: expected the play to go on, it ended")
 
-    def _checked(self, parts: Iterable[Solution]) -> Iterator[Solution]:
+    def _checked(self, parts: Iterable[Solution], ready: Future[None]) -> Iterator[Solution]:
         for part in parts:
-            self._ready.result()
+            ready.result()
             if self._stream is None:
                 how = {"frames": self._frames, "repeats": self._playing.repeats}
                 self._stream = ExposureStream(part.drive, self._device, self._playing.exposure, **how)
