@@ -31,7 +31,7 @@ def read(aside=(0.0, 0.0), turn=0.0):
 
 
 def test_a_sensor_that_lies_aside_and_turned_finds_the_pattern(subtests):
-    for aside, turn in (((3e-3, 0.0), 0.0), ((0.0, -4e-3), 0.0), ((2e-3, 2e-3), 6.0), ((-5e-3, 1e-3), -5.0)):
+    for aside, turn in (((11e-3, 0.0), 0.0), ((0.0, -4e-3), 0.0), ((2e-3, 2e-3), 6.0), ((-5e-3, 1e-3), -5.0)):
         with subtests.test(aside=aside, turn=turn):
             original, moved = read(), read(aside, np.radians(turn))
             free, fixed = compare(original, moved), midair.compare(original, moved, fixed_place=True)
@@ -51,6 +51,9 @@ def test_noise_and_other_waves_do_not_lie_elsewhere(subtests):
         "weaker with noise": 0.4 * original + 0.3 * RNG.standard_normal(original.shape),
         "another": RNG.standard_normal(original.shape),
         "half a wave": np.maximum(original, 0),
+        "two cells aside": read((0.0, -20e-3)).pressure,
+        "a quarter turn": read(turn=np.pi / 2).pressure,
+        "a half turn": read(turn=np.pi).pressure,
         "silence": np.zeros_like(original),
     }.items():
         with subtests.test(name=name):

@@ -47,8 +47,8 @@ class Place:
 def fit_place(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[Place, Array]:
     """Fit the place of a reproduction, and return the original's reading by a sensor that lies so, same shape.
 
-    `original` and `reproduced`, shape (frame, row, column), are in Pa, without delay. A place that is small or explains
-    little is none.
+    `original` and `reproduced`, shape (frame, row, column), are in Pa, without delay. A place that is small, explains
+    little or lies at the limit of the search, such as a quarter turn, is none.
     """
     frames, nowhere = len(original), Place()
     x, y = (each.reshape(frames, -1) for each in (original, reproduced))
@@ -65,8 +65,10 @@ def fit_place(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[P
         both, own = float((moved * xy.T).sum()), float(((moved @ xx) * moved).sum())
         return 1 - max(both, 0.0) ** 2 / max(own * yy, np.finfo(float).tiny)
 
-    limits = [(-1.0, 1.0), (-1.0, 1.0), (-0.5, 0.5)]
+    limits = [(-1.2, 1.2), (-1.2, 1.2), (-0.5, 0.5)]
     found = scipy.optimize.minimize(left, np.zeros(3), method="Powell", bounds=limits, options={"xtol": 1e-3})
+    if (np.abs(found.x) > 0.98 * np.array(limits)[:, 1]).any():
+        return nowhere, original
     pose = np.asarray(found.x) * (sensor.pitch, sensor.pitch, 1.0)
     # A sensor that lies to the left sees the pattern to the right.
     back = _turned(-pose[:2][None], -pose[2])[0]
