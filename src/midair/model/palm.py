@@ -11,7 +11,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
 from midair.model.provenance import Brief
-from midair.validation import frozen_array, positive, within
+from midair.validation import frozen_array, length, positive, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -36,7 +36,7 @@ class Palm(Brief):
     @classmethod
     def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
         """A round palm; 85 mm is the breadth of a man's palm."""
-        positive(diameter, "diameter of the palm", "m")
+        within(diameter, "diameter of the palm", 0, 1, unit="m", above=True)
         place = centred(2 * int(diameter / 2 / positive(pitch, "pitch of the palm", "m")) + 1, pitch)
         inside = np.hypot(place, place[:, None]) <= diameter / 2
         return cls(inside=inside, pitch=pitch, name=f"disc of {1e3 * diameter:g} mm")
@@ -51,6 +51,7 @@ class Palm(Brief):
         corners = frozen_array(outline, "outline of the palm", ("corner", 2))
         if len(corners) < 3:
             raise ShapeError(f"outline of the palm: expected three corners or more, got {len(corners)}")
+        length(float(np.abs(corners).max()), "farthest corner of the palm", (0, 0.5))
         half_x, half_y = np.abs(corners).max(axis=0)
         x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
         return cls(inside=_enclosed(corners, *np.meshgrid(x, y)), pitch=pitch, name=name)

@@ -156,6 +156,7 @@ def test_a_tracker_is_read_and_written(path):
         (load_palm, "", "one of disc_mm and outline_mm, got none"),
         (load_palm, "disc_mm = 80\noutline_mm = [[0, 0], [1, 1], [1, 0]]", "got both"),
         (load_palm, "disc_mm = -1", "diameter of the palm"),
+        (load_palm, "disc_mm = 2000", "diameter of the palm: expected above 0 and at most 1 m"),
         (load_palm, "outline_mm = [[0, 0], [1, 1]]", "three corners"),
         (load_tracker, "turn = 1", "turn: expected one of offset_mm"),
         (load_tracker, "offset_mm = [1, 2]", "offset_mm: expected"),
