@@ -49,7 +49,7 @@ def palm_lines(palm: PalmFidelity) -> list[Line]:
     """The fidelity on a whole palm, for each skin model."""
     moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
     return [
-        ("beside", f"{100 * palm.outside:.2g} % of the power outside the recorded square"),
+        ("beside", f"{float(f'{100 * palm.outside:.2g}'):g} % of the power outside the recorded square"),
         Details(
             [
                 ("palm", f"{palm.palm}; signal to distortion in models of flat skin, not measured on people"),
