@@ -191,9 +191,9 @@ class LaboratoryLoss:
     """Place of the palm in words, if its shift and turn in the plane are no distortion."""
 
     @property
-    def largest(self) -> str:
-        """The uncertainty with the lowest median."""
-        return min(ADVICE.keys() & self.ratios.keys(), key=lambda name: float(np.median(self.ratios[name])))
+    def largest(self) -> str | None:
+        """The uncertainty with the lowest median; None if there is none but the place of the palm."""
+        return min(ADVICE.keys() & self.ratios.keys(), key=lambda name: np.median(self.ratios[name]), default=None)
 
     def text(self) -> str:
         """Result with all uncertainties in one line."""
@@ -206,6 +206,8 @@ class LaboratoryLoss:
     @property
     def remedy(self) -> str:
         """Return the remedy of the largest uncertainty; to follow a palm only where that gains 1 dB and more."""
+        if self.largest is None:
+            return "no uncertainty is stated but the place of the palm in its plane"
         known = self.ratios.get(ALL_MEASURED, self.ratios[ALL])
         followed = self.ratios.get(ALL_FOLLOWED, known)
         # The same palms: there are fewer draws with a tracker.
@@ -217,8 +219,9 @@ class LaboratoryLoss:
     def advice(self) -> str:
         """One line: the largest uncertainty and what to do about it."""
         name = self.largest
-        lost = self.nominal - float(np.median(self.ratios[name]))
-        return f"the biggest risk, {name} ({self.stated[name]}), costs {lost:.1f} dB: {self.remedy}"
+        lost = self.nominal - float(np.median(self.ratios[name or ALL]))
+        risk = f"the biggest risk, {name} ({self.stated[name]}), costs {lost:.1f} dB: " if name else ""
+        return risk + self.remedy
 
     def rows(self) -> list[tuple[str, str, float, float, float]]:
         """Name, size, median, 5th and 95th percentile of each uncertainty in dB, the largest loss first."""

@@ -55,6 +55,8 @@ def test_without_uncertainty_nothing_is_lost(focus) -> None:
     assert found.nominal > 40
     assert list(found.ratios) == [ALL, ALL_MEASURED]
     np.testing.assert_allclose(found.ratios[ALL], found.nominal, atol=1e-6)
+    assert found.advice == "no uncertainty is stated but the place of the palm in its plane"
+    assert found.plain()["advice"] == found.advice
 
 
 def test_a_palm_that_lies_aside_and_turned_is_told_and_no_distortion(focus) -> None:
