@@ -20,6 +20,7 @@ from midair.dsp import Band, resample
 from midair.evaluate.distortion import in_band
 from midair.model import BAND
 from midair.physics import SKINS, TOUCH_CHANNELS, SkinMotion, Tissue, TouchChannel
+from midair.validation import PITCHES, frozen_array, within
 
 PEOPLE = 8.0
 """Standard deviation of the thresholds of people in dB, assumed to be normal. Published ones lie from 20 dB below the
@@ -98,9 +99,11 @@ def felt(pressure: Array, rate: float, pitch: float, *, skins: Mapping[str, Tiss
     """Compute by how many people a pressure on a palm is felt as vibration.
 
     `pressure`, shape (frame, row, column), is in Pa, on squares of side `pitch` in m; it is 0 beyond them, and its mean
-    over time is ignored, since steady pressure is no vibration. `rate` is in Hz.
+    over time is ignored, since steady pressure is no vibration. `rate` is in Hz. Raises InputError for other values.
     """
-    values = np.asarray(_loudest(pressure, rate), float)
+    within(rate, "rate", 2 * BAND[0], unit="Hz")
+    within(pitch, "pitch", *PITCHES, unit="m")
+    values = frozen_array(_loudest(pressure, rate), "pressure", ("frame", "row", "column"))
     values = resample(values - values.mean(axis=0), rate, _RATE)
     times = int(np.ceil(pitch / _FINEST - 1e-9))
     beyond = int(np.ceil(_RADIUS * times / pitch))
