@@ -41,7 +41,7 @@ def test_a_sensor_that_lies_aside_and_turned_finds_the_pattern(subtests):
             away = -np.array(aside) @ rotation(-np.radians(turn))
             assert free.place.shift == pytest.approx(tuple(away), abs=0.7e-3)
             assert free.ratios[OVERALL][0] > fixed.ratios[OVERALL][0] + 7
-            assert str(free.place).endswith("people feel points under 15 mm apart as one")
+            assert repr(free).endswith("people feel points under 15 mm apart as one>")
 
 
 def test_noise_and_other_waves_do_not_lie_elsewhere(subtests):

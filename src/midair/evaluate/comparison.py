@@ -64,9 +64,8 @@ class Comparison(Shown):
         return self.ratios.get(f"{TOUCHED}, without noise", self.ratios[TOUCHED])[0]
 
     def __repr__(self) -> str:
-        said = f"correlation {self.correlation:.3f}, gain {self.gain:.3g}, error {100 * self.waveform_error:.1f} %"
-        heard = f"{self.fidelity:.1f} dB on the touched cells, delay {1e3 * self.delay:.2g} ms"
-        return f"<Comparison {said}, {heard}{', SIMULATED' if self.simulated else ''}>"
+        said = f"correlation {self.correlation:.3f}, gain {self.gain:.3g}, {self.fidelity:.1f} dB on the touched cells"
+        return f"<Comparison {said}, {self.place or 'in place'}{', SIMULATED' if self.simulated else ''}>"
 
 
 @checked_call
