@@ -24,7 +24,7 @@ LINES = {
     "model": 1917,
     "settings streaming .": 2743,
     "physics": 3400,
-    "recordings targets correct evaluate": 4045,
+    "recordings targets correct evaluate": 4051,
     "calibration": 2940,
     "solvers": 4387,
     "files": 4421,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_100, "benchmarks": 4_500}
+BESIDE = {"tests": 48_102, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

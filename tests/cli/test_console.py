@@ -136,8 +136,8 @@ def test_palm_fidelity_is_printed_for_each_skin():
     skins = {"soft": 15.04, "stiff": 20.0}
     found = palm_lines(PalmFidelity(outside=0.0312, pressure=12.34, square=17.0, displacement=skins, palm="mine"))
     assert printed(found) == [("beside", "3.1 % of the power outside the recorded square")]
-    aside = palm_lines(PalmFidelity(outside=0.9999, pressure=1.0, square=1.0, displacement=skins, palm="aside"))
-    assert printed(aside) == [("beside", "100 % of the power outside the recorded square")]
+    aside = PalmFidelity(outside=0.9999, pressure=1.0, square=1.0, displacement=skins, palm="aside")
+    assert printed(palm_lines(aside)) == [("beside", "100 % of the power outside the recorded square")]
     rows = dict(printed(found, all=True))
     assert rows["palm"].startswith("mine; ")
     assert rows["palm, pressure"] == "12.3 dB over the palm, 17.0 dB within the square"

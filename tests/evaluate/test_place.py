@@ -53,10 +53,8 @@ def test_noise_and_other_waves_do_not_lie_elsewhere(subtests):
         "half a wave": np.maximum(original, 0),
         "two cells aside": read((0.0, -20e-3)).pressure,
         "a quarter turn": read(turn=np.pi / 2).pressure,
-        "a half turn": read(turn=np.pi).pressure,
         "silence": np.zeros_like(original),
     }.items():
         with subtests.test(name=name):
             place, moved = fit_place(original, other, SENSOR)
-            assert not place
-            assert moved is original
+            assert (bool(place), moved is original) == (False, True)

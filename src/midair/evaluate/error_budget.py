@@ -167,6 +167,7 @@ ADVICE: Mapping[str, str] = {
     "transducers": "measure them with midair calibrate array",
     "dead transducers": "find them with midair calibrate array, which the solver then takes into account",
     "frequency": "measure the frequency of the ultrasound",
+    "": "no uncertainty is stated but the place of the palm in its plane",
     "echo": "tilt the palm by 15 degrees about the array's long side, or lay a cloth around the transducers",
 }
 """Remedy of each uncertainty."""
@@ -206,14 +207,12 @@ class LaboratoryLoss:
     @property
     def remedy(self) -> str:
         """Return the remedy of the largest uncertainty; to follow a palm only where that gains 1 dB and more."""
-        if self.largest is None:
-            return "no uncertainty is stated but the place of the palm in its plane"
         known = self.ratios.get(ALL_MEASURED, self.ratios[ALL])
         followed = self.ratios.get(ALL_FOLLOWED, known)
         # The same palms: there are fewer draws with a tracker.
         gained = float(np.median(followed) - np.median(known[: len(followed)]))
-        follow = self.largest.startswith("palm") and gained >= 1
-        return ADVICE[self.largest] + (f", or follow it with --follow, which gains {gained:.0f} dB" if follow else "")
+        follow = (self.largest or "").startswith("palm") and gained >= 1
+        return ADVICE[self.largest or ""] + (f", or follow it with --follow, which gains {gained:.0f} dB" if follow else "")
 
     @property
     def advice(self) -> str:

@@ -89,14 +89,12 @@ class Palm(Brief):
 
     def points(self, centre: Array) -> Array:
         """Points of the skin parallel to z = 0 around a centre (3,) in m, shape (point, 3)."""
-        rows, columns = self.inside.shape
-        x, y = np.meshgrid(centred(columns, self.pitch), centred(rows, self.pitch))
+        x, y = np.meshgrid(*(centred(count, self.pitch) for count in self.inside.shape[::-1]))
         return np.stack([x, y, 0 * x], axis=-1)[self.inside] + centre
 
     def beyond(self, reach_x: float, reach_y: float) -> NDArray[np.bool_]:
         """True for skin farther from the centre than the given distances, in m, shape (row, column)."""
-        rows, columns = self.inside.shape
-        x, y = np.meshgrid(centred(columns, self.pitch), centred(rows, self.pitch))
+        x, y = np.meshgrid(*(centred(count, self.pitch) for count in self.inside.shape[::-1]))
         return self.inside & ((np.abs(x) > reach_x + 1e-9) | (np.abs(y) > reach_y + 1e-9))
 
 
