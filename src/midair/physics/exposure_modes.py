@@ -126,17 +126,16 @@ def slow_field(
     own = np.linalg.norm(points - middle(array), axis=1)
     for first in range(0, len(points), 32):
         part = slice(first, first + 32)
-        path = np.zeros((len(points[part]), array.count))
+        path = np.zeros((len(points[part]), array.count), np.float32)
         for axis in range(3):
-            away = np.subtract.outer(points[part, axis], array.position[:, axis])
+            away = np.subtract.outer(points[part, axis], array.position[:, axis]).astype(np.float32)
             path += np.multiply(away, away, out=away)
         turns = np.sqrt(path, out=path)
         turns -= own[part, None]
         turns *= turns_per_metre
-        # Remove whole turns before single precision: hundreds of radians would leave too few digits.
+        # Lengths in single precision leave 1e-4 rad; sines need the rest of a turn.
         turns -= np.rint(turns)
-        angle = turns.astype(np.float32)
-        angle *= np.float32(2 * np.pi)
+        angle = np.multiply(turns, np.float32(2 * np.pi), out=turns)
         np.multiply(strength[part], np.cos(angle), out=field.real[part])
         np.multiply(strength[part], np.sin(angle, out=angle), out=field.imag[part])
     # The magnitude includes a measured response, but not its phase.
