@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from typing import Any
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
@@ -63,9 +64,9 @@ class MismatchError(InputError):
 
 
 class ExposureError(InputError):
-    """A drive above the exposure profile by `excess` dB, if known, and no override; `verdict` has no advice."""
+    """A drive above the exposure profile without an override; `exposure` is its `Exposure`, None if it is not known."""
 
-    excess, verdict = 0.0, ""
+    exposure: Any = None
 
 
 class FileError(MidairError):

@@ -31,7 +31,7 @@ def test_state_is_known_before_anything_plays(talk, studio):
     assert studio.store.state["live"]["calibrations"] == ["skin.calibration.h5"]
 
 
-def test_nothing_is_armed_if_the_array_cannot_be_lent(talk, studio):
+def test_nothing_is_armed_without_a_player(talk, studio):
     """Without a player, checked settings do not start and the lease stays revoked."""
     studio.panels["live"]._checked = {3: _request()}
     assert "player" in begin(talk)
@@ -46,19 +46,13 @@ def test_an_error_of_the_studio_is_answered(talk, studio, capsys):
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_stop_before_the_array_is_lent_is_not_forgotten(talk, studio, monkeypatch):
-    asked = []
+def test_a_stop_while_the_sensor_is_closed_is_not_forgotten(talk, studio, monkeypatch):
+    async def release():
+        studio.playing.lease.stop()
 
-    async def let_go(do, **_):
-        asked.append(do)
-        if do == "let go":
-            studio.playing.lease.stop()
-        return {"units": "", "count": 996, "simulated": True}
-
-    monkeypatch.setattr(studio.playing._player, "ask", let_go)
+    monkeypatch.setattr(studio.panels["record"], "release", release)
     studio.panels["live"]._checked = {3: _request()}
     assert "stopped on request" in begin(talk)
-    assert asked[0] == "let go"
     assert not studio.playing.lease.armed
     assert studio.store.state["live"]["state"] == "idle"
 

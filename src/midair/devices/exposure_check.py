@@ -281,17 +281,19 @@ def decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tupl
     if not device.gated:
         return "exceeded", 1.0
     if overridden:
-        raise ExposureError(
+        refused = ExposureError(
             f"exposure: {found.verdict()}; expected at most {choices.up_to:.1f} dB above it, for which "
             f"{choices.override} is responsible; stop it, and check the exposure of the louder drive"
         )
+        refused.exposure = found
+        raise refused
     left = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))  # it goes with the square of sound
     unfelt = ", and nothing will be felt" if felt_pressure_text(left) else ""
     refused = ExposureError(
         f"exposure: {found.verdict()}; --attenuate plays it weaker ({-found.excess:.1f} dB{unfelt}), --ear-protection "
         "counts what everyone in the room wears, --override-exposure NAME takes responsibility"
     )
-    refused.excess, refused.verdict = found.excess, found.verdict()
+    refused.exposure = found
     raise refused
 
 

@@ -26,7 +26,6 @@ from midair.devices import (
     PosePredictor,
     StopPort,
     Tracker,
-    measure_exposure,
 )
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.evaluate import ways_to_play
@@ -52,8 +51,10 @@ from midair.rig import (
     open_tracker,
     tracker_name,
 )
+from midair.studio.live_run import LiveRun
+from midair.studio.take_data import cleared_facts, exposed
 from midair.studio.work import led_pressure
-from midair.studio.worker_process import StudioPipe, end_with_studio
+from midair.studio.worker_process import NO_ANSWER, StudioPipe, end_with_studio
 from midair.study import Headphones
 
 
@@ -201,8 +202,12 @@ class _Player(PlayObserver):
     loops: FramePlayer | None = None
     """Plays a pattern in a loop."""
     number: int = 0
+    live: LiveRun = field(init=False)
 
-    def act(self, order: Mapping[str, Any]) -> Any:
+    def __post_init__(self) -> None:
+        self.live = LiveRun(self.pipe, self.lease)
+
+    def act(self, order: dict[str, Any]) -> Any:
         """Handle one request."""
         try:
             match order["do"]:
@@ -229,10 +234,14 @@ class _Player(PlayObserver):
                             self.lease.check(order["token"], "silence")
                             time.sleep(0.02)
                     return True
-                case _:
-                    # "let go": another process uses the array for a while.
-                    self._close()
-                    return True
+                case "check live":
+                    return self.live.check(order["request"])
+                case "live":
+                    return self._live(order)
+                case "keep":
+                    return self.live.keep(order)
+                case _:  # "end": live touch is over already
+                    return NO_ANSWER
         except LinkLostError:
             # Units that stopped answering are opened again for the next drive.
             with suppress(Exception):
@@ -329,14 +338,13 @@ class _Player(PlayObserver):
         try:
             cleared = session.clear(drive, endless=bool(order.get("loop")))
         except ExposureError as wrong:
-            # The page shows the excess and the possible remedies, so the exposure is measured again.
-            found = measure_exposure(drive, rig.array.array, settings.exposure.profile, room=room)
+            # The page shows the excess and the possible remedies.
             solved = round(drive.acoustics.medium.degrees, 2)
-            said = wrong.verdict or str(wrong)
+            said = wrong.exposure.verdict()
             if not order.get("protection"):
                 said = said.replace("dB too loud:", "dB too loud for unprotected ears:")
-            ways = ways_of(path, found.excess)
-            return {"number": 0, "refused": said, "ways": ways, "solved_c": solved, **exposed(found)}
+            ways = ways_of(path, wrong.exposure.excess)
+            return {"number": 0, "refused": said, "ways": ways, "solved_c": solved, **exposed(wrong.exposure)}
         kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
         self.checked = {number: one for number, one in self.checked.items() if number in kept}
         found = self._found(cleared.clearance, drive.acoustics)
@@ -358,7 +366,7 @@ class _Player(PlayObserver):
         try:
             clearance = self.solver.enter_context(solving).first_part()
         except ExposureError as wrong:
-            raise ExposureError(f"{wrong.verdict or wrong}; solve it to see what you can do") from None
+            raise ExposureError(f"{wrong.exposure.verdict()}; solve it to see what you can do") from None
         # The drive does not exist yet.
         session = Session(rig=rig, observer=self)
         self.checked = {self.number + 1: (session, solving, Path(order["solve"].take))}
@@ -370,14 +378,7 @@ class _Player(PlayObserver):
     def _found(self, clearance: ExposureClearance, solved: Acoustics) -> dict[str, Any]:
         """Return a clearance for the page, with the next number."""
         self.number += 1
-        return {
-            "number": self.number,
-            "outcome": clearance.outcome,
-            "verdict": clearance.verdict(),
-            "refused": "",
-            "solved_c": round(solved.medium.degrees, 2),
-            **exposed(clearance.exposure),
-        }
+        return {"number": self.number, "solved_c": round(solved.medium.degrees, 2), **cleared_facts(clearance)}
 
     def _unfollow(self) -> bool:
         """Close the tracker, if there is one."""
@@ -448,17 +449,25 @@ class _Player(PlayObserver):
                         self.lease.check(token, self.device)
                         self.pipe.send("sounds", done=0, total=0, emitting=array.emitting)
                         if self.pipe.poll(0.05) and (asked := self.pipe.receive()) is not None:
-                            self.pipe.handle(asked, self._during_a_loop)
+                            self.pipe.handle(asked, self._while_playing)
                 finally:
                     player.triggers.put(None)
                 return playing.result() or {}
         finally:
             self.loops = None
 
-    def _during_a_loop(self, order: Mapping[str, Any]) -> Any:
-        if order["do"] not in ("change", "unfollow"):
-            raise DeviceStateError("play: expected an idle array, a pattern plays in a loop; press STOP")
+    def _while_playing(self, order: dict[str, Any]) -> Any:
+        if order["do"] not in ("change", "unfollow", "keep"):
+            raise DeviceStateError("play: expected an idle array, something plays; press STOP")
         return self.act(order)
+
+    def _live(self, order: dict[str, Any]) -> dict[str, Any]:
+        """Play live touch, whose process opens the array, which is open here again afterwards."""
+        self._close()
+        try:
+            return self.live.play(order, self._while_playing)
+        finally:
+            self._open()
 
     def _progress(self, token: Any, paced: float = 0.0) -> Any:
         """Return a callback that reports progress; a virtual array is slowed down to real time."""
@@ -499,23 +508,3 @@ def ways_of(path: Path, excess: float) -> list[tuple[str, int | None]]:
         (", ".join([way.name, *re.findall(r"\d+dB", way.option)]), way.felt and way.felt.people[0])
         for way in ways_to_play(whole, excess, source=source)
     ]
-
-
-def exposed(found: Any) -> dict[str, Any]:
-    """Return an exposure for the page: level and limit of each place in dB."""
-    return {
-        "excess_db": round(float(found.excess), 2),
-        "pressure_pa": round(float(found.pressure), 2),
-        "profile": found.profile.name,
-        "heat": found.heat,
-        "measured_in": found.measured_in,
-        "places": [
-            {
-                "name": place.name,
-                "peak_db": round(float(found.peak[number]), 1),
-                "limit_db": place.limit,
-                "enforced": place.enforced,
-            }
-            for number, place in enumerate(found.profile.places)
-        ],
-    }

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.devices import ExposureClearance
 from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.model import AmplitudeFrames, Provenance, Solution, frames_without_lead
@@ -122,6 +123,32 @@ def _predicted(path: str, stamp: str) -> list[tuple[str, str]]:
 def page_rows(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """Rows of a verdict without the dashes of options, and without advice that only a command can follow."""
     return [(name, re.sub(r"; keep it: [^;]*|--(?=\w)", "", text)) for name, text in rows]
+
+
+def cleared_facts(clearance: ExposureClearance) -> dict[str, Any]:
+    """A passed exposure check for the page."""
+    facts = {"refused": "", "outcome": clearance.outcome, "verdict": clearance.verdict()}
+    return facts | exposed(clearance.exposure)
+
+
+def exposed(found: Any) -> dict[str, Any]:
+    """Return an exposure for the page: level and limit of each place in dB."""
+    return {
+        "excess_db": round(float(found.excess), 2),
+        "pressure_pa": round(float(found.pressure), 2),
+        "profile": found.profile.name,
+        "heat": found.heat,
+        "measured_in": found.measured_in,
+        "places": [
+            {
+                "name": place.name,
+                "peak_db": round(float(found.peak[number]), 1),
+                "limit_db": place.limit,
+                "enforced": place.enforced,
+            }
+            for number, place in enumerate(found.profile.places)
+        ],
+    }
 
 
 def _chosen_settings(provenance: Provenance) -> Settings | None:

@@ -129,9 +129,9 @@ def play_command(
                     source, correct_air=correct_air, observer=shown, progress=shown.progress, settings=settings
                 )
             except ExposureError as refused:
-                if not _print_ways(source, refused.excess):
+                if refused.exposure is None or not _print_ways(source, refused.exposure.excess):
                     raise
-                raise ExposureError(f"not played: {refused.verdict}") from refused
+                raise ExposureError(f"not played: {refused.exposure.verdict()}") from refused
         else:
             if correct_air:
                 raise InputError("--correct-air: expected a drive, got a recording; it is solved for --temperature")
@@ -235,7 +235,7 @@ class _Shown(rig.PlayObserver):
 def _print_ways(source: Path, excess: float) -> bool:
     """Print what a person may do about a refused drive, `excess` dB too loud, and who feels it; False if unknown."""
     solution, target = files.load_solution(source, streamed=True), files.load_target(source, streamed=True)
-    if not excess or target is None:
+    if target is None:
         return False
     whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))

@@ -11,13 +11,10 @@ from midair.errors import DeviceStateError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Acoustics
 from midair.rig import LiveMapping, LiveSettings, Subject, take_path
-from midair.studio.live_process import REMEMBERED, run_live
+from midair.studio.live_run import REMEMBERED
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.record_panel import Feed, VisibleRange
 from midair.studio.studio_state import Arguments, Page, declared
-from midair.studio.worker_process import WorkerProcess
-
-GONE = "live: the process ended, so the loop went silent; start again"
 
 
 class CheckLive(Arguments):
@@ -66,19 +63,11 @@ class LivePanel(Panel):
         super().__init__(context)
         self._playing = context.playing
         self.feed = Feed()
-        # Not a daemon, since it has a child process. It ends when its studio does.
-        self._live = WorkerProcess(
-            run_live,
-            self._on_message,
-            name="live watch",
-            absent="live: expected a running process, it has ended; start again",
-            gone=GONE,
-            call=context.later,
-            daemon=False,
-        )
+        self._playing.live = self._on_message
         self._runs = itertools.count(1)
         self._checked: dict[int, dict[str, Any]] = {}
-        self._tasks: set[asyncio.Task[Any]] = set()
+        self._run: asyncio.Task[None] | None = None
+        self._began = asyncio.Event()
         store = context.store
         self._offer(sight=VisibleRange, watchers=True)
         self._offer(check=CheckLive, begin=BeginLive, turn=SetLevel, keep=KeepLast, end=Arguments)
@@ -122,15 +111,12 @@ class LivePanel(Panel):
             "acoustics": None if room is None else Acoustics(medium=room),
             "seed": self._context.seed,
         }
-        if not self._live.process:
-            self._live.start(self._playing.lease)
-        found = await self._live.ask("check", request=request)
+        found = await self._playing.check_live(request)
         self._checked = {found["number"]: request} if found["number"] else {}
-        self._store.put(exposure={"take": "", **found})
         return found
 
     async def begin(self, page: Page, order: BeginLive) -> Any:
-        """Borrow array and sensor, arm, and start; answers when it plays."""
+        """Take the sensor, arm, and start; answers when it plays."""
         self._idle()
         request = self._checked.pop(order.clearance, None)
         if request is None:
@@ -139,23 +125,27 @@ class LivePanel(Panel):
         # From here on `end` and STOP of any page end it, although nothing plays yet.
         stops = self._playing.lease.stops
         self._show(state="opens", said="", share=1.0, take=None)
+        self._began.clear()
+        self._run = asyncio.create_task(self._play(page, order.clearance, request["sensor"], stops))
+        began = asyncio.create_task(self._began.wait())
+        await asyncio.wait((self._run, began), return_when=asyncio.FIRST_COMPLETED)
+        began.cancel()
+        if not self._began.is_set():
+            self._run.result()  # raises why it did not begin
+        return True
+
+    async def _play(self, page: Page, number: int, sensor: str, stops: int) -> None:
+        said = ""
         try:
             await self._context.panels["record"].release()
-            token = await self._playing.lend(page, f"live {request['sensor']}", stops=stops)
+            self._store.put(live_goes=None)
+            said = await self._playing.play_live(page, f"live {sensor}", number, stops=stops)
         except MidairError as wrong:
-            self._show(state="idle", said=str(wrong))
-            raise
-        self._store.put(live_goes=None)
-        try:
-            about = await self._live.ask("begin", clearance=order.clearance, token=token)
-        except MidairError as wrong:
-            await self._over(str(wrong))
-            raise
-        # A new number makes the pages clear their pictures, also when the settings are the same.
-        about["run"] = next(self._runs)
-        self._store.put(live_about=about)
-        self._show(state="plays")
-        return True
+            said = str(wrong)
+            if not self._began.is_set():
+                raise
+        finally:
+            self._show(state="idle", said=said)
 
     def turn(self, _: Page, order: SetLevel) -> bool:
         """Set the share of the checked level; it can never be louder."""
@@ -168,11 +158,11 @@ class LivePanel(Panel):
     async def keep(self, _: Page, order: KeepLast) -> Any:
         """Save the last seconds as a take that Reproduce opens."""
         about = self._store.state.get("live_about")
-        if not self._live.process or not about:
+        if not about:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         notes = Subject(object="live", surface=about["sensor"].partition(":")[2][:40])
         path = take_path(self._takes.folder.path, notes, repeats=1)
-        found = await self._live.ask("keep", seconds=order.seconds, path=str(path), notes=dict(notes.notes))
+        found = await self._playing.keep_live(seconds=order.seconds, path=str(path), notes=dict(notes.notes))
         self._show(take=found)
         self._context.show_takes()
         return found
@@ -182,15 +172,12 @@ class LivePanel(Panel):
         if self._state["state"] == "opens":
             self._playing.lease.stop()
         elif self._state["state"] == "plays":
-            self._live.send("end")
+            self._playing.end_live()
         return True
 
     def close(self) -> None:
-        """End the process."""
+        """Stop sending frames."""
         self.feed.close()
-        if self._live.process:
-            self._playing.lease.stop()
-            self._live.close(3)
 
     def _idle(self) -> None:
         if self._state["state"] != "idle":
@@ -201,26 +188,11 @@ class LivePanel(Panel):
             case "frames":
                 self.feed.add(said["data"])
             case "goes":
-                self._store.put(live_goes={**said["goes"], "remembered": said["remembered"]})
-                self._playing.emits(said["emitting"])
-            case "follow":
-                self._show(said=said["text"])
-            case "heat":
-                self._playing.paused(said["text"], waits=True)
-            case "ended":
-                if said["goes"]:
-                    self._store.put(live_goes={**(self._store.state.get("live_goes") or {}), **said["goes"]})
-                self._do(self._over(said["error"] or "ended normally, with a fade-out"))
+                self._store.put(live_goes={**(self._store.state.get("live_goes") or {}), **said["goes"]})
+            case "began":
+                # A new number makes the pages clear their pictures, also when the settings are the same.
+                self._store.put(live_about={**said["about"], "run": next(self._runs)})
+                self._show(state="plays")
+                self._began.set()
             case _:
-                if self._state["state"] == "plays":
-                    self._do(self._over(GONE))
-
-    async def _over(self, said: str) -> None:
-        self._show(state="ends", said=said)
-        await self._playing.take_back(said)
-        self._show(state="idle")
-
-    def _do(self, work: Any) -> None:
-        task = asyncio.ensure_future(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+                self._show(said=said["text"])

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from midair.devices import LeaseToken, PlayLease
+from midair.devices import PlayLease
 from midair.errors import (
     DeviceStateError,
     ExposureError,
@@ -135,6 +135,8 @@ class PlayPanel:
         """Name of the drive that was solved last."""
         self._stops = self.lease.stops
         self.played: list[Any] = []
+        self.live: Callable[[dict[str, Any]], None] = lambda _: None
+        """Gets the events of live touch."""
         self.request: Callable[[SolveForm, str], SolveRequest] | None = None
         self._state: dict[str, Any] = {
             "state": "starts",
@@ -372,47 +374,40 @@ class PlayPanel:
         self._show(state="ready", emitting=False, said="played to its end", hot="", waits=False)
         return report
 
-    async def lend(self, page: Page, what: str, *, stops: int) -> LeaseToken:
-        """Lend the array to a process, until `take_back`; DeviceStateError if busy.
+    async def check_live(self, request: dict[str, Any]) -> Any:
+        """Return the worst-case exposure of live touch, with the number by which `play_live` starts it."""
+        self._busy()
+        found = await self._player.ask("check live", request=request)
+        self._store.put(exposure={"take": "", **found})
+        return found
+
+    async def play_live(self, page: Page, what: str, number: int, *, stops: int) -> str:
+        """Arm and play checked live touch, with events for `live`; returns how it ended when it is over.
 
         `stops` is the number of stop requests when the page asked: a later one refuses the array.
         """
         self._busy()
         self._seen(page)
-        self._show(state="plays", take=what, done=0, total=0, said="")
-        try:
-            await self._player.ask("let go")
-            self._seen(page)
-            if self.lease.stops != stops:
-                raise StoppedError("live: stopped on request")
-        except MidairError:
-            await self._open()
-            raise
-        self._controls = page.number
-        return self.lease.arm(lasts=self._patience)
+        if self.lease.stops != stops:
+            raise StoppedError("live: stopped on request")
+        report = await self._sound(page, what, "live", clearance=number)
+        said = report["error"] or "ended normally, with a fade-out"
+        self._show(said=said)
+        return said
 
-    async def take_back(self, said: str) -> None:
-        """Open the array again after the process that borrowed it has ended."""
-        self.lease.disarm()
-        self._show(state="opens", emitting=False, hot="", waits=False)
-        await self._open()
-        if self._state["state"] == "ready":
-            self._show(said=said)
+    async def keep_live(self, **order: Any) -> Any:
+        """Save the last seconds of live touch as a take."""
+        return await self._player.ask("keep", **order)
 
-    def emits(self, emitting: bool) -> None:
-        """Show whether a borrowed array emits sound."""
-        self._show(emitting=emitting)
+    def end_live(self) -> None:
+        """Fade out and end live touch."""
+        self._player.send("end")
 
     def wait(self, _: Page, __: Arguments) -> bool:
         """Let playback continue once the units have cooled."""
         self._waits.set()
         self._show(waits=True)
         return True
-
-    def paused(self, text: str, *, waits: bool = False) -> None:
-        """Show that a play pauses since units are too hot; the second call ends that. It asks unless `waits`."""
-        self._waits.clear()
-        self._show(hot="" if self._state["hot"] else text, waits=waits, emitting=False)
 
     @property
     def _patience(self) -> float:
@@ -480,8 +475,15 @@ class PlayPanel:
                 self._show(said=said["text"])
             case "palm":
                 self._store.put(palm=said["palm"])
-            case "heat":
-                self.paused(said["text"])
+            case "heat":  # units are too hot; the second message ends that
+                self._waits.clear()
+                hot = "" if self._state["hot"] else said["text"]
+                self._show(hot=hot, waits=said.get("waits", False), emitting=False)
+            case "goes":
+                self._show(emitting=said["emitting"])
+                self.live(said)
+            case "began" | "frames" | "follow":
+                self.live(said)
             case "stopped":
                 self._show(emitting=False, said="silenced")
             case _:

@@ -1,14 +1,13 @@
-"""The process that supervises live touch for the studio: starts the loop, reads its frames, keeps the last minute.
+"""Live touch in the player: starts the loop, reads its frames, keeps the last minute.
 
-The loop is a child process, so that nothing here can delay it; it goes silent when this process ends, and this process
-ends with the studio. The sound field that the page shows is computed here, not in the server.
+The loop is a child process, so that nothing here can delay it; it goes silent when the player ends. The sound field
+that the page shows is computed here, not in the server.
 """
 
-import os
 import threading
 import time
 from collections import deque
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from midair.devices import Cooling, PlayLease, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.model import RATE, ControlGrid, Placement, TransducerArray
-from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
+from midair.physics import transfer_matrix
 from midair.rig import (
     FRAME_EMITTED,
     FRAME_LATE,
@@ -32,8 +31,8 @@ from midair.rig import (
     live_clearance,
 )
 from midair.solvers import one_blas_thread
-from midair.studio.player import exposed
-from midair.studio.worker_process import NO_ANSWER, StudioPipe, end_with_studio
+from midair.studio.take_data import cleared_facts, exposed
+from midair.studio.worker_process import NO_ANSWER, StudioPipe
 from midair.view import Kind, Section, encode_counts, fit_interpolation, pack
 
 EVERY = 1 / 120
@@ -44,18 +43,6 @@ PHASES = 15.0
 
 REMEMBERED = 60.0
 """Seconds that can be saved as a take afterwards."""
-
-
-def run_live(pipe: StudioPipe, lease: PlayLease) -> None:
-    """Main function of the process, which ends with its studio; `pipe` carries requests, frames and status."""
-    with suppress(AttributeError, OSError):
-        # The loop does not wait for this process; pages may wait for both.
-        os.nice(5)
-    # The loop reads the stop within a millisecond and goes silent; then this process ends, whatever it does.
-    end_with_studio(lease.stop, patience=1.0)
-    with one_blas_thread():
-        supervisor = _LiveSupervisor(pipe, lease)
-        pipe.serve(supervisor.act)
 
 
 class RecentFrames:
@@ -159,8 +146,8 @@ class LiveView:
         return field
 
 
-class _LiveSupervisor:
-    """Serves the requests of the studio, and one run of live touch at a time."""
+class LiveRun:
+    """One run of live touch at a time, whose frames and status go to the studio, and the take of its last seconds."""
 
     def __init__(self, pipe: StudioPipe, lease: PlayLease) -> None:
         self._pipe, self._lease = pipe, lease
@@ -168,58 +155,38 @@ class _LiveSupervisor:
         self._number = self._seen = 0
         self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
 
-    def act(self, order: dict[str, Any]) -> Any:
-        """Handle one request."""
-        match order["do"]:
-            case "check":
-                return self._check(order["request"])
-            case "begin":
-                self._begin(order)
-            case "keep":
-                self._keep(order)
-            case _:
-                pass  # the run to be ended is over already
-        return NO_ANSWER
-
-    def _check(self, request: dict[str, Any]) -> dict[str, Any]:
+    def check(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the worst-case exposure of the level, with a number by which the run may be started."""
         order = LiveSettings().but(**request)
         try:
             clearance = live_clearance(order)
         except ExposureError as wrong:
             # The page shows the excess and the possible remedies.
-            array = (order.placement or Placement.grid()).array()
-            profile = order.exposure.profile
-            airs = airs_of_room(order.exposure.room, profile.places, array)
-            found = greatest_exposure(array, order.level, profile, rate=RATE, airs=airs)
-            return {"number": 0, "refused": wrong.verdict or str(wrong), **exposed(found)}
+            return {"number": 0, "refused": wrong.exposure.verdict(), **exposed(wrong.exposure)}
         self._number += 1
         self._checked = {self._number: order}
-        return {
-            "number": self._number,
-            "refused": "",
-            "outcome": clearance.outcome,
-            "verdict": clearance.verdict(),
-            "level": clearance.level,
-            **exposed(clearance.exposure),
-        }
+        return {"number": self._number, "level": clearance.level, **cleared_facts(clearance)}
 
-    def _begin(self, order: dict[str, Any]) -> None:
-        """Play with a lease token until the run ends; the answer is sent as soon as it plays."""
+    @one_blas_thread()
+    def play(self, order: dict[str, Any], act: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
+        """Play checked settings with a lease token until the run ends; return the error that ended it, "" without one.
+
+        The event "began" is sent as soon as it plays. Requests other than "end" are handled by `act` meanwhile.
+        """
         settings = self._checked.pop(order["clearance"], None)
         if settings is None:
             raise DeviceStateError("live: expected settings that were just checked; check the exposure again")
         self._past = None
 
         def told(text: str) -> None:
-            self._pipe.send("follow" if text.startswith("follow") else "heat", text=text)
+            self._pipe.send("follow" if text.startswith("follow") else "heat", text=text, waits=True)
 
         token, limit = order["token"], Cooling().limit
         session = live(settings=settings, cooling_limit=limit, lease=(self._lease, token), report=told)
         # Created before the first frame: otherwise frames of that time would arrive all at once.
         sight = LiveView(session.order)
         about = sight.about()
-        error, plays = "", False
+        error = ""
         try:
             with session:
                 opened = session.opened
@@ -227,19 +194,20 @@ class _LiveSupervisor:
                 most = round(REMEMBERED * opened.schedule.formed * opened.rate)
                 kept = RecentFrames(opened.sensor.count, sight.array.count, most)
                 self._past = session.order, opened, kept
-                plays = True
-                self._pipe.answer(order, {**_session_info(session), **about})
-                self._watch(session, sight, kept)
+                self._pipe.send("began", about={**_session_info(session), **about})
+                self._watch(session, sight, kept, act)
         except MidairError as wrong:
-            if not plays:
+            if self._past is None:
                 raise
             error = str(wrong)
         # Last frames that the loop wrote before it went silent.
-        if self._past is not None:
-            self._hand_on(session, sight, self._past[2])
-        self._pipe.send("ended", error=error, goes=_status(session))
+        self._hand_on(session, sight, self._past[2])
+        self._pipe.send("goes", goes=_status(session), emitting=False)
+        return {"error": error}
 
-    def _watch(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> None:
+    def _watch(
+        self, session: LiveSession, sight: LiveView, kept: RecentFrames, act: Callable[[dict[str, Any]], Any]
+    ) -> None:
         sent, emitting = 0.0, False
         self._seen = 0
         while session.wait(EVERY):
@@ -247,12 +215,12 @@ class _LiveSupervisor:
             emitting = bool(found["intensity"][-1]) if len(found) else emitting
             if time.monotonic() - sent > 0.25:
                 sent = time.monotonic()
-                self._pipe.send("goes", goes=_status(session), emitting=emitting, remembered=kept.frames)
+                self._pipe.send("goes", goes={**_status(session), "remembered": kept.frames}, emitting=emitting)
             while self._pipe.poll():
                 order = self._pipe.receive()
                 if order is None or order["do"] == "end":
                     return
-                self._pipe.handle(order, self.act)
+                self._pipe.handle(order, act)
 
     def _hand_on(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> NDArray[Any]:
         """Send new frames to the page and keep them."""
@@ -264,8 +232,8 @@ class _LiveSupervisor:
             self._pipe.send("frames", data=[pack([section]) for section in sight.sections(found)])
         return found
 
-    def _keep(self, order: dict[str, Any]) -> None:
-        """Save the last seconds as a take while the run goes on."""
+    def keep(self, order: dict[str, Any]) -> object:
+        """Save the last seconds as a take while the run goes on, and answer then."""
         if self._past is None or not self._past[2].frames:
             raise InputError("keep: expected recorded frames, there are none yet; start live touch first")
         known, opened, kept = self._past
@@ -283,6 +251,7 @@ class _LiveSupervisor:
                 self._pipe.answer(order, {"name": path.name, **found})
 
         threading.Thread(target=write, name="keep").start()
+        return NO_ANSWER
 
 
 def _session_info(session: LiveSession) -> dict[str, Any]:

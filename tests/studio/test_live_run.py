@@ -4,7 +4,7 @@ import pytest
 from midair.model import SensorGrid
 from midair.physics import transfer_matrix
 from midair.rig import FRAME_EMITTED, FRAME_LATE, FRAME_REPEATED, LiveSettings
-from midair.studio.live_process import LiveView, RecentFrames
+from midair.studio.live_run import LiveView, RecentFrames
 from midair.view import Kind
 
 SLOT = np.dtype(
