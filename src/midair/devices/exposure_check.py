@@ -280,19 +280,18 @@ def decide(found: Exposure, device: ArrayInfo, choices: ExposureChoices) -> tupl
         return "overridden", 1.0
     if not device.gated:
         return "exceeded", 1.0
-    if overridden:
-        refused = ExposureError(
-            f"exposure: {found.verdict()}; expected at most {choices.up_to:.1f} dB above it, for which "
-            f"{choices.override} is responsible; stop it, and check the exposure of the louder drive"
-        )
-        refused.exposure = found
-        raise refused
     left = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))  # it goes with the square of sound
     unfelt = ", and nothing will be felt" if felt_pressure_text(left) else ""
-    refused = ExposureError(
-        f"exposure: {found.verdict()}; --attenuate plays it weaker ({-found.excess:.1f} dB{unfelt}), --ear-protection "
-        "counts what everyone in the room wears, --override-exposure NAME takes responsibility"
+    advice = (
+        f"--attenuate plays it weaker ({-found.excess:.1f} dB{unfelt}), --ear-protection counts what everyone in the "
+        "room wears, --override-exposure NAME takes responsibility"
     )
+    if overridden:
+        advice = (
+            f"expected at most {choices.up_to:.1f} dB above it, for which {choices.override} is responsible; stop it, "
+            "and check the exposure of the louder drive"
+        )
+    refused = ExposureError(f"exposure: {found.verdict()}; {advice}")
     refused.exposure = found
     raise refused
 
