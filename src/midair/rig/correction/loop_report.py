@@ -209,102 +209,77 @@ def _value_text(value: object) -> str:
 def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
     """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
     count, shown = 6 + (card is not None) + bool(loop.end), list[Picture]()
-    for picture in _pictures(loop, card):
-        shown.append(picture)
+    for title, caption, curves, figure in _drawings(loop, card):
+        shown.append(Picture(title=title, caption=caption, data=png_bytes(figure), lines=curves))
         if progress is not None:
             progress(len(shown), count)
     return shown
 
 
-def _pictures(loop: Loop, card: PerceptualMetrics | None) -> Iterator[Picture]:
-    """Draw the figures in the order of the pipeline; then the perceptual metrics, and errors of iterative passes."""
+def _drawings(loop: Loop, card: PerceptualMetrics | None) -> Iterator[tuple[str, str, bool, Any]]:
+    """Title and caption, whether it has curves, and figure of each, in the order of the pipeline."""
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
-    solution, target = last.reproduction.solution, last.reproduction.target
+    solution, target, beam = last.reproduction.solution, last.reproduction.target, loop.beam
     frame = int(np.argmax(np.linalg.norm(target.amplitude, axis=1)))
     field = np.abs(propagate(solution.drive, target.grid, acoustics=loop.settings.acoustics))
     moment = f"frame {frame}, {frame / target.rate:.3f} s"
-    channels = strongest_channels(loop.original)
-    rectified = loop.settings.target.mapping == "half-wave"
-    felt_maps = [("original", loop.original), ("re-recorded", last.felt)]
-    yield Picture(
-        title="Original and re-recorded pressure",
-        caption="Calibrated pressure of every channel, arranged like the sensor's cells, all with the same scale.",
-        data=png_bytes(traces_figure(loop.original, last.felt)),
-        lines=True,
+    pair = {"original": loop.original, "re-recorded": last.felt}
+    yield (
+        "Original and re-recorded pressure",
+        "Calibrated pressure of every channel, arranged like the sensor's cells, all with the same scale.",
+        True,
+        traces_figure(loop.original, last.felt),
     )
-    yield Picture(
-        title="Pressure map",
-        caption="Root mean square of the calibrated pressure on each cell.",
-        data=png_bytes(
-            maps_figure(
-                [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in felt_maps],
-                loop.original.sensor,
-                quantity="rms pressure (Pa)",
-                simulated=simulated,
-            )
-        ),
+    maps = [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in pair.items()]
+    yield (
+        "Pressure map",
+        "Root mean square of the calibrated pressure on each cell.",
+        False,
+        maps_figure(maps, loop.original.sensor, quantity="rms pressure (Pa)", simulated=simulated),
     )
-    yield Picture(
-        title="Target and reproduced field",
-        caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
+    fields, sensor = [("target", target.amplitude[frame]), ("reproduced", field[frame])], loop.original.sensor
+    quantity = "sound pressure (Pa, peak)"
+    yield (
+        "Target and reproduced field",
+        f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
         f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
-        data=png_bytes(
-            maps_figure(
-                [("target", target.amplitude[frame]), ("reproduced", field[frame])],
-                target.grid,
-                quantity="sound pressure (Pa, peak)",
-                simulated=simulated,
-                sensor=loop.original.sensor,
-            )
-        ),
+        False,
+        maps_figure(fields, target.grid, quantity=quantity, simulated=simulated, sensor=sensor),
     )
-    yield Picture(
-        title="Spectra of the channels with the highest pressure",
-        lines=True,
-        caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
+    rectified = loop.settings.target.mapping == "half-wave"
+    yield (
+        "Spectra of the channels with the highest pressure",
+        "After calibration and half-wave rectification, as in the paper's Fig. 9."
         if rectified
         else "After calibration, both signs of the pressure.",
-        data=png_bytes(
-            spectra_figure(
-                {"": {"original": loop.original, "re-recorded": last.felt}}, channels=channels, rectified=rectified
-            )
-        ),
+        True,
+        spectra_figure({"": pair}, channels=strongest_channels(loop.original), rectified=rectified),
     )
-    yield Picture(
-        title="Error of each frame",
-        caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
-        data=png_bytes(error_figure(solution, simulated=simulated)),
-        lines=True,
+    yield (
+        "Error of each frame",
+        "E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
+        True,
+        error_figure(solution, simulated=simulated),
     )
-    yield Picture(
-        title="Gain of the beam",
-        lines=True,
-        caption=f"A beating focus at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: measured "
-        "pressure over the pressure commanded by the model.",
-        data=png_bytes(
-            beam_figure(
-                loop.beam.commanded,
-                loop.beam.measured,
-                gain=loop.beam.line.gain,
-                intercept=loop.beam.line.intercept,
-                simulated=simulated,
-            )
-        ),
+    line = {"gain": beam.line.gain, "intercept": beam.line.intercept}
+    yield (
+        "Gain of the beam",
+        f"A beating focus at {len(beam.commanded)} levels on channel {beam.channel}: measured pressure over the "
+        "pressure commanded by the model.",
+        True,
+        beam_figure(beam.commanded, beam.measured, **line, simulated=simulated),
     )
     if card is not None:
-        yield Picture(
-            title="Perceptual metrics of each cell",
-            caption="A dash marks cells where the original has almost no pressure.",
-            data=png_bytes(card_figure(card)),
-        )
+        dashes = "A dash marks cells where the original has almost no pressure."
+        yield "Perceptual metrics of each cell", dashes, False, card_figure(card)
     if loop.end:
         errors = [one.comparison.waveform_error for one in loop.passes]
-        yield Picture(
-            title="Waveform error of each pass",
-            lines=True,
-            caption="The first passes correct the amplitude, the others the waveform. "
+        yield (
+            "Waveform error of each pass",
+            "The first passes correct the amplitude, the others the waveform. "
             f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
-            data=png_bytes(passes_figure([("this loop", errors)], simulated=simulated)),
+            True,
+            passes_figure([("this loop", errors)], simulated=simulated),
         )
 
 
