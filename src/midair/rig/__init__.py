@@ -68,12 +68,14 @@ if TYPE_CHECKING:
     from .names.array_names import keep_array_calibration as keep_array_calibration
     from .names.array_names import keep_array_check as keep_array_check
     from .names.array_names import kept_array_calibration as kept_array_calibration
+    from .names.array_names import measured_transducers as measured_transducers
     from .names.array_names import transducers_of as transducers_of
     from .names.sensor_names import VirtualRig as VirtualRig
     from .names.sensor_names import open_tracker as open_tracker
     from .names.sensor_names import sensor_named as sensor_named
     from .names.sensor_names import stage_named as stage_named
     from .opening import OpenRig as OpenRig
+    from .opening import bench_devices as bench_devices
     from .opening import frame_rig as frame_rig
     from .opening import open_rig as open_rig
     from .playing.following import FollowRules as FollowRules

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from midair.devices import ArrayDevice, ExposureChoices, ImmediateArray, SensorDevice
 from midair.errors import DeviceStateError, InputError
-from midair.model import ArrayCalibration, Drive, TransducerArray
+from midair.model import ArrayCalibration, Drive, Placement, TransducerArray
 from midair.physics import Transducers
 from midair.rig.names.array_names import KeptCalibration, array_calibration_for, array_named
 from midair.rig.names.sensor_names import VirtualRig, sensor_named
@@ -131,6 +131,15 @@ def open_rig(
         listens.calibration = chosen.calibration
     measured = array_calibration_for(chosen.device, chosen.array_calibration)
     return OpenRig(array=real, sensor=listens, settings=chosen, measured=measured)
+
+
+def bench_devices(
+    sensor: str, device: str, virtual: VirtualRig, placement: Placement | None = None
+) -> tuple[SensorDevice, ArrayDevice]:
+    """Make the sensor and the array of a measurement from their names, each of them virtual or not, silencer off."""
+    skin = virtual.skin()
+    listens = virtual.sensor(skin) if sensor == "virtual" else sensor_named(sensor, virtual)
+    return listens, virtual.array_device(skin) if device == "virtual" else array_named(device, placement)
 
 
 def frame_rig(settings: PlaySettings, rate: float, *, hold: float | None = None) -> OpenRig:

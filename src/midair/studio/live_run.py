@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from midair.devices import Cooling, PlayLease, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
-from midair.model import RATE, ControlGrid, Placement, TransducerArray
+from midair.model import RATE, ControlGrid
 from midair.physics import transfer_matrix
 from midair.rig import (
     FRAME_EMITTED,
@@ -26,9 +26,9 @@ from midair.rig import (
     LiveSettings,
     LiveTake,
     LoopStarted,
-    array_calibration_for,
     live,
     live_clearance,
+    measured_transducers,
 )
 from midair.solvers import one_blas_thread
 from midair.studio.take_data import cleared_facts, exposed
@@ -88,9 +88,7 @@ class LiveView:
     """Converts frames of the ring to sections for the page."""
 
     def __init__(self, order: LiveSettings) -> None:
-        self.array: TransducerArray = (order.placement or Placement.grid()).array()
-        if (kept := array_calibration_for(order.device, order.array_calibration)) is not None:
-            self.array = kept.known.applied(self.array)
+        self.array = measured_transducers(order.device, order.placement, order.array_calibration)
         self.grid: ControlGrid = order.grid
         self._acoustics, self._rate, self._channels = order.acoustics, RATE, 1
         matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)

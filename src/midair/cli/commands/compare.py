@@ -86,16 +86,10 @@ def compare_command(
             raise InputError(f"--seed, --spread, --reflection: expected a drive, got the recording {reproduced.name}")
         take = rig.calibrated_take(reproduced)
         settings = rig.settings_of_rerecording(take.recording.provenance, (options or BandOptions()).settings())
-    with progress_bars() as stage:
-        done = stage("compare")
-        done(0, 3)
-        pair = rig.aligned_pair(rig.pressure_of(original, settings), take, settings)
-        before, after = pair.original, pair.piece
-        done(1, 3)
-        comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)
-        done(2, 3)
-        card = metrics_or_none(before, after)
-        done(3, 3)
+    pair = rig.aligned_pair(rig.pressure_of(original, settings), take, settings)
+    before, after = pair.original, pair.piece
+    comparison = compare(before, pair.heard, first=pair.first, noise=pair.noise, fixed_place=fixed_place)
+    card = metrics_or_none(before, after)
     option = rig.next_step(comparison.gain, Settings.of(take.recording.provenance))
     verdict = Verdict.of(comparison, after, card, option=option, laboratory=laboratory)
     if report is not None:

@@ -63,9 +63,8 @@ def draw_command(
     values = parameter_values(parameter)
     pattern = load_pattern(source, values, pressure=pressure)
     foci = pattern.foci(duration)
-    transducers = rig.transducers_of(device, None if placement is None else files.load_placement(placement))
-    known = rig.array_calibration_for(device, array_calibration)
-    transducers = transducers if known is None else known.known.applied(transducers)
+    units = None if placement is None else files.load_placement(placement)
+    transducers = rig.measured_transducers(device, units, array_calibration)
     medium = (air or AirOptions()).assumed()
     with progress_bars() as stage:
         used = draw_file(foci, source, target, transducers, chosen=values, medium=medium, progress=stage("draw"))

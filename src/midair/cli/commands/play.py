@@ -279,10 +279,7 @@ def _print_plan(source: Path, solve: PlayTakeOptions, settings: rig.PlaySettings
 
 def _drawn_into(folder: Path, source: Path, settings: rig.PlaySettings) -> Path:
     """The drive of a pattern for the array that will play it, in a folder."""
-    array = rig.transducers_of(settings.device, settings.placement)
-    if settings.device != "virtual":
-        known = rig.array_calibration_for(settings.device)
-        array = array if known is None else known.known.applied(array)
+    array = rig.measured_transducers(settings.device, settings.placement)
     foci, target = load_pattern(source).foci(), folder / f"{source.stem}.drive.h5"
     with progress_bars() as stage:
         draw_file(foci, source, target, array, medium=settings.exposure.room, progress=stage("draw"))

@@ -143,6 +143,14 @@ def array_calibration_for(
     return KeptCalibration(known=known, path=None if isinstance(given, ArrayCalibration) else Path(given))
 
 
+def measured_transducers(
+    device: str, placement: Placement | None = None, given: ArrayCalibration | str | os.PathLike[str] | None = None
+) -> TransducerArray:
+    """`transducers_of` as they were measured, if there is a calibration; `given` as in `array_calibration_for`."""
+    known, array = array_calibration_for(device, given), transducers_of(device, placement)
+    return array if known is None else known.known.applied(array)
+
+
 def keep_array_calibration(device: str, known: ArrayCalibration) -> Path:
     """Use a calibration by default for a real array; InputError if it was simulated."""
     if known.provenance.simulated or device.partition(":")[0] == "virtual":

@@ -24,7 +24,7 @@ from midair.files import DEFAULT_PROFILE, profile_named, read_toml, write_file
 from midair.model import BAND, Acoustics, Medium, Palm, Solution, TransducerArray
 from midair.patterns import PALETTE, Foci, Pattern, check_reach, draw_file, draw_parts, palm_pressure
 from midair.physics import SKINS
-from midair.rig import array_calibration_for
+from midair.rig import measured_transducers
 from midair.studio.jobs import Progressed
 from midair.studio.panels.panel import WEB, Panel, PanelContext
 from midair.studio.panels.reproduce_panel import TakeNamed
@@ -55,8 +55,7 @@ class PatternRequest:
 
     def array(self) -> TransducerArray:
         """Return the array, with its calibration if there is one."""
-        known, array = array_calibration_for(self.device, self.array_calibration), TransducerArray.autd3()
-        return array if known is None else known.known.applied(array)
+        return measured_transducers(self.device, given=self.array_calibration)
 
 
 def preview_pattern(request: PatternRequest, _: Progressed) -> dict[str, Any]:

@@ -324,16 +324,10 @@ def beam_command(
     """
     options, room = options or OutputOptions(), room or RoomOptions()
     virtual = rig.VirtualRig(seed=seed, height=height)
-    skin = virtual.skin() if device == "virtual" else None
+    source, array = rig.bench_devices(sensor, device, virtual)
     setting = BeamSetting(
         height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
     )
-    source = (
-        virtual.sensor(virtual.skin() if skin is None else skin)
-        if sensor == "virtual"
-        else rig.sensor_named(sensor, virtual)
-    )
-    array = virtual.array_device(skin) if device == "virtual" else rig.array_named(device)
     medium = room.assumed()
     with progress_bars() as stage, array, source:
         options.path(source.grid)

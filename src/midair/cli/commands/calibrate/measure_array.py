@@ -16,7 +16,6 @@ from midair.cli.output import may_write, print_table
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError, MissingFileError
 from midair.model import HEIGHT, RATE, Acoustics
-from midair.model import Placement as UnitPlacement
 from midair.table import Row, describe
 
 
@@ -78,7 +77,11 @@ def array_command(
     room = room or RoomOptions()
     virtual = rig.VirtualRig(seed=seed, height=height, spread=spread, reflection=reflection)
     units = None if placement is None else files.load_placement(placement)
-    source, array = _devices(sensor, device, calibration, virtual, units)
+    source, array = rig.bench_devices(sensor, device, virtual, units)
+    if calibration is not None:
+        source.calibration = files.load_calibration(calibration)
+        if source.calibration is None:
+            raise MissingFileError(f"{calibration}: expected a calibration in it, found none")
     session = rig.ArraySession(
         height=height,
         plate=plate,
@@ -140,23 +143,6 @@ def _check(
     return int(bool(problems))
 
 
-def _devices(
-    sensor: str, device: str, calibration: Path | None, virtual: rig.VirtualRig, placement: UnitPlacement | None
-) -> tuple[SensorDevice, ArrayDevice]:
-    """Sensor and array, not yet open, with the silencer off."""
-    skin = virtual.skin()
-    source = virtual.sensor(skin) if sensor == "virtual" else rig.sensor_named(sensor, virtual)
-    if calibration is not None:
-        source.calibration = files.load_calibration(calibration)
-        if source.calibration is None:
-            raise MissingFileError(f"{calibration}: expected a calibration in it, found none")
-    if device != "virtual":
-        return source, rig.array_named(device, placement, silencer="off")
-    array = virtual.array_device(skin)
-    array.silencer = "off"
-    return source, array
-
-
 def tracker_command(
     tracker: str,
     output: Path,
@@ -190,8 +176,7 @@ def tracker_command(
     may_write(output, force)
     room = room or RoomOptions()
     units = None if placement is None else files.load_placement(placement)
-    virtual = rig.VirtualRig()
-    array = virtual.array_device(virtual.skin()) if device == "virtual" else rig.array_named(device, units)
+    _, array = rig.bench_devices("virtual", device, rig.VirtualRig(), units)
     medium = room.assumed()
 
     def say(at: int) -> None:
