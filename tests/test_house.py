@@ -21,20 +21,20 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1917,
-    "settings streaming .": 2743,
-    "physics": 3400,
+    "model": 1916,
+    "settings streaming .": 2744,
+    "physics": 3399,
     "recordings targets correct evaluate": 4051,
     "calibration": 2940,
     "solvers": 4387,
     "files": 4421,
-    "devices": 7872,
-    "rig": 8725,
+    "devices": 7873,
+    "rig": 8719,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6381,
+    "cli": 6350,
     "study": 6022,
-    "studio": 6063,
+    "studio": 6019,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_102, "benchmarks": 4_500}
+BESIDE = {"tests": 48_096, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
