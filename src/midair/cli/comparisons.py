@@ -36,10 +36,9 @@ def verdict_lines(verdict: Verdict) -> tuple[str, list[Line]]:
 
 def comparison_lines(comparison: Comparison, card: PerceptualMetrics | None) -> list[tuple[str, str]]:
     """Every figure of a comparison, and its perceptual metrics over all cells, original → reproduction."""
-    figures = comparison.figures().items()
     metrics = [] if card is None else card.rows()
     return [
-        *((name, f"{value:.4g} {unit}") for name, (value, unit) in figures if name not in RATIOS),
+        *((name, f"{value:.4g} {unit}") for name, (value, unit) in comparison.figures().items() if name not in RATIOS),
         *((name, f"{ratio_text(limits)} dB; {RATIOS[name]}") for name, limits in comparison.ratios.items()),
         *((name, "; ".join(filter(None, [f"{value} {unit}".rstrip(), about]))) for name, value, unit, about in metrics),
     ]
@@ -63,8 +62,8 @@ def palm_lines(palm: PalmFidelity) -> list[Line]:
 def laboratory_lines(found: LaboratoryLoss) -> list[Line]:
     """What all uncertainties of a laboratory together leave, and what to do about the largest."""
     place = [("place", found.place)] if found.place else []
-    ideal = ("ideal", f"{found.nominal:.0f} dB with nothing out of place")
-    return [("laboratory", found.text()), *place, ideal, ("advice", found.advice)]
+    ideal = f"{found.nominal:.0f} dB with nothing out of place"
+    return [("laboratory", found.text()), *place, ("ideal", ideal), ("advice", found.advice)]
 
 
 def print_laboratory(found: LaboratoryLoss) -> None:

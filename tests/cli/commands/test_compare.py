@@ -100,24 +100,24 @@ def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(answer):
 
 
 @pytest.mark.long
-def test_a_drive_of_another_recording_is_refused():
+def test_a_drive_of_another_recording_is_refused_or_told(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--duration", "0.02s", "-f"]) == 0
     assert run(["record", "virtual:towel", "short.h5", "--duration", "0.1s"]) == 0
     Path("other.drive.h5").write_bytes(Path("take.drive.h5").read_bytes())
     assert run(["solve", "take.h5", "other.drive.h5", "--mode", "paper", *COARSE, "--duration", "0.2s", "-f"]) == 0
     assert run(["compare", "short.h5", "other.drive.h5"]) == 1
+    capsys.readouterr()
+    assert run(["record", "virtual:sponge", "sponge.h5"]) == 0
+    assert run(["compare", "sponge.h5", "take.drive.h5"]) == 0
+    assert "take.drive.h5 was made of another recording than sponge.h5" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.long
 def test_a_drive_s_palm_can_be_filmed(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.5s", "--duration", "0.01s", "-f"]) == 0
     Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")
-    assert (
-        run(
-            ["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--film", "palm.gif", "--report", "p.html"]
-        )
-        == 0
-    )
+    options = shlex.split("--palm coarse.toml --film palm.gif --report p.html")
+    assert run(["compare", "take.h5", "take.drive.h5", *options]) == 0
     assert re.search("film +palm.gif", capsys.readouterr().out)
     page = Path("p.html").read_text(encoding="utf-8")
     assert "Fidelity on a whole palm, coarse" in page

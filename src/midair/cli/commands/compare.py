@@ -120,8 +120,7 @@ def _in_order(first: Path, second: Path) -> tuple[Path, Path]:
         print_note(f"{second.name} is the original too: it is compared with itself")
 
     def made(path: Path) -> bool:
-        drive = path.name.lower().endswith(DRIVE_SUFFIX)
-        return drive or open_take(path).recording.provenance.played
+        return path.name.lower().endswith(DRIVE_SUFFIX) or open_take(path).recording.provenance.played
 
     if made(first) and not made(second):
         print_note(f"{first.name} is a reproduction: compared with {second.name} as the original")
@@ -146,6 +145,8 @@ def _played(
             f"{drive_file.name}: expected the drive of {original.name}, {asked.frames} frames, got {drive.frames}; "
             "name the recording that it was solved for"
         )
+    if not drive.provenance.follows(open_take(original).recording.provenance):
+        print_note(f"{drive_file.name} was made of another recording than {original.name}", warn=True)
     band = settings.calibration.band
     virtual = replace(virtual, cells=felt.sensor, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
