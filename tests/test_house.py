@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4051,
     "calibration": 2940,
     "solvers": 4387,
-    "files": 4421,
+    "files": 4422,
     "devices": 7873,
     "rig": 8719,
     "patterns datasets": 1777,

@@ -158,6 +158,7 @@ def test_poses_are_read_as_they_were_written(tmp_path):
         (HEAD + "0,0,0,.2,0,0,-2,0,1,0,1\n", "vectors of length 1"),
         (HEAD + "0,0,0,.2,0,0,-1,0,1,0,1\n" * 2, "increasing times"),
         (HEAD + "0,0,0,.2,0,0,-1,0,1,0,7\n", "confidence"),
+        (HEAD + "0,0,0,200,0,0,-1,0,1,0,1\n", "centre of the palm.* got 200 m; lengths are in metres, 200 mm is 0.2"),
     ],
 )
 def test_a_file_of_other_content_is_refused(tmp_path, text, told):

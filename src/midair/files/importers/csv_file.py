@@ -20,6 +20,7 @@ from midair.files.opened_take import Format, FormatLoss, ImportedData, ImportOpt
 from midair.files.text_files import read_text
 from midair.model import PalmPath, Recording, SensorGrid
 from midair.progress import report_progress
+from midair.validation import within
 
 
 def write_csv(recording: Recording, path: Path) -> tuple[FormatLoss, ...]:
@@ -98,6 +99,7 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
         rows = table.samples.copy()
         rows[:, 4:7], rows[:, 7:10] = _unit(rows[:, 4:7]), _unit(rows[:, 7:10])
         try:
+            within(float(np.abs(rows[:, 1:4]).max(initial=0)), "centre of the palm", 0, 10, unit="m")
             return PalmPath.from_rows(rows)
         except InputError as wrong:
             raise BrokenFileError(str(wrong)) from wrong
@@ -105,8 +107,7 @@ def load_palm_path(path: str | os.PathLike[str]) -> PalmPath:
 
 def save_palm_path(palm: PalmPath, path: str | os.PathLike[str]) -> None:
     """Write poses atomically, all numbers without loss. Raises FileError if the file cannot be written."""
-    lines = [",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]
-    write_file(path, "\n".join(lines) + "\n")
+    write_file(path, "\n".join([",".join(NAMES), *(",".join(map(repr, row)) for row in palm.rows.tolist())]) + "\n")
 
 
 def _unit(vectors: Array) -> Array:
