@@ -34,7 +34,7 @@ LINES = {
     "view figures": 2002,
     "cli": 6350,
     "study": 6022,
-    "studio": 6019,
+    "studio": 6023,
     "sweep": 502,
     "paper": 425,
 }

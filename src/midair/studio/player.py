@@ -30,7 +30,7 @@ from midair.devices import (
 from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError
 from midair.evaluate import ways_to_play
 from midair.files import load_solution, load_target, profile_named, save
-from midair.model import RATE, Acoustics, Medium
+from midair.model import RATE, Acoustics, Medium, TransducerArray
 from midair.physics import PoseBox, middle_of, pose_of
 from midair.pressure_level import band_of, felt_of_drive, level_of
 from midair.rig import (
@@ -49,11 +49,12 @@ from midair.rig import (
     grid_of,
     open_rig,
     open_tracker,
+    prepare_check,
     tracker_name,
 )
 from midair.studio.live_run import LiveRun
 from midair.studio.take_data import cleared_facts, exposed
-from midair.studio.work import led_pressure
+from midair.studio.work import led_pressure, settings_of
 from midair.studio.worker_process import NO_ANSWER, StudioPipe, end_with_studio
 from midair.study import Headphones
 
@@ -355,6 +356,9 @@ class _Player(PlayObserver):
 
     def _admit_unsolved(self, order: Mapping[str, Any], path: Path, how: PlaySettings) -> dict[str, Any]:
         """Begin to solve a take for this array; every part is checked ahead of its sound."""
+        array = TransducerArray.autd3() if self.device == "virtual" else self._real_rig().array.array
+        # Beside the reading of the take.
+        ready = prepare_check(array, how.exposure, settings_of(order["solve"]).target.rate)
         transducers, settings, pressure = led_pressure(order["solve"])
         if self.device == "virtual":
             like = {"height": settings.target.grid.height, "cells": pressure.sensor, "band": settings.calibration.band}
@@ -362,7 +366,7 @@ class _Player(PlayObserver):
             rig = open_rig(settings=how.but(**like, acoustics=air))
         else:
             rig = replace(self._real_rig(), settings=how)
-        solving = SolvedAhead(pressure, transducers, rig.array, settings, how, path)
+        solving = SolvedAhead(pressure, transducers, rig.array, settings, how, path, ready)
         try:
             clearance = self.solver.enter_context(solving).first_part()
         except ExposureError as wrong:
