@@ -171,23 +171,6 @@ def test_stop_when_nothing_plays(capsys):
     assert "no running playback" in capsys.readouterr().out
 
 
-@pytest.mark.long
-def test_stop_from_another_terminal(capsys):
-    make("a.drive.h5", frames=200)
-    command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "a.drive.h5", *EMULATOR]
-    with subprocess.Popen(
-        [*command, "--repeats", "500"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as player:
-        wait_for(Path("state/played.jsonl"))
-        assert run(["stop"]) == 0
-        assert "silent (process" in " ".join(capsys.readouterr().out.split())
-        _, error = player.communicate(timeout=20)
-    assert player.returncode in (1, 130)
-    assert "Traceback" not in error
-    assert (log()[-1]["event"], log()[-1]["outcome"], log()[-1]["reason"]) == ("end", "stopped", "midair stop")
-    assert log()[-1]["order"] == log()[0]["order"]
-
-
 def wait_for(path):
     wait_until(path.exists)
     time.sleep(0.3)
