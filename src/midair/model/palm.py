@@ -11,7 +11,7 @@ from midair.array_types import Array
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
 from midair.model.provenance import Brief
-from midair.validation import frozen_array, length, positive, within
+from midair.validation import frozen_array, length, within
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -29,7 +29,7 @@ class Palm(Brief):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inside", frozen_array(self.inside, "palm", ("row", "column"), np.bool_))
-        positive(self.pitch, "pitch of the palm", "m")
+        length(self.pitch, "pitch of the palm", (0.2e-3, 20e-3))
         if not self.inside.any():
             raise InputError("palm: expected some skin under the array, got none; move the outline")
 
@@ -37,7 +37,7 @@ class Palm(Brief):
     def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
         """A round palm; 85 mm is the breadth of a man's palm."""
         within(diameter, "diameter of the palm", 0, 1, unit="m", above=True)
-        place = centred(2 * int(diameter / 2 / positive(pitch, "pitch of the palm", "m")) + 1, pitch)
+        place = centred(2 * int(diameter / 2 / length(pitch, "pitch of the palm", (0.2e-3, 20e-3))) + 1, pitch)
         inside = np.hypot(place, place[:, None]) <= diameter / 2
         return cls(inside=inside, pitch=pitch, name=f"disc of {1e3 * diameter:g} mm")
 

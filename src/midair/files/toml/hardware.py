@@ -18,7 +18,7 @@ from midair.errors import InputError
 from midair.files.atomic import write_file
 from midair.files.toml.exposure_profiles import in_si, read_sheet
 from midair.model import Heading, Palm, Placement, SensorGrid, SensorWiring, StageSetup, TrackerPlacement, Unit
-from midair.validation import Declared, check_settings, positive, setting
+from midair.validation import Declared, check_settings, setting, within
 
 Place = tuple[float, float, float]
 PathLike = str | os.PathLike[str]
@@ -199,7 +199,7 @@ def load_palm(path: PathLike) -> Palm:
     """Read a palm. Raises the errors of `read_sheet`."""
 
     def palm(keys: PalmSheet) -> Palm:
-        pitch, name = positive(keys.pitch_mm, "pitch_mm", "mm") * 1e-3, keys.name
+        pitch, name = within(keys.pitch_mm, "pitch_mm", 0.2, 20, unit="mm") * 1e-3, keys.name
         if (keys.disc_mm is None) == (keys.outline_mm is None):
             got = "none" if keys.disc_mm is None else "both"
             raise InputError(f"expected one of disc_mm and outline_mm, got {got}")
