@@ -1,6 +1,5 @@
 import hashlib
 import os
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.study_design import Block, Design
 from midair.study.drives import check_digests, digest_of_file, prepare_drives
-from midair.study.session.presenters import RigPresenter
 
 QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="fast")
 
@@ -154,17 +152,6 @@ def test_a_terminal_refuses_pictures_before_the_session_starts(source):
         open_stimulus_rig("none", StudyFolder(source), plan),
     ):
         pass
-
-
-def test_a_text_is_shown_for_its_duration():
-    shown, told = [], []
-    show = lambda text: shown.append((text, time.monotonic()))  # noqa: E731
-    one = RigPresenter(tell=told.append, done=bool, show=show)
-    one.present(Stimulus(name="word", kind="text", source="sandpaper", duration_s=0.2))
-    one.present(Stimulus(name="nothing", kind="silence"))
-    assert [text for text, _ in shown] == ["sandpaper", ""]
-    assert shown[1][1] - shown[0][1] >= 0.2
-    assert told == ["wait, present nothing"]
 
 
 @pytest.mark.parametrize(

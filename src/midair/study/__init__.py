@@ -4,7 +4,6 @@ from .design.adaptive_block import threshold_cautions as threshold_cautions
 from .design.plan import Plan as Plan
 from .design.plan import balanced_latin_square as balanced_latin_square
 from .design.plan import block_order as block_order
-from .design.question import Stimulus as Stimulus
 from .design.session_state import answers_table as answers_table
 from .design.session_state import unfinished_sessions as unfinished_sessions
 from .design.study_design import Design as Design
@@ -13,7 +12,6 @@ from .drives import check_digests as check_digests
 from .drives import media_type as media_type
 from .drives import prepare_drives as prepare_drives
 from .drives import prepare_media as prepare_media
-from .drives import sound_duration as sound_duration
 from .findings.analysis import analyse as analyse
 from .findings.study_data import NO_PERSON as NO_PERSON
 from .findings.study_data import NO_TOUCH as NO_TOUCH
@@ -27,6 +25,7 @@ from .session.participant import SimulatedParticipant as SimulatedParticipant
 from .session.participant import SimulatedScreen as SimulatedScreen
 from .session.presenters import Headphones as Headphones
 from .session.presenters import SilentPresenter as SilentPresenter
+from .session.presenters import StimulusPresenter as StimulusPresenter
 from .session.trials import InstantClock as InstantClock
 from .session.trials import Reply as Reply
 from .session.trials import Session as Session

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from midair.devices import VirtualArray
-from midair.errors import InputError
+from midair.errors import InputError, SilentFramesError, StoppedError
 from midair.files import load_solution, printable
 from midair.model import Drive, TransducerArray
 from midair.rig import (
@@ -34,7 +34,7 @@ from midair.study.design.question import Question
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
-from midair.study.session.presenters import Headphones, Presenter, RigPresenter
+from midair.study.session.presenters import Headphones, Presenter, StimulusPresenter
 from midair.study.session.trials import Reply, TrialStep
 
 if sys.platform != "win32":
@@ -86,10 +86,15 @@ def open_stimulus_rig(
         check_digests(folder.path, plan.drives, plan.design.stimuli)
     elif drives:
         raise InputError(f"array: expected an array for {len(drives)} drives of the plan, got none; give --array")
-    presenter = RigPresenter(
-        tell=lambda line: console.print(f"experimenter: {plain_text(line)}"),
+
+    def tell(line: str) -> None:
+        console.print(f"experimenter: {plain_text(line)}")
+
+    presenter = StimulusPresenter(
+        tell=tell,
         done=lambda: console.input("[dim]Press Enter after the presentation[/] "),
-        show=show,
+        show=lambda stimulus: show("" if stimulus is None else stimulus.source),
+        stop=lambda: tell("remove the object: nothing may touch the participant now"),
     )
     about: dict[str, Any] = {}
     with ExitStack() as stack:
@@ -117,8 +122,36 @@ def open_stimulus_rig(
         device = session.rig.array
         about |= {"array": device.name, "noise_dbfs": headphones and headphones.noise.level_dbfs}
         longest = max((drive.frames / drive.rate for drive in lasting), default=0.0)
-        presenter = replace(presenter, session=session, cleared=cleared, silence_s=longest, noise=headphones)
+        presenter = replace(on_array(presenter, session, cleared), silence_s=longest, noise=headphones)
         yield StimulusRig(presenter=presenter, simulated=device.simulated, markers=markers, about=about)
+
+
+def on_array(
+    presenter: StimulusPresenter, session: Session, cleared: Callable[[str, float], Cleared]
+) -> StimulusPresenter:
+    """A presenter whose drives this session plays and logs, cleared by `cleared`; it ends them at a request.
+
+    Raises SilentFramesError if late frames caused silence.
+    """
+
+    def go_on(done: int, total: int) -> None:
+        if presenter.ended.is_set():
+            raise StoppedError(f"array: stopped after {done} of {total} frames")
+
+    def play(source: str, share: float) -> None:
+        named = source if share == 1 else f"{source} at {share:g} of its pressure"
+        report = session.play(cleared(source, share), source=named, progress=go_on).report
+        if report is not None and report.gap:
+            raise SilentFramesError(
+                f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
+                "silence; close other programs"
+            )
+
+    def stop() -> None:
+        session.rig.array.silence()
+        presenter.stop()
+
+    return replace(presenter, play=play, wait=presenter.ended.wait, stop=stop)
 
 
 @contextmanager

@@ -5,16 +5,14 @@ import json
 import threading
 import time
 import warnings
-from pathlib import Path
+from types import SimpleNamespace
 
-import numpy as np
 import pytest
-import soundfile
 from tests.drives import plan_of, save_drive
 
 from midair.studio import Studio, StudioPlan
-from midair.studio.panels.study_panel import PagePresenter
-from midair.study import Stimulus, StudyFolder, read_design
+from midair.studio.panels.study_panel import StudyPanel
+from midair.study import StudyFolder, read_design
 from midair.study.session.event_log import read_events
 
 with warnings.catch_warnings():
@@ -87,51 +85,10 @@ def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatc
     assert ("stop", "the studio was ended") in events
 
 
-def presenter(**changes):
-    said = []
-    made = PagePresenter(
-        **{
-            "play": lambda path, share: said.append(("play", path, share)),
-            "wait": lambda seconds: said.append(("wait", seconds)),
-            "stop": lambda: said.append(("stop",)),
-            "tell": lambda words: said.append(("tell", words)),
-            "folder": Path("study"),
-        }
-        | changes
-    )
-    return made, said
-
-
-def test_player_presents_drives_and_silences():
-    made, said = presenter(quiet_s=1.5)
-    made.present(Stimulus(name="a", source="a.drive.h5", share=0.25))
-    made.present(Stimulus(name="b", kind="silence"))
-    assert said == [("play", Path("study/a.drive.h5"), 0.25), ("wait", 1.5)]
-
-
-def test_experimenter_presents_objects_and_confirms():
-    made, said = presenter()
-    threading.Timer(0.05, made.done.set).start()
-    made.present(Stimulus(name="a", kind="object", source="towel"))
-    assert said == [("tell", "present: towel"), ("tell", "")]
-
-
-def test_texts_and_sounds_last_as_long_as_stated(tmp_path):
-    soundfile.write(tmp_path / "tone.wav", np.zeros(800), 8000)
-    shown = []
-    made, _ = presenter(show=lambda media: shown.append((media, time.monotonic())), folder=tmp_path)
-    made.present(Stimulus(name="a", kind="text", source="rough", duration_s=0.2))
-    made.present(Stimulus(name="b", kind="sound", source="tone.wav"))
-    text, sound = {"kind": "text", "source": "rough"}, {"kind": "sound", "source": "tone.wav"}
-    assert [media for media, _ in shown] == [text, None, sound, None]
-    times = [at for _, at in shown]
-    assert times[1] - times[0] >= 0.2
-    assert times[3] - times[2] >= 0.1
-
-
-def test_a_stop_ends_the_wait_for_the_experimenter():
-    made, said = presenter()
-    threading.Timer(0.05, made.silence).start()
-    made.present(Stimulus(name="b", kind="silence"))
-    assert said[-1] == ("stop",)
-    assert "present nothing" in said[0][1]
+@pytest.mark.parametrize("set_by", ["_confirmed", "_ended"])
+def test_the_experimenter_or_a_stop_ends_the_wait_for_an_object(set_by):
+    told, panel = [], SimpleNamespace(_confirmed=threading.Event(), _ended=threading.Event())
+    panel._tell = told.append
+    threading.Timer(0.05, getattr(panel, set_by).set).start()
+    StudyPanel._wait_for_experimenter(panel)
+    assert told == [""]

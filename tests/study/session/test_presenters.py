@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import soundfile
 from tests.drives import save_drive
 
 from midair.devices import VirtualArray, autd3_array
@@ -11,8 +12,8 @@ from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import Session
 from midair.study.design.question import Stimulus
-from midair.study.session.presenters import RigPresenter, SilentPresenter
-from midair.study.stimulus_rig import cleared_drives
+from midair.study.session.presenters import SilentPresenter, StimulusPresenter
+from midair.study.stimulus_rig import cleared_drives, on_array
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 TONE = Stimulus(name="a", source="a.drive.h5")
@@ -25,9 +26,9 @@ def drive(array=ARRAY):
 
 
 def presenter(device, made, told):
-    by_hand = {"tell": told.append, "done": lambda: told.append("done")}
+    by_hand = StimulusPresenter(tell=told.append, done=lambda: told.append("done"), stop=lambda: told.append("stop"))
     session = Session.on(device, None, None)
-    return RigPresenter(session=session, cleared=lambda _source, _share: session.clear(made), **by_hand)
+    return on_array(by_hand, session, lambda _source, _share: session.clear(made))
 
 
 def test_array_plays_drives_and_experimenter_presents_objects():
@@ -40,7 +41,7 @@ def test_array_plays_drives_and_experimenter_presents_objects():
         assert told == ["present: brush", "done"]
         one.present(NOTHING)
         one.silence()
-    assert told[2:] == ["remove the object: nothing may touch the participant now"]
+    assert told[2:] == ["stop"]
 
 
 class Noise:
@@ -61,7 +62,7 @@ def test_noise_masks_drives_and_silences_but_no_objects():
         if told[-1] == "present: a2.drive.h5":
             raise SilentFramesError("silent")
 
-    one = RigPresenter(tell=told.append, done=done, noise=Noise(told))
+    one = StimulusPresenter(tell=told.append, done=done, stop=lambda: told.append("stop"), noise=Noise(told))
     for stimulus in (TONE, NOTHING, BRUSH):
         one.present(stimulus, lambda: told.append("begins"))
     assert told == [
@@ -74,7 +75,7 @@ def test_noise_masks_drives_and_silences_but_no_objects():
         one.present(replace(TONE, source="a2.drive.h5"))
     one.silence()
     assert told[:3] == ["noise", "present: a2.drive.h5", "quiet"]
-    assert told[3:] == ["remove the object: nothing may touch the participant now", "quiet"]
+    assert told[3:] == ["stop", "quiet"]
 
 
 def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():
@@ -87,6 +88,19 @@ def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():
         threading.Timer(0.05, long.silence).start()
         long.present(NOTHING)
         assert time.monotonic() - begin < 10
+
+
+def test_texts_and_sounds_last_as_long_as_stated(tmp_path):
+    soundfile.write(tmp_path / "tone.wav", np.zeros(800), 8000)
+    shown = []
+    show = lambda stimulus: shown.append((stimulus and stimulus.source, time.monotonic()))  # noqa: E731
+    one = StimulusPresenter(tell=print, done=bool, show=show, folder=tmp_path)
+    one.present(Stimulus(name="a", kind="text", source="rough", duration_s=0.2))
+    one.present(Stimulus(name="b", kind="sound", source="tone.wav"))
+    assert [source for source, _ in shown] == ["rough", None, "tone.wav", None]
+    times = [at for _, at in shown]
+    assert times[1] - times[0] >= 0.2
+    assert times[3] - times[2] >= 0.1
 
 
 def test_a_drive_for_another_array_is_refused_by_its_name(tmp_path):

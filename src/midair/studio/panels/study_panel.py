@@ -5,8 +5,6 @@ import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,67 +22,14 @@ from midair.study import (
     Plan,
     Reply,
     Session,
-    Stimulus,
+    StimulusPresenter,
     StudyFolder,
     Template,
     check_digests,
     check_not_withdrawn,
     open_markers,
-    sound_duration,
     study_code,
 )
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class PagePresenter:
-    """Plays drives, and shows the experimenter which object to present."""
-
-    play: Callable[[Path, float], None]
-    """Plays the drive of a path at a share of its pressure; returns when it is over."""
-    wait: Callable[[float], None]
-    """Presents silence for some seconds."""
-    quiet_s: float = 0.0
-    """Length of a silent stimulus in s, equal to that of the drives, so that its end reveals nothing.
-
-    0 if the experimenter presents everything.
-    """
-    stop: Callable[[], None]
-    """STOP, from any thread."""
-    tell: Callable[[str], None]
-    """Shows an instruction to the experimenter."""
-    folder: Path
-    """Folder of the study, which has its drives."""
-    show: Callable[[dict[str, str] | None], None] = lambda _: None
-    """Shows or plays a text, picture or sound (kind and source) on the participant's page; None ends it."""
-    done: threading.Event = field(default_factory=threading.Event)
-    ended: threading.Event = field(default_factory=threading.Event)
-
-    def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
-        """Present a stimulus; return when it is over."""
-        begins()
-        if stimulus.kind == "drive":
-            self.play(self.folder / stimulus.source, stimulus.share)
-            return
-        if stimulus.kind == "silence" and self.quiet_s:
-            self.wait(self.quiet_s)
-            return
-        if stimulus.kind in ("text", "picture", "sound"):
-            sound = stimulus.kind == "sound"
-            self.show({"kind": stimulus.kind, "source": stimulus.source})
-            self.ended.wait(sound_duration(self.folder / stimulus.source) if sound else stimulus.duration_s)
-            self.show(None)
-            return
-        self.done.clear()
-        self.tell("present nothing, and wait" if stimulus.kind == "silence" else f"present: {stimulus.source}")
-        while not self.done.wait(0.1):
-            if self.ended.is_set():
-                return
-        self.tell("")
-
-    def silence(self) -> None:
-        """Stop at once."""
-        self.ended.set()
-        self.stop()
 
 
 class NewStudy(Arguments):
@@ -148,7 +93,7 @@ class StudyPanel(Panel):
         self._folder, self._playing, self._later = context.takes.folder, context.playing, context.later
         self._session: Session | None = None
         self._begins = False
-        self._presenter: PagePresenter | None = None
+        self._confirmed, self._ended = threading.Event(), threading.Event()
         self._markers = ExitStack()
         # All calls of a session run in this thread, which may wait for a stimulus.
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
@@ -229,14 +174,19 @@ class StudyPanel(Panel):
         if order.pilot:
             # A folder that no analysis reads, so that pilot data cannot be mistaken for data of the study.
             log = study.path / "pilot" / log.name
-        self._presenter = PagePresenter(
-            play=partial(self._play, participant=study_code(study, order.participant)),
-            wait=self._wait,
-            quiet_s=quiet,
+        self._ended.clear()
+        presenter = StimulusPresenter(
+            tell=self._tell,
+            done=self._wait_for_experimenter,
+            show=lambda shown: self._later(
+                lambda: self._show(media=shown and {"kind": shown.kind, "source": shown.source})
+            ),
+            play=lambda source, share: self._play(study.path / source, share, study_code(study, order.participant)),
+            wait=self._wait if quiet else None,
+            silence_s=quiet,
             stop=self._playing.lease.stop,
-            tell=lambda said: self._later(lambda: self._show(due=said) if self._session is not None else None),
-            show=lambda media: self._later(lambda: self._show(media=media) if self._session is not None else None),
             folder=study.path,
+            ended=self._ended,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
         markers = self._markers.enter_context(open_markers(plan))
@@ -244,7 +194,7 @@ class StudyPanel(Panel):
             plan,
             order.participant,
             log,
-            self._presenter,
+            presenter,
             markers=markers,
             room=self._room,
             simulated=drives and bool(self._store.state["player"]["simulated"]),
@@ -333,8 +283,7 @@ class StudyPanel(Panel):
     def presented(self, _: Page, __: Arguments) -> bool:
         """Confirm that the experimenter has presented the object."""
         self._open()
-        if self._presenter is not None:
-            self._presenter.done.set()
+        self._confirmed.set()
         return True
 
     async def stop(self, _: Page, order: Reason) -> bool:
@@ -353,7 +302,7 @@ class StudyPanel(Panel):
             await asyncio.to_thread(session.stop, "left by the experimenter")
         await self._do(lambda: session.__exit__(None, None, None))
         self._markers.close()
-        self._session = self._presenter = None
+        self._session = None
         self._store.put(session=None)
         if self._masked:
             await self._playing.mask(None, "")
@@ -400,6 +349,16 @@ class StudyPanel(Panel):
         if self._session is None:
             raise DeviceStateError("study: expected a running session, there is none; begin one")
         return self._session
+
+    def _tell(self, said: str) -> None:
+        self._later(lambda: self._show(due=said))
+
+    def _wait_for_experimenter(self) -> None:
+        """Wait until the experimenter confirms the presentation; runs in the session's thread."""
+        self._confirmed.clear()
+        while not (self._confirmed.wait(0.1) or self._ended.is_set()):
+            pass
+        self._tell("")
 
     def _play(self, path: Path, share: float, participant: str) -> None:
         """Play a drive and wait; runs in the session's thread."""

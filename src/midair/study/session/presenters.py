@@ -1,18 +1,19 @@
-"""Presenters of stimuli: an array with an experimenter and masking noise (paper, 5.3), or none."""
+"""Presenters of stimuli: an array, a screen and an experimenter, with masking noise (paper, 5.3); or none."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Event, Lock
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import DeviceError, SilentFramesError, StoppedError, UnknownDeviceError
+from midair.errors import DeviceError, UnknownDeviceError
 from midair.registry import load_object
-from midair.rig import Cleared, Session
 from midair.study.design.question import Stimulus
 from midair.study.design.study_design import MaskingNoise
+from midair.study.drives import sound_duration
 
 
 class Headphones:
@@ -102,32 +103,32 @@ class Presenter(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigPresenter:
-    """Plays drives on an array, shows texts, and lets an experimenter, who is not blind, present the rest.
+class StimulusPresenter:
+    """Plays drives, shows texts, pictures and sounds, and lets an experimenter, who is not blind, present the rest."""
 
-    Masking noise accompanies drives and silent stimuli, so that participants cannot hear the difference (paper, 5.3).
-    """
-
-    tell: Callable[[str], None]
+    tell: Callable[[str], object]
     """Shows a line to the experimenter only."""
     done: Callable[[], object]
     """Returns when the experimenter confirms the presentation."""
-    show: Callable[[str], None] = lambda _: None
-    """Shows a text to the participant; an empty one removes it."""
-    session: Session | None = None
-    """Session of an open array; None if the experimenter presents everything but texts."""
-    cleared: Callable[[str, float], Cleared] | None = None
-    """Returns the drive of a source at a share of its pressure, cleared by this session."""
+    show: Callable[[Stimulus | None], object] = bool
+    """Shows or plays a text, picture or sound to the participant; None ends it."""
+    play: Callable[[str, float], object] | None = None
+    """Plays the drive of a source at a share of its pressure; None if the experimenter presents drives."""
+    wait: Callable[[float], object] | None = None
+    """Presents silence for some seconds; None if the experimenter presents it."""
     silence_s: float = 0.0
     """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
+    stop: Callable[[], object] = bool
+    """Silences the array at once, from any thread."""
     noise: Headphones | None = None
-    """An open source of noise."""
+    """An open source of noise during drives and silences, whose difference is else heard (paper, 5.3)."""
+    folder: Path = Path()
+    """Folder of the sounds."""
     ended: Event = field(default_factory=Event)
     """Set when silence is requested."""
 
     def present(self, stimulus: Stimulus, begins: Callable[[], object] = bool) -> None:
-        """Present a stimulus and log played drives; raises SilentFramesError if late frames caused silence."""
-        self.ended.clear()
+        """Present a stimulus; return when it is over."""
         if self.noise is None or stimulus.kind not in ("drive", "silence"):
             return self._present(stimulus, begins)
         self.noise.on()
@@ -138,36 +139,23 @@ class RigPresenter:
 
     def _present(self, stimulus: Stimulus, begins: Callable[[], object]) -> None:
         begins()
-        if stimulus.kind == "text":
-            self.show(stimulus.source)
-            self.ended.wait(stimulus.duration_s)
-            self.show("")
-        elif stimulus.kind == "drive" and self.session is not None and self.cleared is not None:
-            share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            cleared = self.cleared(stimulus.source, stimulus.share)
-            report = self.session.play(cleared, source=stimulus.source + share, progress=self._go_on).report
-            if report is not None and report.gap:
-                raise SilentFramesError(
-                    f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
-                    "silence; close other programs"
-                )
-        elif stimulus.kind == "silence" and self.session is not None:
-            self.ended.wait(self.silence_s)
+        if stimulus.kind == "drive" and self.play is not None:
+            self.play(stimulus.source, stimulus.share)
+        elif stimulus.kind == "silence" and self.wait is not None:
+            self.wait(self.silence_s)
+        elif stimulus.kind in ("text", "picture", "sound"):
+            sound = stimulus.kind == "sound"
+            self.show(stimulus)
+            self.ended.wait(sound_duration(self.folder / stimulus.source) if sound else stimulus.duration_s)
+            self.show(None)
         else:
             self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
             self.done()
 
-    def _go_on(self, done: int, total: int) -> None:
-        """Raise StoppedError if silence was requested."""
-        if self.ended.is_set():
-            raise StoppedError(f"array: stopped after {done} of {total} frames")
-
     def silence(self) -> None:
-        """Silence the array and the noise, and let the experimenter remove the object."""
+        """Silence the array and the noise, and end what is shown."""
         self.ended.set()
-        if self.session is not None:
-            self.session.rig.array.silence()
-        self.tell("remove the object: nothing may touch the participant now")
+        self.stop()
         if self.noise is not None:
             self.noise.off()
 
