@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
+from time import monotonic
 from types import FrameType
 from typing import Any, Self, TextIO
 
@@ -57,6 +58,27 @@ class Keys:
                 break
             keys += more
         return keys.decode("utf-8", "replace")
+
+    def next(self, until: float | None = None) -> str:
+        """Next keys; empty if none came until the time limit, a monotonic time in s, without limit if None.
+
+        Raises EOFError if the terminal is closed.
+        """
+        if not select.select([self._file], [], [], None if until is None else max(0.0, until - monotonic()))[0]:
+            return ""
+        if not (keys := self.pressed()):
+            raise EOFError
+        return keys
+
+
+def line_in(terminal: TextIO, seconds: float) -> bool:
+    """Whether Enter is pressed within this time; other input is discarded."""
+    import termios
+
+    if select.select([terminal], [], [], seconds)[0]:
+        return True
+    termios.tcflush(terminal, termios.TCIFLUSH)
+    return False
 
 
 class Signals:

@@ -4,6 +4,7 @@ from .design.adaptive_block import threshold_cautions as threshold_cautions
 from .design.plan import Plan as Plan
 from .design.plan import balanced_latin_square as balanced_latin_square
 from .design.plan import block_order as block_order
+from .design.question import Question as Question
 from .design.session_state import answers_table as answers_table
 from .design.session_state import unfinished_sessions as unfinished_sessions
 from .design.study_design import Design as Design
@@ -29,6 +30,7 @@ from .session.presenters import StimulusPresenter as StimulusPresenter
 from .session.trials import InstantClock as InstantClock
 from .session.trials import Reply as Reply
 from .session.trials import Session as Session
+from .session.trials import TrialStep as TrialStep
 from .session.trials import run as run
 from .statistics.anova import rm_anova as rm_anova
 from .statistics.confusion import chance_macro_f as chance_macro_f
@@ -51,10 +53,9 @@ from .statistics.power import PowerTest as PowerTest
 from .statistics.power import participants_for as participants_for
 from .statistics.power import power_paired as power_paired
 from .statistics.psychometric import fit_psychometric as fit_psychometric
-from .stimulus_rig import TerminalScreen as TerminalScreen
-from .stimulus_rig import keyboard_of_terminal as keyboard_of_terminal
 from .stimulus_rig import open_markers as open_markers
 from .stimulus_rig import open_stimulus_rig as open_stimulus_rig
+from .stimulus_rig import plain_text as plain_text
 from .stimulus_rig import study_code as study_code
 from .study_report import report_page as report_page
 from .tables import Program as Program

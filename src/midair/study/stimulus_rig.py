@@ -1,14 +1,10 @@
-"""Presenters of a study session; its screen at a terminal, with its keys."""
+"""Presenters of a study session at a terminal."""
 
-import os
-import select
-import sys
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 from rich.console import Console
@@ -30,16 +26,10 @@ from midair.rig import (
     tracker_name,
 )
 from midair.study.design.plan import Plan
-from midair.study.design.question import Question
 from midair.study.drives import check_digests
 from midair.study.event_markers import EventMarkers
 from midair.study.folder import StudyFolder
 from midair.study.session.presenters import Headphones, Presenter, StimulusPresenter
-from midair.study.session.trials import Reply, TrialStep
-
-if sys.platform != "win32":
-    import termios
-    import tty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,136 +210,6 @@ def cleared_drives(folder: Path, session: Session) -> Callable[[str, float], Cle
             raise type(wrong)(f"{source}: {wrong}") from wrong
 
     return cleared
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Keyboard:
-    """Key presses of a terminal without Enter; Ctrl-C still interrupts."""
-
-    file: int
-    """File descriptor of the terminal."""
-
-    @contextmanager
-    def listening(self) -> Generator[None]:
-        """Context in which keys are read one by one without echo; earlier input is discarded."""
-        before = termios.tcgetattr(self.file)
-        try:
-            tty.setcbreak(self.file, termios.TCSAFLUSH)
-            yield
-        finally:
-            termios.tcsetattr(self.file, termios.TCSADRAIN, before)
-
-    def key(self, until: float | None = None) -> str:
-        """Next key; empty if none came until the time limit, a monotonic time in s, without limit if None.
-
-        Raises EOFError if the terminal is closed.
-        """
-        if not select.select([self.file], [], [], None if until is None else max(0.0, until - monotonic()))[0]:
-            return ""
-        if not (typed := os.read(self.file, 1)):
-            raise EOFError
-        return typed.decode(errors="replace")
-
-    def line_in(self, seconds: float) -> bool:
-        """Whether Enter is pressed within this time; other input is discarded."""
-        if select.select([self.file], [], [], seconds)[0]:
-            return True
-        termios.tcflush(self.file, termios.TCIFLUSH)
-        return False
-
-
-def keyboard_of_terminal() -> Keyboard | None:
-    """Keyboard of the program's terminal; None without a terminal or on Windows."""
-    if sys.platform == "win32" or not sys.stdin.isatty():
-        return None
-    return Keyboard(file=sys.stdin.fileno())
-
-
-class TerminalScreen:
-    """Screen for participant and experimenter at one terminal; never shows a condition.
-
-    Questions with single-key answers use `keyboard`; without one, lines are read from `console`.
-    """
-
-    def __init__(self, console: Console, keyboard: Keyboard | None = None) -> None:
-        self._console = console
-        self._keyboard = keyboard
-
-    def show(self, text: str) -> None:
-        """Show a text until Enter."""
-        self._console.print(f"\n{plain_text(text)}")
-        self._console.input("[dim]Press Enter to continue, Ctrl-C to stop at any time[/] ")
-
-    def rest(self, step: TrialStep) -> None:
-        """Wait until the shortest break is over and Enter is pressed."""
-        end = monotonic() + step.rest_s
-        self._console.print(f"\nPlease rest for at least {step.rest_s:g} s.")
-        while True:
-            self._console.input("[dim]Press Enter to continue[/] ")
-            if monotonic() >= end:
-                return
-            self._console.print(f"Please rest for another {end - monotonic():.0f} s.")
-
-    def cue(self, text: str) -> None:
-        """Show the cue of a stimulus."""
-        if text:
-            self._console.print(f"\n[bold]{plain_text(text)}[/]")
-
-    def present_text(self, text: str) -> None:
-        """Show a text as the stimulus; an empty one clears the screen."""
-        self._console.clear()
-        if text:
-            self._console.print(f"\n{plain_text(text)}")
-
-    def ask(self, step: TrialStep) -> Reply:
-        """Ask a question, and read a key or a line."""
-        question = step.question
-        if question is None:
-            raise InputError("terminal: expected a step with a question, got none")
-        place = f"[bold]{step.number} of {step.total}[/] " if step.code else ""
-        self._console.print(f"\n{place}{plain_text(question.text)}")
-        for line in _menu(question):
-            self._console.print(f"  {plain_text(line)}")
-        if self._keyboard and question.keys:
-            return self._read_key(self._keyboard, question)
-        self._console.print("> ", end="")
-        if self._keyboard and question.timeout_s and not self._keyboard.line_in(question.timeout_s):
-            return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
-        return Reply(text=self._console.input(""), by="line")
-
-    def _read_key(self, keyboard: Keyboard, question: Question) -> Reply:
-        """Answer of a single key, with its reaction time."""
-        with keyboard.listening():
-            self._console.print(f"Press {plain_text(', '.join(question.keys))}")
-            begin = monotonic()
-            until = begin + question.timeout_s if question.timeout_s else None
-            while key := keyboard.key(until):
-                reaction = monotonic() - begin
-                if key in question.keys:
-                    self._console.print(f"> {plain_text(question.keys[key])}")
-                    return Reply(text=question.keys[key], reaction_s=reaction, by="key")
-            return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
-
-    def accepted(self, step: TrialStep, answer: str) -> None:
-        """Print a message if the time limit passed; nothing else, since feedback would bias the answers."""
-        if step.question and step.question.timeout_s and answer == "n/a":
-            self._console.print(f"No answer within {step.question.timeout_s:g} s.")
-
-    def refused(self, step: TrialStep, why: str) -> None:
-        """Print the reason why the answer is invalid."""
-        self._console.print(f"trial {step.number}: {plain_text(why)}")
-
-
-def _menu(question: Question) -> list[str]:
-    """Possible answers, line by line."""
-    if question.kind in ("rating", "slider"):
-        return [f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"]
-    if question.kind == "magnitude":
-        return ["any number of 0 or more"]
-    if question.numbered:
-        return [f"{number}  {option}" for number, option in enumerate(question.answers, start=1)]
-    # The options are numbers themselves: line numbers would look like answers.
-    return list(question.answers)
 
 
 def plain_text(text: str) -> str:

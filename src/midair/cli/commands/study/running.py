@@ -1,8 +1,11 @@
 """The command `study run`."""
 
+import sys
+
 from midair.cli.console import PlainConsole, out, warn_simulated
 from midair.cli.exposure_options import RoomOptions
 from midair.cli.options import OptionalTime, StopInput, Study
+from midair.cli.terminal_screen import TerminalScreen
 from midair.devices import signals_end_the_program, stop_on_input
 from midair.errors import InputError
 from midair.rig import PlaySettings
@@ -16,9 +19,7 @@ from midair.study import (
     SimulatedParticipant,
     SimulatedScreen,
     StudyFolder,
-    TerminalScreen,
     check_not_withdrawn,
-    keyboard_of_terminal,
     open_stimulus_rig,
     run,
     withdrawn,
@@ -82,9 +83,8 @@ def run_command(
         out().print(f"participant {participant} has already finished; no question was asked.")
         return 0
     settings = PlaySettings(exposure=(room or RoomOptions()).limits(), follow=follow, tracker_latency=tracker_latency)
-    screen = TerminalScreen(
-        PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
-    )
+    by_keys = not lines and sys.platform != "win32" and sys.stdin.isatty()
+    screen = TerminalScreen(PlainConsole(markup=True, soft_wrap=False), sys.stdin if by_keys else None)
     with (
         signals_end_the_program(),
         stop_on_input(stop_input),

@@ -7,9 +7,8 @@ import time
 import pytest
 from rich.console import Console
 
-from midair.study.design.question import Question
-from midair.study.session.trials import TrialStep
-from midair.study.stimulus_rig import Keyboard, TerminalScreen, keyboard_of_terminal
+from midair.cli.terminal_screen import TerminalScreen
+from midair.study import Question, TrialStep
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")
 CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "sponge"))
@@ -35,11 +34,11 @@ def asked(terminal, question, *typed, width=100):
             time.sleep(after)
             os.write(master, keys)
 
-    with open(os.devnull, "w") as nowhere:
+    with open(os.devnull, "w") as nowhere, open(slave, closefd=False) as keys:
         console = Console(file=nowhere, record=True, width=width)
         typing = threading.Thread(target=type_all)
         typing.start()
-        reply = TerminalScreen(console, Keyboard(file=slave)).ask(
+        reply = TerminalScreen(console, keys).ask(
             TrialStep(kind="ask", code="p01-t001", number=1, total=2, question=question)
         )
         typing.join()
@@ -83,9 +82,3 @@ def test_terminal_settings_are_restored(terminal):
     before = termios.tcgetattr(terminal[1])
     asked(terminal, CHOICE, (0.2, b"1"))
     assert termios.tcgetattr(terminal[1]) == before
-
-
-def test_a_pipe_has_no_keys(monkeypatch):
-    with open(os.devnull) as nothing:
-        monkeypatch.setattr("sys.stdin", nothing)
-        assert keyboard_of_terminal() is None
