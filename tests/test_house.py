@@ -32,9 +32,9 @@ LINES = {
     "rig": 8719,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6350,
-    "study": 6022,
-    "studio": 6023,
+    "cli": 6470,
+    "study": 5903,
+    "studio": 5982,
     "sweep": 502,
     "paper": 425,
 }
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_096, "benchmarks": 4_500}
+BESIDE = {"tests": 48_031, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
