@@ -164,11 +164,3 @@ def test_noise_alone_gives_a_lower_limit():
     assert ratio_text((ratio, low, high)) == f"above {low:.1f}"
     assert ratio_text((20.0, 20.0, 20.0)) == "20.0"
     assert ratio_text((20.0, 19.5, np.inf)) == "20.0 (19.5 or more)"
-
-
-def test_a_delay_is_found_and_taken_out():
-    x = frames({5: sine(100) + sine(317, 0.4)})
-    late = frames({5: advance(x.pressure[:, 1, 1], -0.0021, RATE)})
-    found = fidelity(x, late)
-    assert found.delay == pytest.approx(0.0021, abs=2e-5)
-    assert found.distortion_ratio > 35

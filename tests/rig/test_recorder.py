@@ -105,13 +105,6 @@ def test_a_solution_is_played_and_rerecorded_on_a_virtual_rig(solution):
 
 
 @pytest.mark.long
-def test_a_drive_is_played_on_a_rig_that_is_open_as_often_as_asked(solution):
-    with open_rig(seed=1) as rig:
-        assert play(solution.drive, rig, repeats=3).take.recording.frames == 200
-        assert not rig.array.emitting
-
-
-@pytest.mark.long
 def test_the_virtual_rig_can_have_other_air_than_the_drive(solution):
     here = play(solution).take.recording.samples
     with open_rig(acoustics=midair.Acoustics(medium=Medium.at(temperature=24.0))) as warm:

@@ -126,13 +126,6 @@ def test_the_beam_s_gain_is_straight_and_repeats():
     assert tests[0].line.gain == pytest.approx(tests[1].line.gain, rel=0.02)
 
 
-@pytest.mark.long
-def test_the_provenance_of_a_rerecording_has_its_steps():
-    done = loop("am-i", COARSE, 0.12)
-    stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
-    assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
-
-
 BEST = Settings().but(mapping="slow-bias", rate=4000.0, interpolate="pressure", decouple=True, precompensate=True)
 
 

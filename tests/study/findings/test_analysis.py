@@ -13,14 +13,6 @@ from midair.study.findings.study_data import data_of_answers, data_of_columns, s
 from midair.study.statistics.confusion import limits_over_people
 from midair.study.tables import columns_of, legend_of, read_csv
 
-PEOPLE = ["1"] * 4
-
-
-@pytest.mark.parametrize("labels", [["brush", "none", "towel", "brush"], [1.0, 2.0, 3.0, 1.0]])
-def test_labels_of_one_kind_are_accepted(labels):
-    data = data_of_columns({"p": PEOPLE, "a": labels, "b": labels[::-1]}, participant="p", presented="a", answered="b")
-    assert data.choices["presented"].tolist() == labels
-
 
 @pytest.mark.parametrize(("p", "words"), [(0.0004, "p < .001"), (0.05, "p = .050"), (1.0, "p = 1.000")])
 def test_format_of_p_values(p, words):
@@ -98,6 +90,7 @@ def test_complete_data_give_all_findings(reports):
         "Effect of the condition over people",
     ]
     assert "better than chance" in found(report, "Identification: plain").words
+    assert "95 % limits over people" in found(report, "Identification: plain").words
     assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
     assert [one.name for one in report.choices] == ["plain", "grooved"]
     assert "Ratings depend on object" in found(rated, "Ratings: analysis").words
@@ -189,16 +182,6 @@ def test_trials_without_a_right_answer_are_no_object():
     table = choices() | {"right": np.where(np.arange(144) % 12 == 5, "n/a", choices()["right"])}
     report = analyse(data_of_columns(table, **NAMES), draws=200)
     assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
-
-
-@pytest.mark.long
-def test_limits_are_over_people_or_are_not_given():
-    words = [
-        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Identification: plain").words
-        for people in (4, 6)
-    ]
-    assert "no limits with fewer than five people, got 4" in words[0]
-    assert "95 % limits over people" in words[1]
 
 
 def test_every_column_of_a_table_is_explained(reports):
