@@ -34,9 +34,9 @@ def close(found, expected):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
 
-def wave(frames, grid=GRID, array=ARRAY):
-    """A spot that moves and swings, at a strength of .15."""
-    time, at = np.arange(frames)[:, None] / 400, grid.position - [*grid.centre, 0]
+def wave(frames, grid=GRID, array=ARRAY, start=0):
+    """A spot that moves and swings, at a strength of .15, from a frame on."""
+    time, at = np.arange(start, start + frames)[:, None] / 400, grid.position - [*grid.centre, 0]
     x = 0.01 * np.sin(2 * np.pi * time)
     spot = np.exp(-((at[:, 0] - x) ** 2 + at[:, 1] ** 2) / (2 * 0.009**2)) * (0.6 + 0.4 * np.sin(25 * time))
     return AmplitudeFrames(amplitude=0.15 * focus_amplitude(grid, array) * spot, rate=4000.0, grid=grid)
@@ -120,17 +120,28 @@ def test_mirror_images_are_in_order_and_share_places_on_a_mirror():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("array", [ARRAY, MEASURED, SQUARE], ids=["alike", "measured", "square"])
-def test_the_error_is_that_of_the_array_as_a_whole(array, monkeypatch):
-    """Under the same guard; phases that differ by 1 rad cost 3 % of the mean, and the worst frame is better."""
-    target, middle, points = wave(300, array=array), Lattice.of(array).middle, Guard.points
-    plan = SolvePlan.of(target, array, SETTINGS)
-    assert plan.scene.lattice is not None
-    folded = plan.solve(target, None, None)[0].error
-    monkeypatch.setattr(Guard, "points", lambda ring, grid, own=None: points(ring, grid, own or middle))
-    whole = replace(plan, scene=plan.own).solve(target, None, None)[0].error
-    assert folded.mean() < (1.03 if array is MEASURED else 1.02) * whole.mean()
-    assert folded.max() < 0.9 * whole.max()
+@pytest.mark.parametrize(
+    ("array", "starts", "mean", "worst"),
+    [(ARRAY, [0], 1.02, 0.9), (MEASURED, [0], 1.03, 0.9), (SQUARE, range(0, 1200, 100), 0.95, 1.0)],
+    ids=["alike", "measured", "square"],
+)
+def test_the_error_is_that_of_the_array_as_a_whole(array, starts, mean, worst, monkeypatch):
+    """Under the same guard; phases that differ by 1 rad cost 3 % of the mean, and the worst frame is better.
+
+    On the square, the worst frame is .5 to 1.3 times as bad by chance: its median of twelve signals is judged.
+    """
+    middle, points, found = Lattice.of(array).middle, Guard.points, []
+    for start in starts:
+        target = wave(300 if len(starts) == 1 else 100, array=array, start=start)
+        plan = SolvePlan.of(target, array, SETTINGS)
+        assert plan.scene.lattice is not None
+        folded = plan.solve(target, None, None)[0].error
+        with monkeypatch.context() as patched:
+            patched.setattr(Guard, "points", lambda ring, grid, own=None: points(ring, grid, own or middle))
+            found.append((folded, replace(plan, scene=plan.own).solve(target, None, None)[0].error))
+    folded, whole = np.swapaxes(found, 0, 1)
+    assert folded.mean() < mean * whole.mean()
+    assert np.median(folded.max(axis=1) / whole.max(axis=1)) < worst
 
 
 @pytest.mark.long
