@@ -7,10 +7,15 @@ ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
 
 
+def fenced(page):
+    """(language, code) of each block of a page, in order; a block that names no language is "plain"."""
+    found = re.findall(r"^```([^\n]*)\n(.*?)^```", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    return [(language.strip() or "plain", code) for language, code in found]
+
+
 def blocks(page, language):
-    """The code blocks of a page, in order."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    """The code blocks of a page in a language, in order."""
+    return [code for name, code in fenced(page) if name == language]
 
 
 def _plain(text):

@@ -51,28 +51,27 @@ def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder, 
     assert names["close"].gain == pytest.approx(1, abs=0.01)
 
 
-@pytest.mark.long
-def test_the_python_of_the_tutorial_runs(folder):
-    assert run(["record", "virtual:towel", "stroke.h5"]) == 0
-    (script,) = blocks("docs/tutorial.md", "python")
-    names = {}
-    exec(script, names)
-    # A tenth of a second at 4 kHz, and .15 s before and after it.
-    assert names["field"].shape == (1600, 256)
-    assert names["played"].take.recording.frames == 420
-
-
-@pytest.mark.long
-def test_the_python_of_the_first_five_minutes_runs(folder):
-    (script,) = blocks("docs/start.md", "python")
-    names = {}
-    exec(script.replace("cut(0.4, 0.1)", "cut(0.4, 0.03)"), names)
-    assert names["played"].take.recording.frames > 30
-
-
-def test_the_python_of_the_settings_page_runs(folder):
-    for script in blocks("docs/settings.md", "python"):
-        exec(script, {})
+@pytest.mark.parametrize(
+    ("page", "holds"),
+    [
+        ("air", lambda names: 0 < names["worst"] < 0.05),
+        ("settings", bool),
+        pytest.param("show", lambda names: names["page"].startswith("<!doctype html>"), marks=pytest.mark.long),
+        pytest.param("start", lambda names: names["played"].take.recording.frames > 30, marks=pytest.mark.long),
+        # A tenth of a second at 4 kHz, and .15 s before and after it.
+        pytest.param(
+            "tutorial",
+            lambda names: (names["field"].shape, names["played"].take.recording.frames) == ((1600, 256), 420),
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_the_python_of_a_page_runs(page, holds, folder):
+    if page == "tutorial":
+        assert run(["record", "virtual:towel", "stroke.h5"]) == 0
+    for script in blocks(f"docs/{page}.md", "python"):
+        exec(script.replace("cut(0.4, 0.1)", "cut(0.4, 0.03)") if page == "start" else script, names := {})
+        assert holds(names)
 
 
 def test_the_page_on_trackers_reads_a_pose(tmp_path, monkeypatch):
@@ -84,13 +83,6 @@ def test_the_page_on_trackers_reads_a_pose(tmp_path, monkeypatch):
     exec(script, names)
     assert names["pose"].centre[0] == pytest.approx([0, -0.22, 0.215])
     assert names["lines"] == []
-
-
-def test_the_python_of_the_page_on_air_runs(folder):
-    (script,) = blocks("docs/air.md", "python")
-    names = {}
-    exec(script, names)
-    assert 0 < names["worst"] < 0.05
 
 
 def test_the_toml_of_the_settings_page_is_one(folder):
@@ -106,14 +98,6 @@ def test_the_doctests_of_the_sensor_page_hold():
     runner.run(parser.get_doctest(text, {}, "build-a-sensor", None, 0))
     assert runner.summarize(verbose=False).failed == 0
     assert runner.tries > 0
-
-
-@pytest.mark.long
-def test_the_python_of_the_page_on_seeing_runs(folder):
-    (script,) = blocks("docs/show.md", "python")
-    names = {}
-    exec(script, names)
-    assert names["page"].startswith("<!doctype html>")
 
 
 def parts_of_a_plan(page):

@@ -12,7 +12,7 @@ from shutil import copyfile
 import numpy as np
 import pytest
 import soundfile
-from tests.printed import PAGES, ROOT, not_printed
+from tests.printed import PAGES, ROOT, blocks, fenced, not_printed
 
 from midair.cli import run
 from midair.files import (
@@ -39,19 +39,6 @@ NEEDS = dict(row.split(" | ") for row in ROWS_OF_NEEDS if row and not row.starts
 
 SHORTER = {"--duration 1s": "--duration 20ms", "calibrate bench lab": "calibrate bench lab --duration 6s"}
 """What is typed in place of what is printed, since it takes minutes."""
-
-
-def fenced(page):
-    found, language, lines = [], None, []
-    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
-        if language is None and line.startswith("```"):
-            language, lines = line[3:].strip() or "plain", []
-        elif line.startswith("```") and language is not None:
-            found.append((language, "\n".join(lines)))
-            language = None
-        elif language is not None:
-            lines.append(line)
-    return [(name, text) for name, text in found if not name.startswith("{")]
 
 
 def typed(page):
@@ -120,7 +107,7 @@ tests/test_plug_ins.py makes a package of docs/plug-ins.md."""
 
 
 def test_every_toml_is_what_its_page_says(tmp_path):
-    found = {page: [text for name, text in fenced(page) if name == "toml"] for page in PAGES}
+    found = {page: blocks(page, "toml") for page in PAGES}
     assert {page: len(texts) for page, texts in found.items() if texts} == {
         page: len(readers) for page, readers in TOMLS.items()
     }
@@ -190,7 +177,7 @@ def with_settings():
 
 
 def patterns():
-    circle, *_, sized = (text for language, text in fenced("docs/draw.md") if language == "toml")
+    circle, *_, sized = blocks("docs/draw.md", "toml")
     for name, text in (("circle.toml", circle), ("sized.toml", sized)):
         Path(name).write_text(text.replace("_s = 1.0 ", "_s = 0.1 "), encoding="utf-8")
     copyfile(ROOT / "tests" / "patterns" / "adaptics" / "Rain.adaptics", "rain.adaptics")

@@ -84,6 +84,7 @@ RUN = {
     "docs/plug-ins.md": 2,
     "docs/remote.md": 1,
     "docs/settings.md": 2,
+    "docs/show.md": 1,
     "docs/start.md": 1,
     "docs/study.md": 1,
     "docs/tutorial.md": 1,
@@ -93,7 +94,6 @@ RUN = {
 NOT_RUN = {
     "docs/calibrate.md": (1, "takes of the reader's own sensor and reference"),
     "docs/record.md": (1, "a sensor over LSL"),
-    "docs/show.md": (1, "a recording of the reader's"),
     "docs/study.md": (1, "answers of people"),
     "docs/sweep.md": (2, "a cluster, and hours"),
 }
