@@ -32,7 +32,7 @@ LINES = {
     "rig": 8719,
     "patterns datasets": 1777,
     "view figures": 2002,
-    "cli": 6470,
+    "cli": 6473,
     "study": 5903,
     "studio": 5982,
     "sweep": 502,

@@ -8,6 +8,7 @@ from midair.cli.console import print_answer, print_grid, print_json, progress_ba
 from midair.cli.exposure_options import print_air
 from midair.cli.options import Force, Json, Reflection, Seed, Spread, TakeOptions
 from midair.cli.output import may_write, print_table
+from midair.errors import InputError
 from midair.evaluate import RATIOS, Budget, StageLoss, ratio_text
 from midair.figures import budget_figure, png_bytes
 from midair.pipeline import required_lead
@@ -46,7 +47,7 @@ def budget_command(
         TOML file with the uncertainties of a laboratory, from midair doctor --lab: adds the part "palm and laboratory",
         the loss by each of them and by all together, in random draws from the seed.
     fixed_place
-        Count a shift and a turn of the palm in its plane as distortion.
+        With --lab, count a shift and a turn of the palm in its plane as distortion.
 
     Examples
     --------
@@ -55,6 +56,8 @@ def budget_command(
     """
     options = options or TakeOptions()
     settings = options.settings()
+    if fixed_place and lab is None:
+        raise InputError("--fixed-place: expected --lab beside it, got none")
     if figure is not None:
         may_write(figure, force, ".png")
     original = rig.pressure_of(source, settings, options.start_at, options.duration)
