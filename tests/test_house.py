@@ -22,11 +22,11 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1916,
-    "settings streaming .": 2744,
+    "settings streaming .": 2753,
     "physics": 3399,
     "recordings targets correct evaluate": 4051,
     "calibration": 2940,
-    "solvers": 4387,
+    "solvers": 4394,
     "files": 4422,
     "devices": 7873,
     "rig": 8719,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_031, "benchmarks": 4_500}
+BESIDE = {"tests": 47_943, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -327,7 +327,16 @@ def best_mode() -> Settings:
     return Settings().but(
         # At 4 kHz frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
         method=Glide(
-            coarse=512, cold=(80, 10, 80), near=0.2, far=1.0, smooth=7, wide=32, smooth_wide=20, tolerance=1e-2
+            coarse=512,
+            cold=(80, 10, 80),
+            near=0.2,
+            far=1.0,
+            smooth=7,
+            smooth_last=4,
+            bent_wide=(12, 9, 40),
+            wide=32,
+            smooth_wide=20,
+            tolerance=1e-2,
         ),
         fit="windows",
         mapping="slow-bias",

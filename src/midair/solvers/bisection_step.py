@@ -38,6 +38,10 @@ class StepSettings:
     """
     rescue: int = 12
     """Iterations of that refinement."""
+    first: float = 0.25
+    """Length of the first step from the neighbours' mean, of that which their last curvature gives: the error from a
+    new target lies in stiffer directions than what their iterations left.
+    """
     towards: float = 0.2
     """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
     # With 5e-3, as in the batch solver, the omitted modes would limit the error.
@@ -151,7 +155,7 @@ class BisectionStep:
 
     def begin(self, batch: Batch, around: Neighbours) -> RowsState:
         """Start of a refinement at the mean of the neighbours' drives, with its cost."""
-        operators, scale = self.operators, around.scale / batch.gain[:, 0] ** 2
+        operators, scale = self.operators, self.settings.first * around.scale / batch.gain[:, 0] ** 2
         return operators.descent.begin(operators.phase_function(batch), operators.backend.angle(around.q), scale)
 
     def refine_mean(self, batch: Batch, around: Neighbours, state: RowsState, iterations: int) -> SolvedFrames:
@@ -172,10 +176,10 @@ class BisectionStep:
         even = self.settings.towards * backend.xp.max(around.p, axis=1, keepdims=True)
         u = backend.unit(backend.unit(y) * around.p + even * operators.psi)
         z = around.part * around.z + self.field.first(around.missed * u)
-        state = self.field.run(batch, z, around.field_scale, effort[0])
+        state = self.field.run(batch, z, self.settings.first * around.field_scale, effort[0])
         a = self.field.coordinates(batch, state)
         q = self._phase_fit(a, around.q, effort[1])
-        scale = around.scale / batch.gain[:, 0] ** 2
+        scale = self.settings.first * around.scale / batch.gain[:, 0] ** 2
         if rough and batch.cells is None:
             refined = self.refine_with_admm(batch, a, q, scale, effort[2])
         else:

@@ -85,6 +85,8 @@ class Glide(StepSettings):
     """Error of the neighbours' mean up to which a refinement is enough."""
     smooth: int = 10
     """Iterations of that refinement."""
+    smooth_last: int = 10
+    """The same in the last level, on whose frames no others build."""
     smooth_wide: int = 24
     """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
     far: float = 0.3
@@ -207,7 +209,8 @@ class FrameBlock:
             if not near.all():
                 xp, index = array_backend.xp, array_backend.put(np.flatnonzero(near))
                 batch, around, state = taken(xp, batch, index), taken(xp, around, index), taken(xp, state, index)
-            iterations = settings.smooth_wide if wide else settings.smooth
+            last = int((rows[:, 2] - rows[:, 0]).max()) == 2
+            iterations = settings.smooth_wide if wide else settings.smooth_last if last else settings.smooth
             self.known.put(rows[near, 1], self._bisection.refine_mean(batch, around, state, iterations))
         return rows[~near]
 

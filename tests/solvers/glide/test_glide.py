@@ -50,6 +50,17 @@ def test_a_towel_is_as_true_as_by_the_batch_solver(problem_of, towel):
     assert rms_step(ours.phase) <= 0.25
 
 
+@pytest.mark.long
+def test_a_short_first_step_ends_nearer_and_the_last_level_alone_has_its_own_iterations(spot, glided):
+    errors = [error_of(spot, Glide(block=64, near=0.2, smooth=4, first=first).solve(spot).phase) for first in (0.25, 1)]
+    assert errors[0].mean() < 0.97 * errors[1].mean()
+    fewer = Glide(block=64, smooth_last=2).solve(spot)
+    others = fewer.iterations != glided.iterations
+    assert np.flatnonzero(others)[0] % 2 == 1
+    assert not others[::2].any()
+    assert (fewer.iterations[others] == 2).all()
+
+
 @pytest.mark.parametrize("jobs", [2, pytest.param(4, marks=pytest.mark.long)])
 def test_any_number_of_jobs_gives_the_same_to_the_last_bit(problem_of, moving_spot, jobs):
     problem = problem_of(moving_spot(40))
