@@ -33,7 +33,7 @@ LINES = {
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6473,
-    "study": 5903,
+    "study": 5910,
     "studio": 5982,
     "sweep": 502,
     "paper": 425,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_943, "benchmarks": 4_500}
+BESIDE = {"tests": 47_944, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

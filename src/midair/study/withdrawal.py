@@ -7,10 +7,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
+from pandas import DataFrame
+
 from midair.devices import append_line
 from midair.errors import FileError, InputError, MidairError
 from midair.files import json_of, lock_or_raise, write_file
-from midair.study.design.session_state import answers_table, markers_table, unfinished_sessions
+from midair.study.design.session_state import SessionState, answers_table, markers_table, unfinished_sessions
 from midair.study.findings.analysis import Report, analyse
 from midair.study.folder import StudyFolder, data_of_study
 from midair.study.r_script import script_of_plan
@@ -47,6 +49,7 @@ def export(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
     plan, script = folder.plan(), path.with_suffix(".R")
     if kind == "csv" and script.exists():
         raise FileError(f"{script.name}: expected a new file beside {path.name}, the file exists; choose another name")
+    _answers(folder)
     # Logged before the export exists, so that a withdrawal also finds an interrupted one.
     log_derived_file(folder, path, kind)
     written = _write(folder, path, kind)
@@ -57,11 +60,15 @@ def export(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
     return written
 
 
-def _write(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
-    plan, sessions = folder.plan(), folder.sessions()
-    answers = answers_table(plan, sessions)
-    if answers.empty:
+def _answers(folder: StudyFolder) -> tuple[list[SessionState], DataFrame]:
+    sessions = folder.sessions()
+    if (answers := answers_table(folder.plan(), sessions)).empty:
         raise InputError("export: expected answers, got none; run a participant first")
+    return sessions, answers
+
+
+def _write(folder: StudyFolder, path: Path, kind: ExportFormat) -> list[Path]:
+    plan, (sessions, answers) = folder.plan(), _answers(folder)
     if kind == "bids":
         unfinished = tuple(unfinished_sessions(sessions))
         return write_bids(answers, plan.design, path, unfinished=unfinished, markers=markers_table(sessions))

@@ -159,6 +159,7 @@ def test_a_study_without_answers_exports_nothing(tmp_path):
     with pytest.raises(InputError, match="expected answers"):
         study("export", tmp_path / "s", tmp_path / "b")
     assert not (tmp_path / "b").exists()
+    assert not (tmp_path / "s" / "made.jsonl").exists()
 
 
 BY_HAND = """
