@@ -19,7 +19,7 @@ from midair.study.findings.choice_findings import (
     confusions,
     interval_words,
 )
-from midair.study.findings.rating_findings import adaptive, anova, pairs, rating_means
+from midair.study.findings.rating_findings import adaptive, rating_findings, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics.columns import levels
 from midair.study.statistics.confusion import limits_over_people
@@ -137,8 +137,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     if len(pair) == 2:
         jobs.append(lambda: compared(pair, data, rng=rng))
     if data.ratings is not None:
-        jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
-        jobs.append(lambda: attempt("Ratings: pairwise comparisons", lambda: pairs(data)))
+        jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: rating_findings(data)))
     jobs.append(lambda: question_findings(data))
     jobs.append(lambda: adaptive(data))
     # The order matters: all jobs use the same random generator.

@@ -33,8 +33,8 @@ def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
     return rest, f" Left out, because cells have no answer: {named}."
 
 
-def anova(data: StudyData) -> list[Finding]:
-    """Analysis of variance of the ratings, with its sphericity statistics."""
+def rating_findings(data: StudyData) -> list[Finding]:
+    """Analysis of variance of the ratings, its sphericity statistics, and pairwise comparisons."""
     ratings, left_out = complete_ratings(data)
     table = rm_anova(ratings, value="rating", participant="participant", within=data.within)
     known = table["p_GG"].dropna()
@@ -62,18 +62,14 @@ def anova(data: StudyData) -> list[Finding]:
             " is uncorrected, p_HF has the less strict correction of Huynh and Feldt."
         )
         findings.append(Finding(title="Ratings: sphericity", words=words, table=several))
-    return findings
+    interactions = [effect for effect in below["effect"].tolist() if effect.count(":") == 1]
+    return [*findings, _pairs(ratings, data.within, interactions)]
 
 
-def pairs(data: StudyData) -> list[Finding]:
+def _pairs(ratings: DataFrame, within: tuple[str, ...], interactions: list[str]) -> Finding:
     """Pairwise comparisons of the levels of each factor, and of the cells of two-way interactions that were found."""
-    ratings, _ = complete_ratings(data)
-    effects = rm_anova(ratings, value="rating", participant="participant", within=data.within)
-    known = effects.loc[effects["p_GG"].notna()]
-    found = known["effect"][holm(known["p_GG"].to_numpy()) < 0.05].tolist()
-    interactions = [effect for effect in found if effect.count(":") == 1]
-    names = [*data.within, *interactions]
-    table = pairwise(ratings, value="rating", participant="participant", within=data.within, effects=names)
+    effects = [*within, *interactions]
+    table = pairwise(ratings, value="rating", participant="participant", within=within, effects=effects)
     tested = np.count_nonzero(table["p_pairs"].notna())
     words = (
         f"{np.count_nonzero(table['p_pairs'] < 0.05)} of {tested} pairs differ. Each pair is compared by t; p_pairs"
@@ -82,7 +78,7 @@ def pairs(data: StudyData) -> list[Finding]:
     )
     if interactions:
         words += f" For {', '.join(interactions)}: the pairs of cells that differ in one factor."
-    return [Finding(title="Ratings: pairwise comparisons", words=words, table=table)]
+    return Finding(title="Ratings: pairwise comparisons", words=words, table=table)
 
 
 def rating_means(data: StudyData) -> DataFrame | None:
