@@ -59,8 +59,6 @@ class PsychometricFit:
     low: float
     high: float
     """`low`, `high`: 95 % limits of the threshold for independent trials; 0 or infinite if the answers give none."""
-    deviance: float
-    """Deviance from the model with a separate rate for each level."""
     p_misfit: float
     """Share of data sets simulated from the function whose deviance from it is as large."""
     levels: tuple[float, float]
@@ -175,7 +173,6 @@ def fit_psychometric(
         function=function,
         low=limit(ends[0]),
         high=limit(ends[1]),
-        deviance=float(deviance),
         # The observed data count as one draw, so that p is never 0.
         p_misfit=float((1 + np.count_nonzero(known >= deviance - 1e-9)) / (1 + draws)),
         levels=(float(shown[0]), float(shown[-1])),
