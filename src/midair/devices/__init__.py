@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from .virtual.virtual_array import VirtualSensor as VirtualSensor
     from .virtual.virtual_array import VirtualSkin as VirtualSkin
     from .virtual.virtual_array import VirtualUnits as VirtualUnits
+    from .virtual.virtual_array import usual_transducers as usual_transducers
     from .virtual.virtual_array import virtual_immediate as virtual_immediate
 else:
     __getattr__, __dir__ = lazy_names(__name__)

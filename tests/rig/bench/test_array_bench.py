@@ -8,12 +8,28 @@ from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamPlan, BeamSetting
 from midair.cli.app import run
 from midair.cli.commands.calibrate import measure_array as command
-from midair.devices import ExposureChoices, RawPose, Tracker, VirtualArray, VirtualSensor, VirtualSkin
+from midair.devices import (
+    ExposureChoices,
+    RawPose,
+    Tracker,
+    VirtualArray,
+    VirtualSensor,
+    VirtualSkin,
+    usual_transducers,
+)
 from midair.devices.trackers.tracker import TrackerOptions
 from midair.errors import DeviceError, ExposureError, InputError, MismatchError, RateError
 from midair.files import load_array_calibration, load_tracker, profile_named, save_array_calibration
 from midair.model import Acoustics, SensorGrid, TransducerArray
-from midair.physics import SensorModel, Transducers, calibration_of, channel_response, sense, transfer_matrix
+from midair.physics import (
+    PlaybackChain,
+    SensorModel,
+    Transducers,
+    calibration_of,
+    channel_response,
+    sense,
+    transfer_matrix,
+)
 from midair.rig import PLACES, ArraySession, VirtualRig, calibrate_array, calibrate_tracker
 from midair.rig.bench.array_bench import calibrate_by_beam, check_silence
 
@@ -223,7 +239,8 @@ GRID = SensorGrid(rows=2, columns=2, name="small")
 
 def by_beam(model, *, seed=0, strength=1.0, setting=None, plan=PLAN):
     skin = VirtualSkin(model)
-    array = VirtualArray(ARRAY, skin, strength=strength, seed=seed)
+    chain = PlaybackChain(transducers=usual_transducers(ARRAY.count, seed=seed, gain=strength))
+    array = VirtualArray(ARRAY, skin, chain=chain)
     with array, VirtualSensor(skin, seed=seed) as sensor:
         return calibrate_by_beam(array, sensor, plan, setting=setting)
 

@@ -182,11 +182,8 @@ class VirtualArray(ArrayDevice):
     `skin` is the surface that the sound presses on, in poses `palm` in array coordinates from the first frame of each
     play on, the last of which holds; it rests in the middle above the array if None. `reflection` is the factor of the
     array's face, for the echo of a skin as wide as a palm. `acoustics` is the air in which
-    the sound propagates, whatever a drive was solved for; each drive's own if None. `dynamics` is the mean response of
-    a transducer to a change of its drive; phases are not quantised if `phase_bits` is None. `strength` is the mean
-    strength relative to the model, `spread` and `quality_spread` the relative standard deviations of strengths and
-    quality factors, `resonance_spread` that of the resonances in Hz, all drawn with `seed`; `transducers` replaces
-    them. A `chain` replaces everything but the silencer, to make single parts ideal.
+    the sound propagates, whatever a drive was solved for; each drive's own if None. `chain` has the transducers and
+    all effects but the silencer; that of `usual_transducers` if None.
     """
 
     simulated = True
@@ -199,14 +196,6 @@ class VirtualArray(ArrayDevice):
         skin: VirtualSkin | None = None,
         *,
         acoustics: Acoustics | None = None,
-        dynamics: TransducerDynamics | None = None,
-        phase_bits: int | None = 8,
-        strength: float = 0.9,
-        spread: float = 0.05,
-        resonance_spread: float = 50.0,
-        quality_spread: float = 0.05,
-        seed: int = 0,
-        transducers: Transducers | None = None,
         silencer: SilencerChoice = "off",
         chain: PlaybackChain | None = None,
         palm: PalmPath | None = None,
@@ -216,19 +205,7 @@ class VirtualArray(ArrayDevice):
         self.name, self.array = name, array
         self.acoustics, self.reflection = acoustics, reflection
         self.silencer: SilencerChoice = silencer
-        self.chain = chain or PlaybackChain(
-            phase_bits=phase_bits,
-            transducers=transducers
-            or Transducers.varied(
-                array.count,
-                dynamics,
-                seed=seed,
-                gain=strength,
-                gain_spread=spread,
-                resonance_spread=resonance_spread,
-                quality_spread=quality_spread,
-            ),
-        )
+        self.chain = chain or PlaybackChain(transducers=usual_transducers(array.count))
         self._skin, self.palm = skin, palm
         self._air: Acoustics | None = None
         self._open = False
@@ -305,6 +282,14 @@ class VirtualArray(ArrayDevice):
             rate=skin.rate,
             precision=self.chain.precision,
         ).pressure
+
+
+def usual_transducers(
+    count: int, dynamics: TransducerDynamics | None = None, *, seed: int = 0, **changes: float
+) -> Transducers:
+    """Transducers with usual differences; `changes` are arguments of `Transducers.varied` that differ."""
+    usual = {"gain": 0.9, "gain_spread": 0.05, "resonance_spread": 50.0, "quality_spread": 0.05}
+    return Transducers.varied(count, dynamics, seed=seed, **usual | changes)
 
 
 class VirtualUnits(ImmediateUnits):

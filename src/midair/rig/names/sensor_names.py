@@ -31,6 +31,7 @@ from midair.devices import (
     VirtualSensor,
     VirtualSkin,
     WrappedSensor,
+    usual_transducers,
 )
 from midair.errors import BandError, BrokenFileError, InputError, UnknownDeviceError, did_you_mean
 from midair.files import json_of, load_palm_path, load_tracker, open_take, read_text
@@ -46,12 +47,12 @@ from midair.model import (
     TrackerPlacement,
     TransducerArray,
 )
-from midair.physics import SensorModel, TransducerDynamics, Transducers
+from midair.physics import PlaybackChain, SensorModel, TransducerDynamics, Transducers
 from midair.registry import Registry, load_object
 from midair.settings import TransducerSpread
 from midair.validation import check_settings, checked_call, length, setting, within
 
-SPREADS: Mapping[TransducerSpread, Mapping[str, Any]] = MappingProxyType(
+SPREADS: Mapping[TransducerSpread, Mapping[str, float]] = MappingProxyType(
     {
         # Assumed: 5 % of strength, 50 Hz, 5 % of quality; phases then differ by 0.06 rad.
         "default": {},
@@ -59,10 +60,10 @@ SPREADS: Mapping[TransducerSpread, Mapping[str, Any]] = MappingProxyType(
         # 256 transducers (RMResearch/OpenMPD, OpenMPD_Client/board_*.pat), without a quadratic trend over the board.
         "boards": {"resonance_spread": 180.0},
         # 40.0 +- 1.0 kHz (Pro-Wave 400PT120, Changzhou FHD), taken as three standard deviations; strength assumed.
-        "data-sheets": {"resonance_spread": 1000.0 / 3, "spread": 0.1},
+        "data-sheets": {"resonance_spread": 1000.0 / 3, "gain_spread": 0.1},
     }
 )
-"""Arguments of `VirtualArray` for each spread; its defaults otherwise."""
+"""Changes of `usual_transducers` for each spread."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,17 +127,11 @@ class VirtualRig:
 
     def array_device(self, skin: VirtualSkin | None = None) -> VirtualArray:
         """Make the array, whose sound presses on the surface."""
-        return VirtualArray(
-            self.array,
-            skin,
-            acoustics=self.acoustics,
-            dynamics=self.dynamics,
-            seed=self.seed,
-            transducers=self.transducers,
-            palm=self.palm,
-            reflection=self.reflection,
-            **SPREADS[self.spread],
+        drawn = self.transducers or usual_transducers(
+            self.array.count, self.dynamics, seed=self.seed, **SPREADS[self.spread]
         )
+        how: dict[str, Any] = {"acoustics": self.acoustics, "palm": self.palm, "reflection": self.reflection}
+        return VirtualArray(self.array, skin, chain=PlaybackChain(transducers=drawn), **how)
 
     def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:
         """Make the sensor with a simulated touch from the start, for some seconds.
