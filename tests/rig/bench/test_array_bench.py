@@ -8,28 +8,14 @@ from midair.calibration import ArrayField, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamPlan, BeamSetting
 from midair.cli.app import run
 from midair.cli.commands.calibrate import measure_array as command
-from midair.devices import (
-    ExposureChoices,
-    RawPose,
-    Tracker,
-    VirtualArray,
-    VirtualSensor,
-    VirtualSkin,
-    usual_transducers,
-)
+from midair.devices import ExposureChoices, RawPose, Tracker, VirtualArray, VirtualSensor, VirtualSkin
 from midair.devices.trackers.tracker import TrackerOptions
+from midair.devices.virtual.virtual_array import usual_transducers
 from midair.errors import DeviceError, ExposureError, InputError, MismatchError, RateError
 from midair.files import load_array_calibration, load_tracker, profile_named, save_array_calibration
 from midair.model import Acoustics, SensorGrid, TransducerArray
-from midair.physics import (
-    PlaybackChain,
-    SensorModel,
-    Transducers,
-    calibration_of,
-    channel_response,
-    sense,
-    transfer_matrix,
-)
+from midair.physics import SensorModel, Transducers, calibration_of, channel_response, sense, transfer_matrix
+from midair.physics.playback import PlaybackChain
 from midair.rig import PLACES, ArraySession, VirtualRig, calibrate_array, calibrate_tracker
 from midair.rig.bench.array_bench import calibrate_by_beam, check_silence
 
