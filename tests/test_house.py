@@ -28,12 +28,12 @@ LINES = {
     "calibration": 2940,
     "solvers": 4394,
     "files": 4422,
-    "devices": 7873,
-    "rig": 8719,
+    "devices": 7859,
+    "rig": 8714,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6473,
-    "study": 5910,
+    "study": 5902,
     "studio": 5982,
     "sweep": 502,
     "paper": 425,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_944, "benchmarks": 4_500}
+BESIDE = {"tests": 47_953, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 
