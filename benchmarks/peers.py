@@ -6,12 +6,12 @@ and its time includes sending a pattern to a link without hardware. Every patter
 neighbours. Times are CPU time of this process. AcousTools needs `pip install acoustools vedo torch`.
 """
 
-# None of the packages has types.
 # pyright: basic
 
 from __future__ import annotations
 
 import importlib
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -80,8 +80,8 @@ def acoustools(problem: Problem) -> Iterator[Rows]:
 
     def descent(p: Any) -> Any:
         start = torch.exp(2j * torch.pi * torch.rand((1, len(board), 1))).to(torch.complex64)
-        how = {"board": board, "targets": p[None], "start": start, "iters": 200, "lr": 0.1, "log": False}
-        return gradient_descent_solver(points, misfit, **how)
+        how = {"targets": p[None], "start": start, "iters": 200, "lr": 0.1, "log": False}
+        return gradient_descent_solver(points, misfit, board, **how)
 
     def phases(solve: Callable) -> np.ndarray:
         targets = torch.tensor(problem.amplitude, dtype=torch.float32)
@@ -103,6 +103,7 @@ def judge(problem: Problem, label: str, solve: Callable[[], np.ndarray]) -> None
 
 
 def main() -> None:
+    ArgumentParser(prog="python -m benchmarks.peers", description=__doc__.splitlines()[0]).parse_args()
     print(load())
     for strength in (0.1, 0.2):
         problem = problem_of(binary(list(TEN)), strength)

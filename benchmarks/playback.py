@@ -6,6 +6,8 @@ transducers, double precision, all moments of a part at once) with the simulatio
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
+
 import numpy as np
 
 from benchmarks.clock import heading, line, load, timed
@@ -24,6 +26,7 @@ RATE = 16e3
 
 
 def main() -> None:
+    ArgumentParser(prog="python -m benchmarks.playback", description=__doc__.splitlines()[0]).parse_args()
     array = TransducerArray.autd3()
     G = transfer_matrix(ControlGrid(), array)
     steps = np.random.default_rng(0).normal(scale=0.3, size=(1000, array.count))
