@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1916,
-    "settings streaming .": 2753,
+    "settings streaming .": 2763,
     "physics": 3399,
     "recordings targets correct evaluate": 4051,
     "calibration": 2940,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_953, "benchmarks": 4_500}
+BESIDE = {"tests": 47_954, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

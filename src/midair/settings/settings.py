@@ -318,6 +318,21 @@ def paper_mode() -> Settings:
     return Settings()
 
 
+# At 4 kHz frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
+_GLIDE = Glide(
+    coarse=512,
+    cold=(80, 10, 80),
+    near=0.2,
+    far=1.0,
+    smooth=7,
+    smooth_last=7,
+    bent_wide=(12, 9, 40),
+    wide=32,
+    smooth_wide=20,
+    tolerance=1e-2,
+)
+
+
 def best_mode() -> Settings:
     """Return the default settings: slow bias, 4 kHz, guard ring, all frames solved together (method glide).
 
@@ -325,19 +340,7 @@ def best_mode() -> Settings:
     The air is a laboratory's, 22 degrees Celsius and 50 % humidity, instead of the paper's 14 degrees.
     """
     return Settings().but(
-        # At 4 kHz frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
-        method=Glide(
-            coarse=512,
-            cold=(80, 10, 80),
-            near=0.2,
-            far=1.0,
-            smooth=7,
-            smooth_last=4,
-            bent_wide=(12, 9, 40),
-            wide=32,
-            smooth_wide=20,
-            tolerance=1e-2,
-        ),
+        method=replace(_GLIDE, smooth_last=4),
         fit="windows",
         mapping="slow-bias",
         rate=4000.0,
@@ -353,7 +356,8 @@ def best_mode() -> Settings:
 
 def quick_mode() -> Settings:
     """Return the best mode at a third of its frame rate, 40 kHz / 30."""
-    return best_mode().but(rate=40e3 / 30)
+    # Frames are less alike, so those of the last level need as many iterations as others.
+    return best_mode().but(rate=40e3 / 30, method=_GLIDE)
 
 
 def finest_mode() -> Settings:
@@ -364,7 +368,13 @@ def finest_mode() -> Settings:
     since a mean square over the palm hardly penalises a single spot beside the square.
     """
     return best_mode().but(
-        quiet_palm=0.1, fit="fine-windows", convergence=1.0, level="auto", amplitudes="bounded", predict=True
+        method=_GLIDE,
+        quiet_palm=0.1,
+        fit="fine-windows",
+        convergence=1.0,
+        level="auto",
+        amplitudes="bounded",
+        predict=True,
     )
 
 
