@@ -145,7 +145,7 @@ def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_l
     )
     status = ("converged", "silent", "stalled", "iterations", "converged") * 500
     whole = Solution(drive=drive, error=rng.uniform(0, 1, 2500), iterations=np.arange(2500), status=status)
-    amplitude = np.float32(rng.uniform(0, 1, (2500, 4)))
+    amplitude = rng.integers(0, 2**13, (2500, 4)) / 8  # 13 binary digits
     target = AmplitudeFrames(amplitude=amplitude, rate=500, grid=ControlGrid(rows=2, columns=2))
 
     def part(first, last):
