@@ -22,12 +22,12 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1916,
-    "settings streaming .": 2763,
+    "settings streaming .": 2764,
     "physics": 3399,
-    "recordings targets correct evaluate": 4051,
+    "recordings targets correct evaluate": 4053,
     "calibration": 2940,
     "solvers": 4394,
-    "files": 4422,
+    "files": 4423,
     "devices": 7859,
     "rig": 8714,
     "patterns datasets": 1777,

@@ -212,7 +212,9 @@ class LaboratoryLoss:
         # The same palms: there are fewer draws with a tracker.
         gained = float(np.median(followed) - np.median(known[: len(followed)]))
         follow = (self.largest or "").startswith("palm") and gained >= 1
-        return ADVICE[self.largest or ""] + f", or follow it with --follow, which gains {gained:.0f} dB" * follow
+        return ADVICE[self.largest or ""] + (
+            f", or follow it with --follow, which gains {gained:.0f} dB" if follow else ""
+        )
 
     @property
     def advice(self) -> str:

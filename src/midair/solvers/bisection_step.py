@@ -39,8 +39,8 @@ class StepSettings:
     rescue: int = 12
     """Iterations of that refinement."""
     first: float = 0.25
-    """Length of the first step from the neighbours' mean, of that which their last curvature gives: the error from a
-    new target lies in stiffer directions than what their iterations left.
+    """Factor on the first step from the neighbours' mean. The full step, which the curvature of their last step gives,
+    is often refused: the error of a new target lies in stiffer directions than what their iterations left.
     """
     towards: float = 0.2
     """Weight, relative to the peak, of an even field in the phases of the new part of a target."""

@@ -30,7 +30,7 @@ AUTD3_TRANSDUCERS = 249
 _TURN = 256 / (2 * np.pi)
 """Steps of the phase in a radian."""
 
-_HALVES = np.float32(2**11 + 1)
+_SPLITTER = np.float32(2**11 + 1)
 """Factor by which a float32 is split into 13 binary digits and a rest (Dekker 1971, Numerische Mathematik 18, 224)."""
 
 
@@ -132,7 +132,7 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
 def _rounded(target: NDArray[Any]) -> NDArray[Any]:
     """A target to 1.2e-4 of each number: phases of 8 bits miss it by far more, and the file is two fifths smaller."""
     exact = target.astype(np.float32)
-    large = _HALVES * exact
+    large = _SPLITTER * exact
     return large - (large - exact)
 
 

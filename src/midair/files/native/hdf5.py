@@ -261,7 +261,8 @@ def _attribute(group: "h5py.Group", entry: Entry) -> Any:
 def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | LazyFrames":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
-    spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"
+    stored = axes[::-1] if entry.packed else axes
+    spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(stored)}) in {unit}"
     single = entry.single and dataset.dtype == np.dtype("f4")
     if not (single or dataset.dtype == np.dtype(entry.dtype)) or dataset.ndim != len(axes):
         raise BrokenFileError(f"{spelled}, got {dataset!r}")
