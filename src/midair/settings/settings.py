@@ -318,7 +318,7 @@ def paper_mode() -> Settings:
     return Settings()
 
 
-# At 1 kHz and more frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
+# At 1.3 to 4 kHz frames are so alike that few marks and iterations suffice; the phases change less. None is rough.
 _GLIDE = Glide(
     coarse=512,
     cold=(80, 10, 80),
