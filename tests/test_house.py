@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4394,
     "files": 4423,
     "devices": 7859,
-    "rig": 8714,
+    "rig": 8717,
     "patterns datasets": 1777,
     "view figures": 2002,
     "cli": 6473,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_954, "benchmarks": 4_500}
+BESIDE = {"tests": 47_960, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

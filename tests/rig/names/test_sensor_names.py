@@ -9,7 +9,7 @@ from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.files import save_palm_path
 from midair.model import PalmPath, SensorGrid, SensorWiring, TrackerPlacement
-from midair.rig.names.sensor_names import source_sensor, split_name
+from midair.rig.names.sensor_names import VirtualRig, source_sensor, split_name
 
 
 def test_names_come_apart(subtests):
@@ -100,6 +100,12 @@ def test_a_replayed_pose_arrives_after_its_latency_and_has_the_time_of_the_pose(
     with midair.open_tracker(f"replay:{hand}", clock=lambda: now[0]) as tracker:
         now[0] += 9.0
         assert (tracker.status().poses, tracker.status().state) == (100, "waiting")
+
+
+def test_a_palm_that_faces_away_from_the_array_is_not_re_recorded():
+    away = palm_path(np.arange(3) / 100, np.tile([0, 0, 0.2], (3, 1)), tilt=2.0)
+    with pytest.raises(InputError, match=r"faces away from the array at 0 s.*\(0, 0, -1\)"):
+        VirtualRig(palm=away)
 
 
 def test_replayed_poses_are_checked_as_live_ones(tmp_path):

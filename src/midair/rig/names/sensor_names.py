@@ -97,6 +97,9 @@ class VirtualRig:
     def __post_init__(self) -> None:
         length(self.height, "height", HEIGHTS)
         within(abs(self.reflection), "reflection", 0, 1)
+        if self.palm is not None and (away := self.palm.normal[:, 2] >= 0).any():
+            at = f"faces away from the array at {self.palm.time[away.argmax()]:g} s"
+            raise InputError(f"palm path: the palm {at}; a normal of (0, 0, -1) faces it")
 
     @property
     def sensor_model(self) -> SensorModel:
