@@ -26,7 +26,7 @@ LINES = {
     "physics": 3399,
     "recordings targets correct evaluate": 4053,
     "calibration": 2940,
-    "solvers": 4394,
+    "solvers": 4415,
     "files": 4423,
     "devices": 7859,
     "rig": 8717,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_960, "benchmarks": 4_500}
+BESIDE = {"tests": 47_975, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

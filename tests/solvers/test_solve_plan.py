@@ -1,10 +1,12 @@
 """Settings are checked before solving, and reach the solver; normalised units suit any array and any air."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
-from midair.physics import transfer_matrix
+from midair.physics import middle_of, palm_matrix, transfer_matrix
 from midair.solvers import Glide, automatic_level, solve
 from midair.solvers.solve_plan import NormalisedSetup
 
@@ -55,3 +57,16 @@ def test_airs_stand_below_each_other_in_the_units_of_the_first():
     assert problem.amplitude.shape == (4, 18)
     np.testing.assert_allclose(made.focus * problem.G[9:], transfer_matrix(NINE, UNIT, acoustics=warm))
     np.testing.assert_array_equal(problem.amplitude[:, :9], problem.amplitude[:, 9:])
+
+
+def test_matrices_are_computed_once_for_an_array_that_is_the_same_by_its_numbers(monkeypatch):
+    computed, module = [], "midair.solvers.solve_plan.palm_matrix"
+    monkeypatch.setattr(module, lambda *where, **how: computed.append(how) or palm_matrix(*where, **how))
+    grid, unit = replace(SMALL, height=0.123), TransducerArray.autd3(columns=1, rows=1)
+    mirror, silent = replace(unit, reflection=0.5j), replace(unit, response=np.linspace(0, 1, unit.count))
+    for array in (unit, mirror, silent, replace(unit, name="again"), replace(mirror, unit=mirror.unit)):
+        made = NormalisedSetup.of(replace(target(wave()), grid=grid), array, (Acoustics(),))
+        how = {"reflection": array.reflection, "middle": middle_of(grid), "acoustics": Acoustics()}
+        np.testing.assert_allclose(made.focus * made.G[0], palm_matrix(grid.position, array, **how))
+        assert made.array is array
+    assert len(computed) == 3

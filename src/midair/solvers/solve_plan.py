@@ -1,6 +1,7 @@
 """The checked settings of a solution, and the solution of one part of a recording."""
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from midair.array_types import Array
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Progress, Setting, Solution, TransducerArray
-from midair.physics import middle_of, palm_matrix, quantise_phase, radiation_pressure
+from midair.physics import ArrayKey, middle_of, palm_matrix, quantise_phase, radiation_pressure
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.backend import one_blas_thread
 from midair.solvers.fast import Fast
@@ -62,8 +63,22 @@ def automatic_level(amplitude: Array, *, strength: float = 0.1, lowest: float = 
 
 
 def _matrix(points: Array, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
-    """Transfer matrix with the echo of a palm in the middle of the grid, as far as the array's reflection is known."""
-    return palm_matrix(points, array, reflection=array.reflection, middle=middle_of(grid), acoustics=acoustics)
+    """Transfer matrix with the echo of a palm in the middle of the grid, as far as the array's reflection is known.
+
+    Read-only if it has at most 16 MB: the last few are kept, since each part and the next recording have the same.
+    """
+    key = (points.tobytes(), ArrayKey(array), array.reflection, tuple(middle_of(grid).tolist()), acoustics)
+    return _kept_matrix(*key) if 16 * len(points) * array.count <= 2**24 else _kept_matrix.__wrapped__(*key)
+
+
+@lru_cache(maxsize=8)
+def _kept_matrix(
+    points: bytes, key: ArrayKey, reflection: complex, middle: tuple[float, ...], acoustics: Acoustics
+) -> NDArray[np.complex128]:
+    places = np.frombuffer(points).reshape(-1, 3)
+    made = palm_matrix(places, key.array, reflection=reflection, middle=np.array(middle), acoustics=acoustics)
+    made.flags.writeable = False
+    return made
 
 
 _NEAR = 1e-3
@@ -109,9 +124,7 @@ class NormalisedSetup:
         """Compute the matrix for each air, divided by the strongest focus in the first."""
         G = [_matrix(target.grid.position, target.grid, array, each) for each in airs]
         focus = float(np.abs(G[0]).sum(axis=1).max())
-        for each in G:
-            each /= focus
-        return cls(target=target, array=array, airs=airs, G=G, focus=focus)
+        return cls(target=target, array=array, airs=airs, G=[each / focus for each in G], focus=focus)
 
     def folded(self, ring: Guard | None) -> "NormalisedSetup":
         """The same setup on the places of the array's lattice and points about its middle, if it has one nearby."""

@@ -9,6 +9,7 @@ the linearly interpolated pressure.
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal
 
 from midair.array_types import Array
@@ -76,17 +77,24 @@ class Windows:
 
     def target(self, amplitude: Array, grid: ControlGrid, unit: float, at: ControlGrid | None = None) -> CellTarget:  # noqa: ARG002
         """As `Cells.target`."""
-        places = self.places(grid)
         # Radiation pressure is proportional to the squared amplitude.
-        wanted = amplitude**2 @ cell_weights(places, grid, centre=grid.centre, between="lines").T
-        weights = cell_weights(places, at or grid, centre=grid.centre, between="waves")
-        return CellTarget(weights=weights, wanted=wanted, faint=self.faint)
+        wanted = amplitude**2 @ _window_weights(self, grid, grid, "lines").T
+        return CellTarget(weights=_window_weights(self, grid, at or grid, "waves"), wanted=wanted, faint=self.faint)
 
     def _count(self, points: int, pitch: float) -> int:
         """Number of windows along an axis with this many control points."""
         free = (points - 1) * pitch - 2 * self.inset
         # 1e-9 keeps the last window despite rounding.
         return 1 + max(int(free / self.pitch + 1e-9), 0)
+
+
+# Each part of a recording has the same windows.
+@lru_cache(maxsize=8)
+def _window_weights(windows: Windows, grid: ControlGrid, at: ControlGrid, between: Literal["lines", "waves"]) -> Array:
+    """Weights in the windows over a grid of the points `at` another one, read-only."""
+    made = cell_weights(windows.places(grid), at, centre=grid.centre, between=between)
+    made.flags.writeable = False
+    return made
 
 
 FitName = Literal["points", "windows", "fine-windows", "cells"]
