@@ -200,3 +200,21 @@ def test_the_budget_has_the_part_of_the_laboratory(tmp_path, monkeypatch, capsys
     found = json.loads(capsys.readouterr().out)["laboratory"]
     assert set(found["uncertainties"]) == {*PARTS, ALL, ALL_MEASURED, ALL_FOLLOWED} - {"palm sideways", "palm rotation"}
     assert found["uncertainties"][ALL]["median_db"] < found["nominal_db"]
+
+
+@pytest.mark.long
+def test_a_palm_held_higher_loses_less_by_its_height(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["record", "virtual:towel", "take.h5"]) == 0
+    assert run(["doctor", "--lab", "lab.toml"]) == 0
+    found = []
+    for height in ("200mm", "300mm"):
+        piece = ["--height", height, "--start-at", "0.4s", "--duration", "0.3s", "--json"]
+        capsys.readouterr()
+        assert run(["budget", "take.h5", "--lab", "lab.toml", *piece]) == 0
+        found.append(json.loads(capsys.readouterr().out)["laboratory"])
+    each, measured = ([one["uncertainties"][name] for one in found] for name in ("palm height", ALL_MEASURED))
+    assert found[1]["nominal_db"] > found[0]["nominal_db"] - 1
+    assert each[1]["median_db"] > each[0]["median_db"] + 1
+    assert measured[1]["median_db"] > measured[0]["median_db"] + 1.5
+    assert measured[1]["low_db"] > measured[0]["low_db"] + 3
