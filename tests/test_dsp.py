@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.fft import next_fast_len
 from scipy.signal import firwin, resample_poly, welch
 
 from midair import dsp
@@ -17,6 +18,11 @@ def smooth_noise(seed, frames=2000, rise=300):
     """Noise that starts and ends at rest."""
     ramp = np.sin(np.pi / 2 * np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / rise, 0, 1)) ** 2
     return np.random.default_rng(seed).standard_normal((frames, 2)) * ramp[:, None]
+
+
+@given(st.integers(1, 2**40))
+def test_fast_lengths_are_those_of_scipy(least):
+    assert dsp.fast_length(least) == next_fast_len(least, real=True)
 
 
 def test_the_window_at_hand_computed_places():

@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import cast
 
 import numpy as np
-import scipy
 
 from midair.array_types import Array, Complex
 from midair.errors import BandError, ShapeError
@@ -59,6 +58,12 @@ def fft_frequencies(length: int, rate: float) -> Array:
     return np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
 
 
+def fast_length(least: int) -> int:
+    """The next product of 2, 3 and 5 alone, for a fast FFT; `scipy.fft` has one, but its import takes .2 s."""
+    odd = [3**threes * 5**fives for threes in range(21) for fives in range(15)]
+    return min(each << (-(-least // each) - 1).bit_length() for each in odd)
+
+
 def filter_response(x: Array, rate: float, response: Callable[[Array], Complex | Array], *, reach: float) -> Array:
     """Multiply the spectrum of `x` by a frequency response, without any delay besides that of the response itself.
 
@@ -85,9 +90,9 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     mean = x.mean(axis=0)
     held = extend(x - mean, pad)
     # Padding with a few zeros costs less than a length with a large prime factor.
-    length = scipy.fft.next_fast_len(len(held), real=True)
+    length = fast_length(len(held))
     wanted = response(fft_frequencies(length, rate))
-    changing = scipy.fft.irfft(scipy.fft.rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
+    changing = np.fft.irfft(np.fft.rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
     return np.asarray(changing + mean * wanted[0].real, np.float64)
 
 

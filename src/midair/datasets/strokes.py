@@ -22,11 +22,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
-from midair.dsp import fft_frequencies, resample
+from midair.dsp import fast_length, fft_frequencies, resample
 from midair.errors import InputError, RateError
 from midair.files import open_take, read_toml
 from midair.model import RATE, PressureFrames, Provenance, Recording, SensorGrid
@@ -160,16 +159,16 @@ def _slide(
 ) -> Array:
     """Pressure on each cell at a fine rate, shape (frame, row, column), in Pa."""
     frames = int(np.ceil(motion.duration(sensor) * rate)) + 1
-    length = scipy.fft.next_fast_len(frames, real=True)
+    length = fast_length(frames)
     frequency = fft_frequencies(length, rate)
     profile = _profile(texture, frequency / motion.speed, length, sensor.columns, rng)
     # The same profile reaches one row after another: phase factors give exact delays, also between frames.
     late = np.exp(-2j * np.pi * frequency[:, None] * motion.passage(sensor))
-    slips = scipy.fft.rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
+    slips = np.fft.rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
     spectrum = profile[:, None, :] * late[:, :, None] + slips[:, None, None]
     if groove:
         spectrum *= groove_gain(frequency / motion.speed)[:, None, None]
-    vibration = scipy.fft.irfft(spectrum, length, axis=0)[:frames]
+    vibration = np.fft.irfft(spectrum, length, axis=0)[:frames]
     # A contact cannot pull: pressure is never negative.
     return motion.cover(sensor, np.arange(frames) / rate) * np.maximum(texture.load + vibration, 0)
 

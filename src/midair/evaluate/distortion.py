@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from midair.array_types import Array
-from midair.dsp import Band, band_edges, band_energy, band_window, filter_response, resample
+from midair.dsp import Band, band_edges, band_energy, band_window, fast_length, filter_response, resample
 from midair.errors import MismatchError
 from midair.model import BAND, PressureFrames
 from midair.streaming import block_ranges
@@ -71,9 +70,9 @@ def _correlation(original: Array, later: Array, reach: int) -> Array:
         if begin < end:
             at = begin - first + reach
             b[at : at + end - begin] = later[begin:end].reshape(end - begin, -1)
-        length = scipy.fft.next_fast_len(len(b), real=True)
-        both = np.conj(scipy.fft.rfft(a, length, axis=0)) * scipy.fft.rfft(b, length, axis=0)
-        total += scipy.fft.irfft(both.sum(axis=1), length)[: 2 * reach + 1]
+        length = fast_length(len(b))
+        both = np.conj(np.fft.rfft(a, length, axis=0)) * np.fft.rfft(b, length, axis=0)
+        total += np.fft.irfft(both.sum(axis=1), length)[: 2 * reach + 1]
     return total
 
 

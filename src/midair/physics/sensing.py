@@ -12,6 +12,7 @@ saturation of the amplifier. Then follow noise, clipping and quantisation. The p
 defaults are plausible, not measured.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -19,9 +20,9 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from midair.array_types import Array, Complex
+from midair.dsp import fast_length
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
 from midair.streaming import Stored
@@ -188,12 +189,12 @@ def cell_pressure(model: SensorModel, pressure: Array) -> Array:
 def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) -> Array:
     frames, settle = -(-len(pressure) // oversample), settling_frames(model, rate)
     held = np.concatenate([pressure, fade_window(settle * oversample)[:, None, None] * pressure[-1]])
-    length = scipy.fft.next_fast_len(frames + 2 * settle, real=True)
+    length = fast_length(frames + 2 * settle)
     bins = length // 2 + 1
     # Omitting the bins above half the output rate is the ideal anti-alias filter.
-    spectrum = scipy.fft.rfft(held, length * oversample, axis=0)[:bins] / oversample
+    spectrum = np.fft.rfft(held, length * oversample, axis=0)[:bins] / oversample
     response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
-    return scipy.fft.irfft(spectrum * response, length, axis=0)[:frames]
+    return np.fft.irfft(spectrum * response, length, axis=0)[:frames]
 
 
 def settling_frames(model: SensorModel, rate: float) -> int:
@@ -288,10 +289,13 @@ def _bow(x: Array, spread: float) -> Array:
     return ((x**2 + spread**2) * cumulated + x * spread**2 * density) / 2
 
 
+_erfc = np.vectorize(math.erfc, otypes=[float])  # scipy.special takes .1 s to import
+
+
 def _gauss(x: Array, spread: float) -> tuple[Array, Array]:
     """Phi(x / s), and the density phi(x / s) / s."""
     z = x / spread
-    return np.asarray(scipy.special.ndtr(z), np.float64), np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))
+    return _erfc(-z / np.sqrt(2)) / 2, np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))
 
 
 def storage_precision(model: SensorModel) -> Stored:

@@ -4,14 +4,17 @@ The standard (data-apis.org/array-api) defines functions that NumPy, PyTorch, Cu
 directly, the others through array-api-compat, so that the solver is written once.
 """
 
+import ctypes
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
 from typing import Any, Literal, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -178,10 +181,19 @@ def one_blas_thread() -> Generator[None]:
     """
     from threadpoolctl import threadpool_limits
 
-    # Only a loaded BLAS can be limited. SciPy's BLAS, which Numba also calls, differs from NumPy's.
-    import_module("scipy.linalg.cython_blas")
+    # Only a loaded BLAS can be limited, and Numba loads SciPy's later.
+    _load_scipy_blas()
     with threadpool_limits(limits=1, user_api="blas"):
         yield
+
+
+@cache
+def _load_scipy_blas() -> None:
+    """Load the library without importing scipy.linalg, which takes .1 s."""
+    for suffix in EXTENSION_SUFFIXES:
+        # One of these names exists.
+        with suppress(OSError):
+            ctypes.CDLL(f"{scipy.__path__[0]}/linalg/cython_blas{suffix}")
 
 
 def backend(name: str, *, precision: Literal["single", "double"] = "single") -> Backend:

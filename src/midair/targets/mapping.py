@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-import scipy
 
 from midair.array_types import Array
 from midair.dsp import Band, band_window, filter_response
@@ -89,17 +88,27 @@ class SlowBias:
 
     def lift(self, surrounded: Array, rate: float) -> Array:
         """The mapping of all frames except the first and last `reach`, shape (frame - 2 reach, ...), in Pa."""
-        reach, below = self.reach(rate), np.maximum(-surrounded, 0.0)
-        pulls = np.asarray(scipy.ndimage.maximum_filter1d(below, reach + 1, axis=0, mode="nearest"), np.float64)
-        bias = np.asarray(scipy.ndimage.convolve1d(pulls, self.hann(rate), axis=0, mode="nearest"), np.float64)
-        inside = slice(reach, len(surrounded) - reach)
-        return np.maximum(surrounded[inside] + bias[inside], 0.0)
+        reach, hann = self.reach(rate), self.hann(rate)
+        pulls = _sliding_maximum(np.maximum(-surrounded, 0.0), reach + 1)
+        bias = np.apply_along_axis(lambda cell: np.convolve(cell, hann, "valid"), 0, pulls)
+        return np.maximum(surrounded[reach : len(surrounded) - reach] + bias, 0.0)
 
     def __call__(self, pressure: Array, rate: float) -> Array:
         """Map the pressure, same shape, in Pa; beyond its ends the first and last frame are repeated."""
         reach = self.reach(rate)
         ends = [np.repeat(end, reach, axis=0) for end in (pressure[:1], pressure[-1:])]
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
+
+
+def _sliding_maximum(x: Array, length: int) -> Array:
+    """Maximum of each `length` successive frames, shape (frame - length + 1, ...); the import of SciPy's takes .1 s.
+
+    Of those to the end of a block of `length` frames, and of those from the begin of the next (van Herk, 1992).
+    """
+    blocks = np.pad(x, ((0, -len(x) % length), *[(0, 0)] * (x.ndim - 1))).reshape(-1, length, *x.shape[1:])
+    upwards = np.maximum.accumulate(blocks, axis=1).reshape(-1, *x.shape[1:])
+    downwards = np.maximum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].reshape(-1, *x.shape[1:])
+    return np.maximum(downwards[: len(x) - length + 1], upwards[length - 1 : len(x)])
 
 
 class _BiasStream:
