@@ -22,14 +22,14 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1916,
-    "settings streaming .": 2769,
+    "settings streaming .": 2808,
     "physics": 3403,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
     "solvers": 4427,
-    "files": 4423,
+    "files": 4446,
     "devices": 7859,
-    "rig": 8717,
+    "rig": 8719,
     "patterns datasets": 1776,
     "view figures": 2002,
     "cli": 6473,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_007, "benchmarks": 4_500}
+BESIDE = {"tests": 48_022, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -3,19 +3,25 @@
 Up to some level the produced pressure follows the requested one; beyond it, it saturates.
 """
 
+import hashlib
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
+from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.array_types import Array, Complex
 from midair.evaluate import Felt, felt, in_band
+from midair.files import load_prediction, load_solution, load_target, store_prediction
 from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution, frames_without_lead
-from midair.physics import radiation_pressure, transfer_matrix
+from midair.physics import SkinMotion, radiation_pressure, transfer_matrix
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
+from midair.version import __version__
 
 LINEAR = 0.9
 """Ratio of produced to requested pressure at the end of the linear range."""
@@ -90,14 +96,13 @@ def level_of(solution: Solution, target: AmplitudeFrames, *, band: tuple[float, 
     G = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
     powerful = _highest(target, piece, lambda block: (block**2).sum(axis=1), count=16)
-    highest = _highest(target, piece, lambda block: block.max(axis=1), count=64)
     return PressureLevel(
         strength=float(np.sqrt(asked / radiation_pressure(np.abs(G).sum(axis=1).max(), medium))),
         asked=asked,
         steady=float(pressure.mean()),
         vibration=float(np.sqrt((vibration**2).mean())),
         comes=_pressure_ratio(drive, target, powerful, G),
-        find_peak=lambda: _peak_on_palm(_frames_of(drive, highest), target.grid),
+        find_peak=partial(_peak_on_palm, drive, target),
     )
 
 
@@ -105,6 +110,39 @@ def band_of(target: AmplitudeFrames) -> tuple[float, float]:
     """Band of the recording that a target was made from, in Hz; 20 to 470 Hz where its provenance has none."""
     known = Settings.of(target.provenance)
     return BAND if known is None else known.calibration.band
+
+
+def predicted(path: Path, solution: Solution, target: AmplitudeFrames) -> tuple[PressureLevel, Felt]:
+    """Pressure of a drive that plays, and by how many people it is felt, by the model.
+
+    From its file if this code stored them there, otherwise computed.
+    """
+    held = load_prediction(path)
+    if held.get("code") != _digest_of_code():
+        level = level_of(solution, target, band=band_of(target))
+        return level, felt_of_drive(solution, target, level)
+    levels = {name: float("-inf") if level is None else level for name, level in held["felt"].items()}
+    level = PressureLevel(**held["level"], find_peak=partial(_peak_on_palm, solution.drive, target))
+    return level, Felt(levels=MappingProxyType(levels), shares=tuple(held["shares"]))
+
+
+def store_predicted(path: Path) -> None:
+    """Store what `predicted` returns in the file of a drive that plays, with a digest of the code that computed it."""
+    solution, target = load_solution(path, streamed=True), load_target(path, streamed=True)
+    if target is None or not solution.plays.any():
+        return
+    level, feeling = predicted(path, solution, target)
+    own = {name: getattr(level, name) for name in ("strength", "asked", "steady", "vibration", "comes")}
+    plain = {"felt": feeling.plain()["over_threshold_db"], "shares": feeling.shares, "level": own}
+    store_prediction(path, {"code": _digest_of_code(), **plain})
+
+
+@cache
+def _digest_of_code() -> str:
+    """Digest of the code that holds the model of skin and the thresholds, and of the version of all other code."""
+    sources = (sys.modules[each] for each in (__name__, felt.__module__, SkinMotion.__module__))
+    code = b"".join(Path(str(each.__file__)).read_bytes() for each in sources)
+    return hashlib.sha256(code + __version__.encode()).hexdigest()[:16]
 
 
 def felt_of_drive(solution: Solution, target: AmplitudeFrames, level: PressureLevel) -> Felt:
@@ -180,9 +218,10 @@ def _frames_of(drive: Drive, frames: list[int]) -> Drive:
     return Drive(phase=phase, level=level, rate=drive.rate, array=drive.array, acoustics=drive.acoustics)
 
 
-def _peak_on_palm(drive: Drive, grid: ControlGrid) -> float:
+def _peak_on_palm(drive: Drive, target: AmplitudeFrames) -> float:
     """Highest steady pressure in Pa on a palm around the control points: every 2.5 mm, then every .5 mm."""
-    palm = Palm.disc()
+    piece, grid, palm = frames_without_lead(target.provenance, target.frames, target.rate), target.grid, Palm.disc()
+    drive = _frames_of(drive, _highest(target, piece, lambda block: block.max(axis=1), count=64))
     skin = palm.points(np.array([*grid.centre, grid.height]))
 
     def pressure(q: NDArray[np.complex128], points: Array) -> Array:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.files import load_solution, load_target, open_take
+from midair.files import load_solution, load_target, open_take, save_solution
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import target_amplitude
+from midair.pressure_level import predicted
 from midair.rig import pressure_of, pressure_to_solve, solve_to_file
 from midair.settings import Settings, paper_mode
 
@@ -44,3 +45,17 @@ def test_a_drive_above_its_level_is_solved_again_and_a_refused_one_leaves_no_fil
         solve_to_file(led, array, SETTINGS, path, confirm=refuse)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_the_model_predicts_is_stored_and_computed_anew_by_other_code(take_file, tmp_path, monkeypatch):
+    path, array = tmp_path / "t.drive.h5", TransducerArray.autd3(columns=1, rows=1)
+    target, solution = solve_to_file(
+        pressure_to_solve(take_file, SETTINGS, 0.4, 0.02, lead=0.01), array, SETTINGS, path
+    )
+    save_solution(solution, bare := tmp_path / "bare.drive.h5", target=target)
+    (level, felt), computed = predicted(path, solution, target), predicted(bare, solution, target)
+    assert (level.plain(), felt) == (computed[0].plain(), computed[1])
+    monkeypatch.setattr("midair.pressure_level.felt_of_drive", lambda *_: "computed")
+    found = [predicted(each, solution, target)[1] for each in (path, bare)]
+    monkeypatch.setattr("midair.pressure_level._digest_of_code", lambda: "another skin")
+    assert [*found, predicted(path, solution, target)[1]] == [felt, "computed", "computed"]

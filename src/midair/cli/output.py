@@ -26,7 +26,7 @@ from midair.model import (
     Setting,
     frames_without_lead,
 )
-from midair.pressure_level import PressureLevel, band_of, felt_of_drive, level_of, power_of
+from midair.pressure_level import PressureLevel, power_of, predicted
 from midair.recordings import dead_channels
 from midair.settings import Settings
 from midair.streaming import blocks
@@ -170,8 +170,8 @@ def describe_drive(path: Path, *, change: float = 0.0) -> tuple[str, list[Line]]
     error = error_by_energy(solution.error[inside], (power * plays)[inside])
     pressure: list[Line] = [{"level": None}]
     if target is not None and plays.any():
-        level = level_of(solution, target, band=band_of(target))
-        feeling = felt_of_drive(solution, target, level).at(change)
+        level, feeling = predicted(path, solution, target)
+        feeling = feeling.at(change)
         pressure = [Row("predicted", feeling.plain(), key="felt", text=f"felt {feeling}"), *pressure_lines(level)]
     settings, silent = Settings.of(life), int((~plays).sum())
     ears = None if settings is None else settings.target.ears

@@ -31,10 +31,12 @@ if TYPE_CHECKING:
     from .native.calibration_file import save_array_calibration as save_array_calibration
     from .native.calibration_file import save_calibration as save_calibration
     from .native.drive_file import DRIVE_SUFFIX as DRIVE_SUFFIX
+    from .native.drive_file import load_prediction as load_prediction
     from .native.drive_file import load_solution as load_solution
     from .native.drive_file import load_target as load_target
     from .native.drive_file import save_solution as save_solution
     from .native.drive_file import save_solutions as save_solutions
+    from .native.drive_file import store_prediction as store_prediction
     from .native.recording_file import RecordingBuffer as RecordingBuffer
     from .native.recording_file import load_played as load_played
     from .native.recording_file import load_pressure as load_pressure

@@ -56,7 +56,7 @@ def check_not_recording(path: Path) -> None:
 def _locked(handle: int, what: Path | str, *, shared: bool = False) -> bool:
     if fcntl is None:
         return True
-    with _disk_errors(what, "locked"):
+    with disk_errors(what, "locked"):
         try:
             fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except OSError as wrong:
@@ -77,7 +77,7 @@ def _warn_once(text: str) -> None:
 
 
 @contextmanager
-def _disk_errors(path: Path | str | os.PathLike[str], act: str, *more: type[Exception]) -> Generator[None]:
+def disk_errors(path: Path | str | os.PathLike[str], act: str, *more: type[Exception]) -> Generator[None]:
     """Raise errors of the system and of HDF5, and `more`, as FileError; `act` is what failed, such as "written"."""
     try:
         yield
@@ -90,7 +90,7 @@ def _disk_errors(path: Path | str | os.PathLike[str], act: str, *more: type[Exce
 def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
     """Return `path` as a Path if it is a readable regular file, not empty unless `empty`; otherwise raise FileError."""
     file = Path(path)
-    with _disk_errors(file, "read", ValueError):
+    with disk_errors(file, "read", ValueError):
         if not file.exists():
             near = did_you_mean(file.name, (each.name for each in file.parent.glob("*")))
             raise MissingFileError(f"{file}: no such file{near or '; check the name'}")
@@ -134,7 +134,7 @@ def atomic_file(path: str | os.PathLike[str], *, recording: bool = False) -> Gen
     with _beside(target, path) as partial:
         partial.touch(exist_ok=False)
         yield partial
-        _sync(partial)
+        sync(partial)
         if not recording:
             check_not_recording(target)
         os.replace(partial, target)
@@ -145,7 +145,7 @@ def _beside(target: Path, named: str | os.PathLike[str]) -> Generator[Path]:
     """A temporary name beside `target`, which the block replaces; what is left of it is removed."""
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
-        with _disk_errors(target, "written"):
+        with disk_errors(target, "written"):
             yield partial
         noted = _noting.get()
         if noted is not None and Path(named) not in noted:
@@ -186,7 +186,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Generator[Path]:
         yield partial
         for file in partial.rglob("*"):
             if file.is_file():
-                _sync(file)
+                sync(file)
         if target.exists():
             target.rmdir()
         partial.rename(target)
@@ -197,7 +197,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
     Raises MissingFileError without a folder, FileError if it is read-only, BrokenFileError for the name of a folder.
     """
-    with _disk_errors(path, "written", ValueError):
+    with disk_errors(path, "written", ValueError):
         target = Path(path).resolve()
         if not target.parent.is_dir():
             raise MissingFileError(f"{path}: expected the folder {target.parent}, found none; create it first")
@@ -244,6 +244,7 @@ def reason(wrong: BaseException) -> str:
     return (said.strip().splitlines() or [type(wrong).__name__])[0][:160]
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Wait until a file is on the disk."""
     with path.open("rb+") as file:
         os.fsync(file.fileno())

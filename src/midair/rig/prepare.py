@@ -11,6 +11,7 @@ from midair.files import DRIVE_SUFFIX, OpenedTake, load_solution, load_target, o
 from midair.model import AmplitudeFrames, PressureFrames, Progress, Solution, TransducerArray
 from midair.physics import check_frame_rate
 from midair.pipeline import calibrated_pressure, reproduce_stream, required_lead, weaker_settings
+from midair.pressure_level import store_predicted
 from midair.recordings import unreproduced
 from midair.settings import Settings
 from midair.targets import add_lead
@@ -83,6 +84,7 @@ def solve_to_file(
             if weaker is None:
                 break
             settings = weaker
+        store_predicted(fresh)
         confirm()
         fresh.replace(path)
     finally:

@@ -32,7 +32,7 @@ from midair.evaluate import ways_to_play
 from midair.files import load_solution, load_target, profile_named, save
 from midair.model import RATE, Acoustics, Medium, TransducerArray
 from midair.physics import PoseBox, middle_of, pose_of
-from midair.pressure_level import band_of, felt_of_drive, level_of
+from midair.pressure_level import predicted
 from midair.rig import (
     Cleared,
     FollowRules,
@@ -506,7 +506,7 @@ def ways_of(path: Path, excess: float) -> list[tuple[str, int | None]]:
     solution, target = load_solution(path, streamed=True), load_target(path, streamed=True)
     if target is None:
         return []
-    whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
+    _, whole = predicted(path, solution, target)
     source = "" if target.provenance.last("draw") else path.name
     return [
         (", ".join([way.name, *re.findall(r"\d+dB", way.option)]), way.felt and way.felt.people[0])

@@ -18,7 +18,7 @@ from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.model import AmplitudeFrames, Provenance, Solution, frames_without_lead
 from midair.physics import TransducerDynamics, focus_amplitude, transfer_matrix
-from midair.pressure_level import band_of, felt_of_drive, level_of
+from midair.pressure_level import predicted
 from midair.rig import event_message, pressure_of
 from midair.settings import Settings, nearest_mode, typed_options
 from midair.view import Channels, Kind, channel_sound, encode_counts, fit_interpolation, pack, phase_counts
@@ -114,9 +114,9 @@ def _predicted(path: str, stamp: str) -> list[tuple[str, str]]:
     solution, target, _ = _drive(path, stamp)
     if not solution.plays.any():
         return []
-    level = level_of(solution, target, band=band_of(target))
+    level, feeling = predicted(Path(path), solution, target)
     left_out = str(target.provenance.last("not reproduced").get("text", ""))
-    rows = [("felt, predicted", str(felt_of_drive(solution, target, level))), level.row()]
+    rows = [("felt, predicted", str(feeling)), level.row()]
     return page_rows([*rows, ("left out", left_out)] if left_out else rows)
 
 

@@ -17,7 +17,7 @@ from midair.errors import ExposureError, InputError
 from midair.evaluate import Felt, felt, too_loud, ways_to_play
 from midair.model import Acoustics, Drive, Medium, Progress
 from midair.patterns import PATTERN_ENDINGS, draw_file, load_pattern
-from midair.pressure_level import band_of, felt_of_drive, level_of
+from midair.pressure_level import predicted
 from midair.settings import Settings
 from midair.table import Details, Line
 
@@ -237,7 +237,7 @@ def _print_ways(source: Path, excess: float) -> bool:
     solution, target = files.load_solution(source, streamed=True), files.load_target(source, streamed=True)
     if target is None:
         return False
-    whole = felt_of_drive(solution, target, level_of(solution, target, band=band_of(target)))
+    _, whole = predicted(source, solution, target)
     original = source.with_name(source.name.replace(files.DRIVE_SUFFIX, ".h5"))
     recording = shlex.quote(str(original)) if original.exists() else "RECORDING"
     ways = ways_to_play(whole, excess, source="" if target.provenance.last("draw") else recording)
@@ -267,7 +267,7 @@ def _print_plan(source: Path, solve: PlayTakeOptions, settings: rig.PlaySettings
             own, path = _solving(options, limits.room), Path(folder) / f"{name}.drive.h5"
             pressure = rig.pressure_to_solve(source, own, options.start_at, options.duration, lead=options.lead)
             target, solution = rig.solve_to_file(pressure, array, own, path, progress=stage(name))
-            found.append(felt_of_drive(solution, target, level_of(solution, target, band=band_of(target))))
+            found.append(predicted(path, solution, target)[1])
             if not answer:
                 sound = devices.measure_exposure(solution.drive, array, limits.profile, room=limits.room)
                 answer, loud = f"nothing was played; {sound.verdict()}", sound.excess

@@ -4,8 +4,9 @@ For AUTD3 units, phases and levels of single transducers are stored as the bytes
 other arrays as float64 without rounding. Targets are rounded to 13 binary digits, of which float32 compresses well.
 """
 
+import json
 import os
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.native.hdf5 import new_file, read_group, write_frames, write_group
+from midair.files.atomic import disk_errors, sync
+from midair.files.native.hdf5 import fixed_text, new_file, plain_text, read_group, write_frames, write_group
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
+from midair.files.text_files import json_of
 from midair.model import AmplitudeFrames, Drive, Solution
 from midair.progress import report_progress
 from midair.streaming import block_ranges, blocks, each_frame
@@ -110,6 +113,23 @@ def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> Ampl
         if "target" not in values:
             return None
         return built(AmplitudeFrames, "drive", values, "target", rate=values["rate_hz"])
+
+
+def store_prediction(path: Path, values: Mapping[str, object]) -> None:
+    """Add what the model predicts for a drive to its file, which nothing else has open; FileError if it fails."""
+    import h5py
+
+    with disk_errors(path, "written"):
+        with h5py.File(path, "r+") as file:
+            file.attrs["predicted"] = fixed_text(json.dumps(values))
+        sync(path)
+
+
+def load_prediction(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Values of `store_prediction`, none if it has none; errors are those of `load_solution`."""
+    with open_file(path) as file:
+        text = plain_text(file.attrs.get("predicted"))
+        return json_of(text) if text else {}
 
 
 @contextmanager
