@@ -21,7 +21,7 @@ LEFT_OUT_OF_ALL = {
 
 
 LINES = {
-    "model": 1916,
+    "model": 1917,
     "settings streaming .": 2808,
     "physics": 3403,
     "recordings targets correct evaluate": 4061,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_022, "benchmarks": 4_500}
+BESIDE = {"tests": 48_023, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

@@ -59,7 +59,8 @@ def test_import_loads_nothing_heavy():
 
 SOLVED = """
 import midair
-take, array = midair.record("virtual:towel", 0.05), midair.TransducerArray.autd3(columns=1, rows=1)
+from midair.model import Placement
+take, array = midair.record("virtual:towel", 0.05), Placement.grid(columns=1, rows=1).array()
 midair.solve(midair.prepare(midair.calibrate(take.recording, take.calibration), mapping="slow-bias"), array)
 """
 
@@ -70,7 +71,7 @@ midair.solve(midair.prepare(midair.calibrate(take.recording, take.calibration), 
     [
         ("", {"scipy.spatial", "scipy.sparse", "scipy.linalg", "scipy.signal", "matplotlib"}),
         ("import scipy.fft; load_profiles(); f = Settings(); f.from_plain(f.plain())", {"numpy.f2py", "pydantic"}),
-        (SOLVED, {"scipy.fft", "scipy.special", "scipy.ndimage", "scipy.linalg"}),
+        (SOLVED, {"scipy.fft", "scipy.special", "scipy.ndimage", "scipy.linalg", "scipy.spatial"}),
     ],
 )
 def test_a_command_starts_without_the_large_parts_of_others(use, without):

@@ -8,7 +8,6 @@ import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from midair.array_types import Array
@@ -287,9 +286,10 @@ class Placement(Brief):
     @property
     def quaternion(self) -> Array:
         """Rotation of each unit as a quaternion (w, x, y, z), the order of both SDKs, shape (unit, 4)."""
-        # SciPy puts w last, the SDKs put it first.
-        quaternion = scipy.spatial.transform.Rotation.from_euler("xyz", self.rotation).as_quat()
-        return np.roll(np.asarray(quaternion, np.float64), 1, axis=1)
+        # The product of those about z, y and x. SciPy has it too, but its import takes a quarter of a second.
+        (a, b, c), (x, y, z) = np.cos(self.rotation.T / 2), np.sin(self.rotation.T / 2)
+        turns = (a * b * c + x * y * z, x * b * c - a * y * z, a * y * c + x * b * z, a * b * z - x * y * c)
+        return np.stack(turns, axis=1)
 
     @property
     def origin(self) -> Array:
@@ -312,5 +312,6 @@ class Placement(Brief):
         return self._turned(one - one[0]) + self.position[:, None]
 
     def _turned(self, points: Array) -> Array:
-        turns = scipy.spatial.transform.Rotation.from_euler("xyz", self.rotation)
-        return np.stack([turn.apply(points) for turn in turns])
+        w, axis = np.split(self.quaternion[:, None], [1], axis=2)
+        across = 2 * np.cross(axis, points)
+        return points + w * across + np.cross(axis, across)
