@@ -29,7 +29,7 @@ LINES = {
     "solvers": 4427,
     "files": 4446,
     "devices": 7859,
-    "rig": 8719,
+    "rig": 8720,
     "patterns datasets": 1776,
     "view figures": 2002,
     "cli": 6473,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 48_023, "benchmarks": 4_500}
+BESIDE = {"tests": 48_032, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

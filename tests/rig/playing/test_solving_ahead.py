@@ -170,6 +170,15 @@ def test_a_slow_computer_says_so_and_begins_when_the_rest_will_come_in_time():
     )
 
 
+def test_the_wait_of_a_high_frame_rate_names_the_quick_mode():
+    ahead = SolvedAhead(pressure(), ARRAY, Loud(ARRAY), QUICK.but(rate=2000.0), PlaySettings(), None)
+    lines, now = [], time.monotonic()
+    ahead._arrived, ahead._frames, ahead._solved = [(now - 3, 0), (now - 1, 257), (now, 513)], 800, Future()
+    with pytest.raises(StopIteration):
+        ahead.in_time(lines.append, iter([None]).__next__)
+    assert lines[0].endswith("so that there is no gap; mode quick begins sooner")
+
+
 def test_a_short_last_part_has_the_speed_of_one_thread():
     """Two threads take as long for a block of 256 frames as for two, here 1 s; it begins to sound after 769 frames."""
     settings = QUICK.but(method=replace(QUICK.solver.solver(), jobs=2), rate=2000.0)

@@ -26,7 +26,7 @@ from midair.files import save_solutions
 from midair.model import Drive, PressureFrames, Solution, TransducerArray
 from midair.pipeline import reproduce_stream
 from midair.rig.playing.play_settings import PlaySettings
-from midair.settings import Settings
+from midair.settings import MODES, Settings
 from midair.solvers import Glide, frames_per_part, one_blas_thread
 
 RESERVE = 0.3
@@ -162,6 +162,7 @@ class SolvedAhead:
             lacks, speed = self._lacks()
             if lacks > 0 and speed < 1:
                 wait = f"the first sound comes in about {max(lacks, 1):.0f} s, so that there is no gap"
+                wait += "; mode quick begins sooner" if self.rate > MODES["quick"]().target.rate else ""
                 report(f"this computer solves {speed:.2g} s of touch in a second: {wait}")
                 report = bool  # once
         return self.finish() if self._stream is None or self._solved.done() else self._stream.clearance()
