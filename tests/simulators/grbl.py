@@ -9,6 +9,7 @@ import contextlib
 import os
 import re
 import select
+import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -16,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.simulators.pty_device import BehindPty
 
 Vector = NDArray[np.float64]
 
@@ -90,27 +90,32 @@ class PlannedMove:
         return speed <= 1e-9 and now > self.begun and (self.stopped is not None or now >= self.begun + self.duration)
 
 
-class GrblSimulator(BehindPty):
-    """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
+class GrblSimulator:
+    """A simulated Grbl machine behind a pseudo-terminal; a driver opens `port`, and `close` ends it.
 
-    If homing is enabled and not done (`homed`), the machine is locked. `settings` differ from `USUAL`; a byte takes
-    ten bits at `baud`, in both directions. `lines` and `moves` hold what was received and started, `lost` the bytes
-    that did not fit into the receive buffer. `switch` may be set to axis and position in mm of a limit switch,
-    `mute` to True.
+    If homing is enabled and not done (`homed`), the machine is locked. `settings` differ from `USUAL`; `lines` and
+    `moves` hold what was received and started, `lost` the bytes that did not fit into the receive buffer. `switch` may
+    be set to axis and position in mm of a limit switch, `mute` to True.
     """
 
     RECEIVES = 128
     PLANS = 15
+    RATE = 11_520
+    """Bytes in a second, in both directions."""
 
-    def __init__(self, *, homed: bool = True, settings: Mapping[int, float] | None = None, baud: int = 115_200) -> None:
-        super().__init__()
+    def __init__(self, *, homed: bool = True, settings: Mapping[int, float] | None = None) -> None:
+        import tty  # not on Windows
+
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
         self.settings = {**USUAL, **(settings or {})}
         self.lines: list[str] = []
         self.moves: list[PlannedMove] = []
         self.lost = 0
         self.switch: tuple[int, float] | None = None
         self.mute = False
-        self._rate = baud / 10
         self._place = np.full(3, -self.settings[27]) if homed else np.zeros(3)
         self._locked = bool(self.settings[22]) and not homed
         self._critical = False
@@ -125,7 +130,25 @@ class GrblSimulator(BehindPty):
         self._homing: float | None = None
         self._reports = 0
         self._clock = time.monotonic()
-        self.switch_on()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._halt()
+        for end in (self._master, self._slave):
+            if end >= 0:
+                os.close(end)
+
+    def unplug(self) -> None:
+        """Disconnect the cable: the driver can no longer write; the device keeps its state."""
+        self._halt()
+        os.close(self._master)
+        self._master = -1
+
+    def _halt(self) -> None:
+        self._over.set()
+        self._thread.join()
 
     @property
     def place(self) -> Vector:
@@ -159,10 +182,10 @@ class GrblSimulator(BehindPty):
     # The serial line: bytes at the baud rate in both directions; real-time characters bypass the buffer.
 
     def _transfer(self, now: float) -> None:
-        room = int((now - self._clock) * self._rate)
+        room = int((now - self._clock) * self.RATE)
         if room < 1:
             return
-        self._clock += room / self._rate
+        self._clock += room / self.RATE
         if select.select([self._master], [], [], 0)[0]:
             for byte in os.read(self._master, min(room, 4096)):
                 self._receive(byte, now)
@@ -321,9 +344,6 @@ class GrblSimulator(BehindPty):
         elif line == "$I":
             self._say("[VER:1.1h.20190825:]")
             self._say("[OPT:V,15,128]")
-        elif line == "$X":
-            self._locked = False
-            self._say("[MSG:Caution: Unlocked]")
         elif line == "$H":
             if not self.settings[22]:
                 return "error:5"

@@ -46,9 +46,9 @@ def _lsl_senders():
     pytest.importorskip("pylsl")
     with contextlib.ExitStack() as stack:
 
-        def start(*, rate=1000, seconds=3600, unit="-", hole=0, once=0, base=0, how="cast"):
+        def start(*, unit="-", hole=0, once=0, base=0, how="cast"):
             name = f"midair {os.getpid()} {time.monotonic_ns()}"
-            arguments = (HERE / "lsl_sender.py", name, rate, seconds, unit, hole, once, base, how)
+            arguments = (HERE / "lsl_sender.py", name, unit, hole, once, base, how)
             return name, stack.enter_context(_program(sys.executable, *arguments))
 
         yield start
@@ -70,10 +70,10 @@ def lsl_sender_of_a_module():
 class SerialLine:
     """A sensor on a pty: sends the ramp at its rate from a thread, optionally with noise and gaps."""
 
-    def __init__(self, *, rate=1000.0, channels=16, width=2, noise=False, hole=0):
+    def __init__(self, *, rate=1000.0, width=2, noise=False, hole=0):
         from midair.devices.sensors.serial_frames import encode
 
-        self._encode, self._rate, self._channels, self._width = encode, rate, channels, width
+        self._encode, self._rate, self._width = encode, rate, width
         self._noise, self._hole = noise, hole
         self._master, self._slave = os.openpty()
         self.port = os.ttyname(self._slave)
@@ -105,14 +105,9 @@ class SerialLine:
             self._ends.wait(0.005)
 
     def _frame(self, number, rng):
-        ramp = (number % 2048) * 16 + np.arange(self._channels)
-        frame = self._encode(
-            ramp,
-            counter=number,
-            time_us=round(number * 1e6 / self._rate),
-            period_ns=round(1e9 / self._rate),
-            width=self._width,
-        )
+        ramp = (number % 2048) * 16 + np.arange(16)
+        clock = {"time_us": round(number * 1e6 / self._rate), "period_ns": round(1e9 / self._rate)}
+        frame = self._encode(ramp, counter=number, width=self._width, **clock)
         return rng.bytes(int(rng.integers(0, 9))) + frame if self._noise else frame
 
     def _write(self, data):
@@ -222,36 +217,21 @@ def _started_jack(rate):
 
 
 @contextlib.contextmanager
-def _pulse_server(folder, *, rate, what, channel_map=PULSE_MAP):
+def _pulse_server(folder, *, rate, what):
     """PulseAudio with a source of 16 channels from a pipe; yields the server's process."""
     _needs("pulseaudio", "pulseaudio libasound2-plugins")
     _imported("sounddevice", "libportaudio2")
     folder = Path(folder)
-    where = {
-        "HOME": folder,
-        "XDG_RUNTIME_DIR": folder,
-        "PULSE_RUNTIME_PATH": folder / "run",
-        "PULSE_STATE_PATH": folder,
-    }
-    own = {name: str(path) for name, path in where.items()}
-    mapped = f"channel_map={channel_map}" if channel_map else ""
+    own = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "PULSE_STATE_PATH"), str(folder))
+    own["PULSE_RUNTIME_PATH"] = str(folder / "run")
+    mapped = f"channel_map={PULSE_MAP}"
     source = f"module-pipe-source source_name=skin file={folder}/pipe format=s16le rate={rate} channels=16 {mapped}"
-    options = [
-        "-n",
-        "--daemonize=no",
-        "--exit-idle-time=-1",
-        "--use-pid-file=no",
-        "--disable-shm=yes",
-        "--high-priority=no",
-    ]
+    options = ["--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "--high-priority=no"]
     native = f"module-native-protocol-unix socket={folder}/native auth-anonymous=1"
     with (
         _environment(PULSE_SERVER=f"unix:{folder}/native", HOME=str(folder)),
         subprocess.Popen(
-            ["pulseaudio", *options, "-L", native, "-L", source],
-            env=os.environ | own,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            ["pulseaudio", "-n", *options, "-L", native, "-L", source], env=os.environ | own, stdout=-3, stderr=-3
         ) as server,
     ):
         try:
@@ -266,7 +246,7 @@ class FakeTask:
     """A driver's task as `NiSource` uses it: the ramp in shares of 10 V, at its rate, until it is unplugged."""
 
     def __init__(self):
-        self.calls, self.unplugged, self.stalled = [], False, False
+        self.calls, self.unplugged = [], False
         self.channel_names = [f"Dev1/ai{number}" for number in range(16)]
         self.ai_channels = self.timing = self.in_stream = self
         self.samp_clk_rate = 0.0
@@ -287,7 +267,7 @@ class FakeTask:
     def avail_samp_per_chan(self):
         self._check()
         due = int((time.monotonic() - self._begin) * self.samp_clk_rate)
-        return 0 if self.stalled else due - self._given
+        return due - self._given
 
     def read(self, number_of_samples_per_channel, timeout):
         number = np.arange(self._given, self._given + number_of_samples_per_channel)

@@ -1,9 +1,8 @@
 """A program that sends frames of 16 channels over LSL: channel c of frame i is (i mod 2048) * 16 + c. Run by tests.
 
-Arguments: name, rate in Hz, seconds, unit of the channels (or -), frames to leave out before every 200th; then, if they
-are given, the frame before which 100 are left out, where the counter in channel 16 begins, and whether frames have the
-stamps that liblsl gives them ("cast"), or those of when they were due ("stamped"), from that frame on three seconds
-earlier and none left out ("back").
+Arguments: name, unit of the channels (or -), frames to leave out before every 200th, the frame before which 100 are
+left out, where the counter in channel 16 begins, and whether frames have the stamps that liblsl gives them ("cast"), or
+those of when they were due ("stamped"), from that frame on three seconds earlier and none left out ("back").
 """
 
 import sys
@@ -12,8 +11,9 @@ import time
 import numpy as np
 import pylsl
 
-name, rate, seconds, unit, hole = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4], int(sys.argv[5])
-once, base, how = (int(sys.argv[6]), int(sys.argv[7]), sys.argv[8]) if len(sys.argv) > 6 else (0, 0, "cast")
+name, unit, how = sys.argv[1], sys.argv[2], sys.argv[6]
+hole, once, base = map(int, sys.argv[3:6])
+rate = 1000.0
 info = pylsl.StreamInfo(name, "tactile", 17, rate, pylsl.cf_float32, f"midair test {name}")
 if unit != "-":
     info.set_channel_units([unit] * 17)
@@ -22,7 +22,7 @@ print("ready", flush=True)
 outlet.wait_for_consumers(30)
 first_stamp = pylsl.local_clock()
 begin, sent = time.monotonic(), 0
-while sent < seconds * rate:
+while True:
     due = int((time.monotonic() - begin) * rate)
     frames = np.arange(sent, due)
     sent = max(sent, due)
@@ -35,4 +35,3 @@ while sent < seconds * rate:
         stamps = list(due_at) if how in ("stamped", "back") else 0.0
         outlet.push_chunk(np.ascontiguousarray(values, np.float32), stamps)
     time.sleep(0.004)
-time.sleep(1.0)
