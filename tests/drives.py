@@ -4,9 +4,22 @@ import json
 
 import numpy as np
 
-from midair.devices import state_folder
+from midair.devices import VirtualArray, state_folder
 from midair.files import save_solution
-from midair.model import Drive, Solution, TransducerArray
+from midair.model import Drive, Placement, Solution, TransducerArray
+
+
+class Loud(VirtualArray):
+    """A virtual array that is treated as a real one with sound."""
+
+    simulated, gated = False, True
+
+
+def noise(frames, placement=None, level=1.0, rate=1000.0, seed=1):
+    """A drive of random phases, of one unit if no placement is given."""
+    array = (placement or Placement.grid(columns=1, rows=1)).array()
+    phase = np.random.default_rng(seed).uniform(-10, 10, (frames, array.count))
+    return Drive(phase=phase, level=level if np.ndim(level) else np.full(frames, level), rate=rate, array=array)
 
 
 def save_drive(path, phase=None, level=0.001, *, frames=20, rate=1000.0, array=None, target=None, **more):

@@ -203,15 +203,9 @@ class Damaging(GrblSimulator):
 
 
 @on(Damaging)
-def test_answers_from_before_the_port_was_opened_are_ignored(machine):
+def test_answers_from_before_the_opening_are_ignored_and_a_damaged_report_is_queried_again(machine, monkeypatch):
     with GrblStage(machine.port) as stage:
         assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
-
-
-@on(Damaging)
-def test_a_damaged_status_report_is_queried_again_for_two_seconds(machine, monkeypatch):
-    with GrblStage(machine.port) as stage:
-        stage.ready(homing=True)
         machine.damaged = 1
         times, _ = go(stage, (-0.02, -0.001, -0.001), 0.05)
         assert times is not None
@@ -222,29 +216,15 @@ def test_a_damaged_status_report_is_queried_again_for_two_seconds(machine, monke
     assert machine.state == "Idle"
 
 
-def test_a_machine_in_feed_hold_is_refused(machine):
-    machine._hold(time.monotonic())
-    with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match=r"got Hold:0: it is in a feed hold"):
-        stage.ready(homing=True)
-
-
-@pytest.mark.parametrize(
-    ("speed", "way", "words"),
-    [(0.21, 0.12, r"up to 200 mm/s"), (0.2, 0.12, r"less than half of 120 mm"), (0.05, 0.12, None)],
-)
-def test_a_speed_it_does_not_reach_is_refused(machine, speed, way, words):
+def test_a_speed_it_does_not_reach_and_a_second_program_are_refused(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
-        if words is None:
-            stage.check_speed(speed, way, 0)
-            return
-        with pytest.raises(InputError, match=words):
-            stage.check_speed(speed, way, 0)
-
-
-def test_one_program_a_port(machine):
-    with GrblStage(machine.port), pytest.raises(HeldError), GrblStage(machine.port):
-        pass
+        stage.check_speed(0.05, 0.12, 0)
+        for speed, words in ((0.21, "up to 200 mm/s"), (0.2, "less than half of 120 mm")):
+            with pytest.raises(InputError, match=words):
+                stage.check_speed(speed, 0.12, 0)
+        with pytest.raises(HeldError), GrblStage(machine.port):
+            pass
 
 
 def test_a_port_that_is_missing_or_silent_is_named(machine):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.drives import Loud, noise
 from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import (
@@ -25,17 +26,11 @@ from midair.devices.arrays.banks import Banks
 from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceError, HeldError, StoppedError
 from midair.files import profile_named, save_solution
-from midair.model import Drive, Placement, Solution
+from midair.model import Placement, Solution
 
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000
 PLAYER = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); from midair.cli import main; main()"
-
-
-def noise(frames=100, level=1.0):
-    array = ONE.array()
-    phase = np.random.default_rng(1).uniform(0, 6, (frames, array.count))
-    return Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array)
 
 
 class ClockedBanks(Banks):
@@ -99,7 +94,7 @@ def stopped_at(seed):
         return banks
 
     array = BankedArray(connect, ONE, name="clocked", block=0.02)
-    ordered, ended, drive = uptime(), [], noise()
+    ordered, ended, drive = uptime(), [], noise(100)
 
     def play():
         try:
@@ -192,10 +187,6 @@ def test_nothing_sounds_after_a_stop_of_a_command_at_two_hundred_moments(tap, tm
     endings = check_by_command(tap, tmp_path, 200, 4.0)
     # Some were stopped before the units were opened, some while they played, some had ended.
     assert set(endings) == {(1, False), (1, True), (0, True)}
-
-
-class Loud(VirtualArray):
-    simulated, gated = False, True
 
 
 def quiet(array):

@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drives import Loud
 from tests.model.test_calibration import calibration
 
 import midair
-from midair.devices import ExposureChoices, FrameBlock, ReplaySensor, VirtualArray
+from midair.devices import ExposureChoices, FrameBlock, ReplaySensor
 from midair.errors import DeviceError, DeviceStateError, ExposureError, InputError
 from midair.files import load, profile_named
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
@@ -16,12 +17,6 @@ from midair.settings import Settings
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
 QUICK = Settings().but(grid=COARSE, method="fast")
 ARRAY = TransducerArray.autd3()
-
-
-class Loud(VirtualArray):
-    """A virtual array that passes for one that can be heard."""
-
-    simulated, gated = False, True
 
 
 @pytest.fixture(scope="module")

@@ -46,9 +46,6 @@ def test_places_by_their_names():
     }
     assert pyautd3_array("audit").simulated
     assert not pyautd3_array("ethercrab:eth0").simulated
-
-
-def test_an_interface_in_an_address_becomes_its_number():
     number, name = socket.if_nameindex()[0]
     assert autd3_place(f"[fe80::1%{name}]:5000").name == f"[fe80::1%{number}]:5000"
 

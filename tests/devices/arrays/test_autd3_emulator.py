@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.drives import noise
 from tests.simulators.autd3_firmware import autd3_firmware
 from tests.simulators.exposure_override import clear_any_exposure
 
@@ -16,12 +17,6 @@ from midair.streaming import LazyFrames
 ONE = Placement.grid(columns=1, rows=1)
 MS = 1_000_000
 OFF = Silencer(phase=0, intensity=0)
-
-
-def noise(frames, placement=ONE, level=1.0, rate=1000.0, seed=0):
-    array, rng = placement.array(), np.random.default_rng(seed)
-    phase = rng.uniform(-10, 10, (frames, array.count))
-    return Drive(phase=phase, level=np.broadcast_to(level, (frames,)), rate=rate, array=array)
 
 
 def played(drive, placement=ONE, *, silencer="off", repeats=1, **options):

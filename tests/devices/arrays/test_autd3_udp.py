@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.drives import noise
 from tests.simulators.exposure_override import clear_any_exposure
 from tests.simulators.udp_proxy import READ_STATE
 from tests.waiting import wait_until
@@ -45,12 +46,6 @@ with signals_end_the_program(), autd3_array(sys.argv[1], placement) as device:
 """
 
 
-def noise(frames, rate=1000.0):
-    array = ONE.array()
-    phase = np.random.default_rng(1).uniform(0, 6, (frames, array.count))
-    return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
-
-
 def phases_sent(tap):
     """Phases of all frames in their order, without the silent ones: (frame, transducer)."""
     parts = []
@@ -80,7 +75,9 @@ def playing(tap):
     return process
 
 
-def check_what_is_sent(tap, frames):
+@pytest.mark.long
+def test_the_wire_carries_every_frame_and_exact_instants(tap):
+    frames = 600
     drive = noise(frames)
     device = autd3_array(tap.address, ONE)
     with device:
@@ -98,16 +95,6 @@ def check_what_is_sent(tap, frames):
     assert max(np.diff([at for at, _, _ in tap.sent if begin <= at <= end])) < 0.4
     assert "acted 0 times" in telemetry["failsafe"]
     assert_last_word_is_silence(tap)
-
-
-@pytest.mark.long
-def test_the_wire_carries_every_frame_and_exact_instants(tap):
-    check_what_is_sent(tap, 600)
-
-
-@pytest.mark.slow
-def test_five_seconds_in_real_time_without_a_break(tap):
-    check_what_is_sent(tap, 5000)
 
 
 def switched_to(tap, port, *, late=False):

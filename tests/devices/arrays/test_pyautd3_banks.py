@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.drives import noise
 from tests.simulators.exposure_override import clear_any_exposure
 
 from midair.devices import pyautd3_array
@@ -15,12 +16,6 @@ from midair.model import Drive, Placement
 pyautd3 = pytest.importorskip("pyautd3")
 
 PAIR = Placement.grid(columns=2, rows=1)
-
-
-def noise(frames, level=None, rate=1000.0, placement=PAIR):
-    array, rng = placement.array(), np.random.default_rng(5)
-    level = np.ones(frames) if level is None else level
-    return Drive(phase=rng.uniform(0, 6, (frames, array.count)), level=level, rate=rate, array=array)
 
 
 def held(banks, unit, bank, frame):
@@ -47,21 +42,21 @@ def check_memory(banks, drive, units, block=250):
 @pytest.mark.long
 def test_memory_is_the_drive_to_the_last_bit():
     with pyautd3_array("audit", PAIR) as device:
-        check_memory(device.units, noise(60), 2, block=25)
+        check_memory(device.units, noise(60, PAIR), 2, block=25)
 
 
 def test_memory_with_levels_of_frames_and_of_transducers():
     rng = np.random.default_rng(6)
     with pyautd3_array("audit", PAIR) as device:
-        check_memory(device.units, noise(20, rng.random(20)), 2)
-        check_memory(device.units, noise(20, rng.random((20, 498))), 2)
+        check_memory(device.units, noise(20, PAIR, rng.random(20)), 2)
+        check_memory(device.units, noise(20, PAIR, rng.random((20, 498))), 2)
 
 
 @pytest.mark.clock
 @pytest.mark.slow
 def test_five_thousand_frames_on_four_units():
     placement = Placement.grid()
-    drive = noise(5000, placement=placement)
+    drive = noise(5000, placement)
     with pyautd3_array("audit", placement) as device:
         check_memory(device.units, drive, 4)
         report = device.play(clear_any_exposure(drive, device))
@@ -79,7 +74,7 @@ def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monke
     def play():
         with pyautd3_array("audit", PAIR) as device:
             progress = lambda done, _: jump.__setitem__(0, hours if done >= 250 else 0)  # noqa: E731
-            reports.append(device.play(clear_any_exposure(noise(1000), device), progress=progress))
+            reports.append(device.play(clear_any_exposure(noise(1000, PAIR), device), progress=progress))
 
     thread = threading.Thread(target=play, daemon=True)
     thread.start()
@@ -91,7 +86,7 @@ def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monke
 @pytest.mark.long
 def test_after_playing_the_segment_that_plays_is_silent():
     with pyautd3_array("audit", PAIR) as device:
-        report = device.play(clear_any_exposure(noise(300), device))
+        report = device.play(clear_any_exposure(noise(300, PAIR), device))
         assert (report.frames, report.late) == (300, 0)
         assert not device.emitting
         segment = int(device.units.link.current_stm_segment(0))
@@ -106,7 +101,7 @@ def test_the_silencer_is_set():
         device.play(clear_any_exposure(drive, device))
         assert not device.units.link.silencer_fixed_completion_steps_mode(0)
         device.silencer = "half"
-        device.play(clear_any_exposure(noise(20), device))
+        device.play(clear_any_exposure(noise(20, PAIR), device))
         assert device.units.link.silencer_fixed_completion_steps_mode(0)
         assert device.units.link.silencer_completion_steps_phase(0) == 20
         assert not device.units.link.silencer_strict(0)
@@ -115,10 +110,10 @@ def test_the_silencer_is_set():
 @pytest.mark.long
 def test_a_unit_that_is_too_hot_does_not_sound():
     with pyautd3_array("audit", PAIR) as device:
-        assert device.play(clear_any_exposure(noise(300), device)).units == "not too hot"
+        assert device.play(clear_any_exposure(noise(300, PAIR), device)).units == "not too hot"
         device.units.link.assert_thermal_sensor(1)
         with pytest.raises(TooHotError, match="unit 1 too hot before the first frame"):
-            device.play(clear_any_exposure(noise(300), device))
+            device.play(clear_any_exposure(noise(300, PAIR), device))
 
 
 @pytest.mark.long
@@ -131,7 +126,7 @@ def test_a_link_that_breaks_ends_playing():
 
     device = pyautd3_array("audit", PAIR)
     with pytest.raises(DeviceError, match="pyautd3"), device:
-        device.play(clear_any_exposure(noise(2000), device), progress=cut)
+        device.play(clear_any_exposure(noise(2000, PAIR), device), progress=cut)
 
 
 def test_a_link_that_the_sdk_has_not():

@@ -141,16 +141,14 @@ def test_one_program_may_not_have_it_twice_either():
         pass
 
 
-def test_a_symbolic_link_is_not_followed(tmp_path):
+def test_a_symbolic_link_is_not_followed_and_a_folder_in_its_place_one_error(tmp_path):
     mine = tmp_path / "mine"
     mine.write_text("precious", encoding="utf-8")
     (make_state_folder() / f"device-{AUTD3}.json").symlink_to(mine)
     with pytest.raises(FileError, match="expected a file, got a symbolic link; remove it"), device_lock(AUTD3):
         pass
     assert mine.read_text(encoding="utf-8") == "precious"
-
-
-def test_a_file_that_cannot_be_is_one_error():
+    (make_state_folder() / f"device-{AUTD3}.json").unlink()
     (make_state_folder() / f"device-{AUTD3}.json").mkdir()
     with pytest.raises(FileError, match="set MIDAIR_STATE"), device_lock(AUTD3):
         pass

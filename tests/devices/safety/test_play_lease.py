@@ -21,13 +21,8 @@ def lease(clock):
     return PlayLease(clock)
 
 
-def test_nothing_may_sound_before_it_is_armed(lease):
-    assert not lease.armed
-    assert lease.level == 0
-    assert not lease.renew()
-
-
-def test_an_arming_lasts_until_its_deadline_and_each_renewal_moves_that(lease, clock):
+def test_an_arming_lasts_until_its_deadline_which_a_renewal_moves_and_not_when_it_is_missed(lease, clock):
+    assert (lease.armed, lease.level, lease.renew()) == (False, 0, False), "nothing may sound before"
     token = lease.arm(lasts=0.5)
     clock.now += 0.4
     assert lease.refusal(token) is None
@@ -37,9 +32,6 @@ def test_an_arming_lasts_until_its_deadline_and_each_renewal_moves_that(lease, c
     assert lease.left == pytest.approx(0.1)
     clock.now += 0.11
     assert lease.refusal(token) == "expired"
-
-
-def test_a_missed_deadline_cannot_be_renewed(lease, clock):
     token = lease.arm()
     clock.now += 0.6
     assert not lease.renew()
@@ -48,7 +40,7 @@ def test_a_missed_deadline_cannot_be_renewed(lease, clock):
     assert lease.refusal(token) == "disarmed"
 
 
-def test_a_stop_ends_every_arming_before_it_and_no_later_one(lease):
+def test_a_stop_or_a_newer_arming_ends_every_arming_before_it_and_no_later_one(lease):
     first = lease.arm()
     lease.stop()
     assert lease.refusal(first) == "stopped"
@@ -56,13 +48,9 @@ def test_a_stop_ends_every_arming_before_it_and_no_later_one(lease):
     second = lease.arm()
     assert lease.refusal(second) is None
     assert lease.refusal(first) == "stopped"
-
-
-def test_a_newer_arming_ends_an_older_one(lease):
-    first = lease.arm()
-    second = lease.arm()
-    assert lease.refusal(first) == "disarmed"
-    assert lease.refusal(second) is None
+    third = lease.arm()
+    assert lease.refusal(second) == "disarmed"
+    assert lease.refusal(third) is None
 
 
 def test_the_level_can_be_lowered_and_never_raised_beyond_what_was_armed(lease):

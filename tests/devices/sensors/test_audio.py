@@ -104,31 +104,6 @@ def test_48_khz_become_1_khz_with_one_tone_a_channel_and_no_aliases(seconds, pul
     np.testing.assert_array_equal(whole, loudest)
 
 
-@pytest.mark.slow
-def test_pulseaudio_with_its_own_channel_names_permutes_and_one_tone_a_channel_shows_it(pulse_server, tmp_path):
-    with (
-        pulse_server(tmp_path, rate=8000, what="tones", channel_map=""),
-        source_sensor("audio:pulse?channels=16&native=8000&rate=1000") as sensor,
-    ):
-        sensor.start()
-        _, samples = record(sensor, 1)
-    loudest, _ = tones(samples, 1000)
-    assert (np.abs(loudest - (60 + 25 * np.arange(16))) > 1).any()
-
-
-@pytest.mark.slow
-def test_a_pulseaudio_that_ends_is_an_error_in_time(pulse_server, tmp_path):
-    with (
-        pulse_server(tmp_path, rate=8000, what="ramp") as server,
-        source_sensor("audio:pulse?channels=16&native=8000&rate=8000&timeout=2") as sensor,
-    ):
-        sensor.start()
-        sensor.read(800)
-        server.kill()
-        with pytest.raises(DeviceError, match=r"lost 'pulse'; plug it in|got none for 2 s"):
-            record(sensor, 60)
-
-
 @pytest.mark.long
 def test_a_recording_keeps_its_frames_when_its_device_vanishes(pulse_server, tmp_path):
     """PulseAudio's server ends, as for a card that is unplugged; in a program of its own, as a person types it."""

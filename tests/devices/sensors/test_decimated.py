@@ -5,42 +5,23 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from tests.devices.sensors.test_streamed_sensor import Script
 
 from midair.devices.sensors.decimated import CENTRE, Decimated, Decimator
-from midair.devices.sensors.sources import Chunk, Stream
+from midair.devices.sensors.sources import Chunk
 from midair.errors import DeviceStateError
 
 RATE = 3000.0
 
 
-class ArraySource:
-    """Returns the rows of an array in blocks; frames in `lost` are missing."""
-
-    def __init__(self, samples, *, piece=100, lost=range(0)):
-        kept = [(at, samples[at : at + piece]) for at in range(0, len(samples), piece) if at not in lost]
-        self.pieces, self.started, self.closed = kept, False, False
-        self.stream = Stream(channels=samples.shape[1], rate=RATE, unit="V", full_scale=5.0)
-
-    def open(self):
-        return self.stream
-
-    def start(self):
-        self.started, self.left = True, list(self.pieces)
-
-    def pull(self, wait):
-        if not self.left:
-            return None
-        first, samples = self.left.pop(0)
-        return Chunk(samples=samples, first=first, device_time=10 + first / RATE, host_time=50 + first / RATE)
-
-    def stop(self):
-        self.started = False
-
-    def close(self):
-        self.closed = True
-
-    def describe(self):
-        return {"name": "an array"}
+def array_source(samples, *, lost=range(0)):
+    """Returns the rows of an array in blocks of 100; frames in `lost` are missing."""
+    chunks = [
+        Chunk(samples=samples[at : at + 100], first=at, device_time=10 + at / RATE, host_time=50 + at / RATE)
+        for at in range(0, len(samples), 100)
+        if at not in lost
+    ]
+    return Script(chunks, channels=samples.shape[1], rate=RATE, unit="V", full_scale=5.0)
 
 
 def samples(frames=3000, channels=2):
@@ -58,20 +39,17 @@ def everything(source, rate=1000.0):
     return chunks
 
 
-def test_it_is_the_filter_and_the_lower_rate():
-    source = ArraySource(samples())
+def test_it_is_the_filter_at_the_lower_rate_with_the_times_of_its_middle():
+    source = array_source(samples())
     decimated = Decimated(source, 1000.0)
     assert decimated.open() == replace(source.stream, rate=1000.0)
-    assert decimated.describe() == {"name": "an array", "native rate": "3000 Hz", "filter delay": "64 ms"}
+    assert decimated.describe() == {"native rate": "3000 Hz", "filter delay": "64 ms"}
     chunks = everything(source)
     alone = Decimator(RATE, 1000.0).push(samples())
     np.testing.assert_allclose(np.concatenate([chunk.samples for chunk in chunks]), alone, atol=1e-12)
     assert chunks[0].first == 0
     assert all(one.first + len(one) == after.first for one, after in pairwise(chunks))
-
-
-def test_times_are_those_of_the_middle_of_the_filter():
-    for chunk in everything(ArraySource(samples())):
+    for chunk in chunks:
         happened = (chunk.first + CENTRE) / 1000.0
         assert (chunk.device_time, chunk.host_time) == (pytest.approx(10 + happened), pytest.approx(50 + happened))
 
@@ -79,7 +57,7 @@ def test_times_are_those_of_the_middle_of_the_filter():
 @pytest.mark.parametrize("gap", [range(1000, 1100), range(1000, 1300)])
 def test_no_frame_is_made_across_a_gap(gap):
     data = samples()
-    chunks = everything(ArraySource(data, lost=gap))
+    chunks = everything(array_source(data, lost=gap))
     late = [chunk for chunk in chunks if chunk.device_time - 10 > gap.start / RATE]
     # The filter is empty after the gap: the next frame is the one whose filter lies wholly behind it.
     run = -(-gap.stop // 3)
@@ -90,14 +68,14 @@ def test_no_frame_is_made_across_a_gap(gap):
 
 
 def test_a_source_of_that_rate_is_passed_on():
-    source = ArraySource(samples(frames=300))
+    source = array_source(samples(frames=300))
     chunks = everything(source, rate=RATE)
     assert [chunk.first for chunk in chunks] == [0, 100, 200]
     np.testing.assert_array_equal(np.concatenate([chunk.samples for chunk in chunks]), samples(frames=300))
 
 
 def test_starting_again_begins_with_an_empty_filter():
-    source = ArraySource(samples())
+    source = array_source(samples())
     decimated = Decimated(source, 1000.0)
     decimated.open()
     first = []
@@ -105,15 +83,15 @@ def test_starting_again_begins_with_an_empty_filter():
         decimated.start()
         first.append(next(chunk for chunk in iter(lambda: decimated.pull(0.0), 0) if chunk is not None))
         decimated.stop()
-        assert not source.started
+        assert source.calls[-1] == "stop"
     np.testing.assert_array_equal(first[0].samples, first[1].samples)
     assert first[0].first == first[1].first == 0
     decimated.close()
-    assert source.closed
+    assert source.calls[-1] == "close"
 
 
 def test_it_must_be_open():
-    source = ArraySource(samples())
+    source = array_source(samples())
     decimated = Decimated(source, 1000.0)
     decimated.start()
     with pytest.raises(DeviceStateError, match="open first"):

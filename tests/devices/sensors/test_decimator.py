@@ -42,20 +42,12 @@ def test_the_size_of_the_pieces_does_not_matter(pieces):
     np.testing.assert_allclose(through(x, 1470, 1000, pieces), through(x, 1470, 1000, (5000,)), atol=1e-13)
 
 
-@pytest.mark.parametrize("frequency", [0.0, 20.0, 250.0, 470.0])
-def test_a_sine_in_the_band_keeps_its_time(frequency):
-    rate, new_rate = 48000, 1000
-    x = np.cos(2 * np.pi * frequency * np.arange(rate) / rate)[:, None]
-    y = through(x, rate, new_rate)[:, 0]
-    when = (np.arange(len(y)) + CENTRE) / new_rate
-    np.testing.assert_allclose(y, np.cos(2 * np.pi * frequency * when), atol=1e-3)
-
-
-@pytest.mark.parametrize("frequency", [530.0, 900.0, 9030.0, 23000.0])
-def test_what_would_alias_is_80_db_down(frequency):
-    rate = 48000
-    x = np.cos(2 * np.pi * frequency * np.arange(rate) / rate)[:, None]
-    assert np.abs(through(x, rate, 1000)).max() < 1e-4
+def test_a_sine_in_the_band_keeps_its_time_and_what_would_alias_is_80_db_down():
+    frequency, rate = np.array([0.0, 20, 250, 470, 530, 900, 9030, 23000]), 48000
+    y = through(np.cos(2 * np.pi * frequency * np.arange(rate)[:, None] / rate), rate, 1000)
+    when = (np.arange(len(y))[:, None] + CENTRE) / 1000
+    np.testing.assert_allclose(y[:, :4], np.cos(2 * np.pi * frequency[:4] * when), atol=1e-3)
+    assert np.abs(y[:, 4:]).max() < 1e-4
 
 
 def test_the_stated_delay_is_half_the_filter():

@@ -80,10 +80,12 @@ def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_se
 
 
 @pytest.mark.long
-def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
+def test_a_unit_that_contradicts_the_sender_and_a_counter_that_is_no_channel_are_refused(lsl_sender):
     name, _ = lsl_sender(unit="V")
     with pytest.raises(MismatchError, match="the source states V"):
         source_sensor(f"lsl:{name}?search=60&unit=Pa").open()
+    with pytest.raises(InputError, match="a counter among channels 0 to 16, got 17"):
+        source_sensor(f"lsl:{name}?search=60&counter=17").open()
 
 
 def test_a_stream_without_a_sender(lsl_sender):
@@ -92,13 +94,6 @@ def test_a_stream_without_a_sender(lsl_sender):
     lsl_sender()
     with pytest.raises(DeviceError, match=r"a stream called 'Missing', found none in 0\.3 s.*Streams found: midair"):
         LslSource("Missing", search=0.3).open()
-
-
-@pytest.mark.long
-def test_a_counter_that_is_no_channel_is_refused(lsl_sender):
-    name, _ = lsl_sender()
-    with pytest.raises(InputError, match="a counter among channels 0 to 16, got 17"):
-        source_sensor(f"lsl:{name}?search=60&counter=17").open()
 
 
 @pytest.mark.long

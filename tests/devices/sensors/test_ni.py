@@ -8,12 +8,11 @@ from midair.errors import DeviceError
 from midair.rig.names.sensor_names import source_sensor
 
 pytest.importorskip("nidaqmx")
+from midair.devices.sensors.ni import NiSource, devices
 
 
 def test_the_task_is_configured_as_requested(ni_task):
     from nidaqmx.constants import AcquisitionType, TerminalConfiguration
-
-    from midair.devices.sensors.ni import NiSource
 
     source = NiSource("Dev1/ai0:15", rate=2000.0, limit=5.0, wires="rse", make_task=lambda: ni_task)
     with StreamedSensor(source, name="ni") as sensor:
@@ -26,8 +25,6 @@ def test_the_task_is_configured_as_requested(ni_task):
 
 @pytest.mark.parametrize("channels", [1, 16])
 def test_frames_come_out_as_the_task_gives_them(channels, ni_task):
-    from midair.devices.sensors.ni import NiSource
-
     ni_task.channel_names = ni_task.channel_names[:channels]
     with StreamedSensor(NiSource("x", make_task=lambda: ni_task), name="ni") as sensor:
         sensor.start()
@@ -37,8 +34,6 @@ def test_frames_come_out_as_the_task_gives_them(channels, ni_task):
 
 
 def test_a_converter_that_is_pulled_out_is_one_clear_line(ni_task):
-    from midair.devices.sensors.ni import NiSource
-
     sensor = StreamedSensor(NiSource("Dev1/ai0:15", make_task=lambda: ni_task), name="ni")
     with sensor:
         sensor.start()
@@ -52,8 +47,6 @@ def test_a_converter_that_is_pulled_out_is_one_clear_line(ni_task):
 
 def test_a_missing_vendor_driver_is_an_error_with_advice():
     from nidaqmx.errors import DaqNotFoundError
-
-    from midair.devices.sensors.ni import devices
 
     try:
         devices()

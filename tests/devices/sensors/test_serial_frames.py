@@ -89,6 +89,10 @@ def test_a_cut_frame_and_holes_show_in_the_counter():
     runs = decoder.push(frame(0) + frame(1)[:11] + frame(2) + frame(3) + frame(9))
     assert [(run.counter, len(run.samples)) for run in runs] == [(0, 1), (2, 2), (9, 1)]
     assert decoder.skipped == 11
+    decoder = Decoder()
+    decoder.push(frame(0))
+    assert decoder.push(frame(1, channels=4)) == []
+    assert decoder.skipped == len(frame(1, channels=4))
 
 
 def test_counter_and_time_go_on_over_their_wraps():
@@ -99,17 +103,7 @@ def test_counter_and_time_go_on_over_their_wraps():
     assert run.counter == WRAP - 1
     (run,) = decoder.push(encode([3], counter=WRAP + 1, time_us=WRAP + 1500))
     assert (run.counter, run.time_us) == (WRAP + 1, WRAP + 1500)
-
-
-def test_a_counter_that_goes_back_is_a_restart():
     decoder = Decoder()
     decoder.push(frame(300))
     with pytest.raises(DeviceError, match=r"after number 300, got 0; the sensor restarted"):
         decoder.push(frame(0))
-
-
-def test_frames_of_another_layout_are_not_taken():
-    decoder = Decoder()
-    decoder.push(frame(0))
-    assert decoder.push(frame(1, channels=4)) == []
-    assert decoder.skipped == len(frame(1, channels=4))

@@ -13,6 +13,8 @@ from midair.errors import DeviceError, HeldError
 from midair.rig.names.sensor_names import source_sensor
 
 pytest.importorskip("serial")
+from midair.devices.sensors.serial_port import SerialSource
+
 TIOCGEXCL = 0x80045440
 """Linux: asks whether TIOCEXCL was set."""
 
@@ -60,23 +62,15 @@ def test_holes_in_the_line_are_counted_exactly(serial_line):
     assert blocks[-1].first + len(blocks[-1].samples) == len(ramp) + lost
 
 
-def test_device_time_is_the_sensors_own_stamp(serial_line):
-    line = serial_line(rate=500)
-    with source_sensor(f"serial:{line.port}") as sensor:
-        sensor.start()
-        blocks, _ = record(sensor, 0.5)
-        assert sensor.rate == 500.0
-    times = [block.device_time for block in blocks]
-    np.testing.assert_allclose(times, times[0] + np.array([block.first for block in blocks]) / 500, atol=1e-6)
-
-
-def test_volts_follow_from_the_full_scale(serial_line):
-    line = serial_line(width=3)
+def test_device_time_is_the_sensors_own_stamp_and_volts_follow_from_the_full_scale(serial_line):
+    line = serial_line(rate=500, width=3)
     with source_sensor(f"serial:{line.port}?unit=V&full_scale=2.5") as sensor:
         sensor.start()
-        samples = sensor.read(3).samples
-        assert (sensor.unit, sensor.full_scale) == ("V", 2.5)
-    np.testing.assert_allclose(np.diff(samples.reshape(3, 16)), 2.5 / 2**23)
+        blocks = [sensor.read(100) for _ in range(3)]
+        assert (sensor.rate, sensor.unit, sensor.full_scale) == (500.0, "V", 2.5)
+    times = [block.device_time for block in blocks]
+    np.testing.assert_allclose(times, times[0] + np.array([block.first for block in blocks]) / 500, atol=1e-6)
+    np.testing.assert_allclose(np.diff(blocks[0].samples.reshape(100, 16)), 2.5 / 2**23)
 
 
 @pytest.mark.long
@@ -129,8 +123,6 @@ def test_another_program_s_lock_on_the_port_is_an_error(serial_line):
 
 
 def test_a_missing_permission_for_a_port_names_the_group():
-    from midair.devices.sensors.serial_port import SerialSource
-
     def refuse():
         raise PermissionError(13, "could not open port")
 
@@ -140,24 +132,12 @@ def test_a_missing_permission_for_a_port_names_the_group():
         SerialSource("/dev/ttyUSB77", connect=refuse).open()
 
 
-def test_a_port_that_sends_nothing_is_let_go():
-    from midair.devices.sensors.serial_port import SerialSource
-
+def test_a_port_that_sends_nothing_is_let_go_and_one_with_other_data_reports_the_number_of_bytes():
     master, slave = os.openpty()
     try:
         for _ in range(2):
             with pytest.raises(DeviceError, match="no whole frame"):
                 SerialSource(os.ttyname(slave), search=0.1).open()
-    finally:
-        os.close(master)
-        os.close(slave)
-
-
-def test_a_port_with_other_data_reports_the_number_of_bytes():
-    from midair.devices.sensors.serial_port import SerialSource
-
-    master, slave = os.openpty()
-    try:
         tty.setraw(slave)
         source = SerialSource(os.ttyname(slave), search=0.4)
         talk = threading.Timer(0.1, os.write, (master, b"Arduino ready\n"))

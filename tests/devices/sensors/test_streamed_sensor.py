@@ -60,13 +60,18 @@ def wired(**settings):
     return lambda _: SensorWiring(grid=SensorGrid(rows=2, columns=2), **settings)
 
 
-def test_blocks_are_cut_from_chunks_of_any_size():
+def test_blocks_are_cut_from_chunks_of_any_size_and_no_thread_is_left_behind():
     with StreamedSensor(Script([chunk(0, 7), chunk(7, 1), chunk(8, 30)]), name="s") as sensor:
         sensor.start()
         blocks = [sensor.read(5) for _ in range(6)]
+        with pytest.raises(InputError, match="got 0"):
+            sensor.read(0)
+        for _ in range(2):
+            sensor.start()
     assert [block.first for block in blocks] == [0, 5, 10, 15, 20, 25]
     assert [block.host_time for block in blocks] == pytest.approx([100 + n / 1000 for n in range(0, 30, 5)])
     np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks])[:, 0, 0], 10 * np.arange(30))
+    assert not [thread for thread in threading.enumerate() if thread.name == "midair source"]
 
 
 def test_a_gap_ends_a_block_and_is_reported_in_the_next():
@@ -127,10 +132,18 @@ def test_a_late_reader_loses_only_excess_frames_and_they_are_counted():
     assert (last.first, last.overflow) == (400, True)
 
 
-def test_too_few_channels_are_refused_and_the_source_let_go():
-    source = Script(channels=3)
-    with pytest.raises(MismatchError, match=r"expected 4 channels for 2 x 2 cells, got 3"):
-        StreamedSensor(source, name="s", wire=wired()).open()
+@pytest.mark.parametrize(
+    ("stream", "wiring", "error", "words"),
+    [
+        ({"channels": 3}, {}, MismatchError, "expected 4 channels for 2 x 2 cells, got 3"),
+        ({"unit": "V"}, {"unit": "Pa"}, MismatchError, "expected samples in Pa, the source states V; set unit=V"),
+        ({"full_scale": 1.0}, {"unit": "V"}, InputError, "expected full_scale for a unit of V"),
+    ],
+)
+def test_a_wiring_that_contradicts_the_source_is_refused_and_the_source_let_go(stream, wiring, error, words):
+    source = Script(**stream)
+    with pytest.raises(error, match=words):
+        StreamedSensor(source, name="s", wire=wired(**wiring)).open()
     assert source.calls == ["open", "close"]
 
 
@@ -153,34 +166,10 @@ def test_units_and_full_scale(stream, wiring, factor, full_scale):
         assert sensor.full_scale == sensor.wiring.full_scale == full_scale
 
 
-def test_a_unit_that_contradicts_the_source_is_refused():
-    with pytest.raises(MismatchError, match=r"expected samples in Pa, the source states V; set unit=V"):
-        StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="Pa")).open()
-
-
-def test_volts_of_a_source_without_a_scale_need_a_full_scale():
-    with pytest.raises(InputError, match="expected full_scale for a unit of V"):
-        StreamedSensor(Script(full_scale=1.0), name="s", wire=wired(unit="V")).open()
-
-
 def test_a_stated_sensitivity_is_a_nominal_calibration():
     with StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="V", sensitivity=0.02)) as sensor:
         assert np.all(sensor.calibration.response == 0.02)
         assert sensor.calibration.provenance.source.startswith("nominal")
-
-
-def test_no_thread_is_left_behind():
-    with StreamedSensor(Script([chunk(0, 2)]), name="s") as sensor:
-        for _ in range(3):
-            sensor.start()
-    assert not [thread for thread in threading.enumerate() if thread.name == "midair source"]
-
-
-def test_less_than_one_frame_cannot_be_read():
-    with StreamedSensor(Script(), name="s") as sensor:
-        sensor.start()
-        with pytest.raises(InputError, match="got 0"):
-            sensor.read(0)
 
 
 class Endless(Script):

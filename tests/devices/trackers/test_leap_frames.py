@@ -18,10 +18,12 @@ from midair.model import PalmPath
 POSE = (0.01, -0.02, 0.2, 0, 0.6, -0.8, 0, 0.8, 0.6)
 
 
-def test_a_frame_is_turned_to_metres_with_z_up():
+def test_a_frame_is_turned_to_metres_with_z_up_and_a_malformed_one_described():
     pose = LeapFrames().read(frame(1, 2.5, POSE, 0.75))
     np.testing.assert_allclose(pose.values, POSE)
     assert (pose.stamp, pose.confidence) == (2.5, 0.75)
+    for wrong in ([], {"hands": [{"id": 1}]}, {"hands": 5}, {"hands": [None], "timestamp": 1}):
+        assert isinstance(LeapFrames().read(wrong), str)
 
 
 def test_the_same_hand_is_followed_while_it_is_seen():
@@ -31,11 +33,6 @@ def test_the_same_hand_is_followed_while_it_is_seen():
     assert reader.read({**two, "hands": [other, *two["hands"]]}).values[0] == 0.01
     assert reader.read({**two, "hands": [other]}).values[0] == 0.3
     assert LeapFrames("left").read(two) is None
-
-
-@pytest.mark.parametrize("wrong", [[], {"hands": [{"id": 1}]}, {"hands": 5}, {"hands": [None], "timestamp": 1}])
-def test_a_malformed_frame_is_described(wrong):
-    assert isinstance(LeapFrames().read(wrong), str)
 
 
 def test_a_recording_of_frames_is_replayed(tmp_path):

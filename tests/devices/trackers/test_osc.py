@@ -24,15 +24,12 @@ def raw(tags, data=b""):
     return write_string("/palm") + write_string("," + tags) + data
 
 
-def test_every_value_has_its_place():
+def test_every_value_has_its_place_and_a_bundle_in_a_bundle_the_later_time():
     values = [0.5, 3, True, "a word", False, None]
     assert osc_messages(build_msg("/palm/7", values).dgram) == [(None, "/palm/7", values)]
     data = struct.pack(">qdi", -(2**40), 0.1, 65) + write_string("symbol") + struct.pack(">f", 2.0)
     assert osc_messages(raw("hdcISTf", data)) == [(None, "/palm", [-(2**40), 0.1, 65, None, "symbol", True, 2.0])]
     assert osc_messages(write_string("/midair/stop")) == [(None, "/midair/stop", [])]
-
-
-def test_a_bundle_in_a_bundle_has_the_later_time():
     one = build_msg("/one", [1])
     inner = bundle(0, one, bundle(1.7e9 + 1, one))
     read = osc_messages(bundle(1.7e9, one, inner, one).dgram)

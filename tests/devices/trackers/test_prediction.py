@@ -23,17 +23,13 @@ def test_the_transition_is_that_of_the_differential_equation(model):
         np.testing.assert_allclose(model.transition(after), expm(motion * after), rtol=1e-5, atol=1e-12)
 
 
-@pytest.mark.parametrize("model", [CONSTANT_VELOCITY, CONSTANT_ACCELERATION])
-def test_a_palm_of_constant_speed_is_predicted(model):
+def test_a_palm_of_constant_speed_is_predicted_and_by_damping_less_until_100_ms():
     times = np.arange(60) / 110
-    predictor = PosePredictor(model)
-    predictor.add(palm_path(times, moving(times)))
-    later = times[-1] + np.array([0.01, 0.04])
-    np.testing.assert_allclose(predictor.at(later).centre, moving(later), atol=1e-5)
-
-
-def test_damping_predicts_less_than_constant_speed_and_ends_after_100_ms():
-    times = np.arange(60) / 110
+    for model in (CONSTANT_VELOCITY, CONSTANT_ACCELERATION):
+        predictor = PosePredictor(model)
+        predictor.add(palm_path(times, moving(times)))
+        later = times[-1] + np.array([0.01, 0.04])
+        np.testing.assert_allclose(predictor.at(later).centre, moving(later), atol=1e-5)
     predictor = PosePredictor(DAMPED_VELOCITY)
     predictor.add(palm_path(times, moving(times)))
     ahead = predictor.at(times[-1] + np.array([0.02, 0.1, 1.0])).centre[:, 0] - moving(times[-1:])[0, 0]

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.model.test_calibration import calibration
 from tests.palms import palm_path
 from tests.simulators.exposure_override import clear_any_exposure
 
@@ -12,7 +13,6 @@ from midair.model import (
     HEIGHT,
     Acoustics,
     AmplitudeFrames,
-    ArrayCalibration,
     ControlGrid,
     Drive,
     Medium,
@@ -155,23 +155,21 @@ def warm():
     return solve(target, ARRAY, method="fast", acoustics=air), target
 
 
-def test_the_error_at_play_in_the_air_of_the_drive_is_the_solver_s(warm):
+def test_the_error_at_play_is_the_solver_s_and_in_another_air_what_error_in_air_says(warm):
     solution, target = warm
     np.testing.assert_allclose(error_at_play(solution, target, None), solution.error, rtol=1e-4)
     np.testing.assert_allclose(error_at_play(solution, target, solution.drive.acoustics), solution.error, rtol=1e-4)
+    cold = Acoustics()
+    found = error_at_play(solution, target, cold)
+    assert found.min() > solution.error.max()
+    np.testing.assert_allclose(found, error_at_temperature(solution.drive, target, cold.medium), rtol=1e-4)
 
 
 def test_a_known_reflection_is_solved_for_as_far_as_the_height_is_known(warm):
     plain, target = warm
-    parts = dict.fromkeys(["strength", "phase", "resonance", "quality"], np.zeros(249))
-    known = ArrayCalibration(
-        array=ARRAY,
-        response=np.ones(249),
-        pole=EXACT["chain"].transducers.pole,
-        dead=np.zeros(249, bool),
-        reflection=0.5,
-        **{f"{name}_uncertainty": value for name, value in parts.items()},
-    )
+    none = {f"{name}_uncertainty": np.zeros(249) for name in ("strength", "phase", "resonance", "quality")}
+    none |= {"response": np.ones(249), "pole": EXACT["chain"].transducers.pole, "dead": np.zeros(249, bool)}
+    known = calibration(ARRAY, reflection=0.5, **none)
     asked = PressureFrames(pressure=np.ones((5, 4, 4)), rate=1000.0, sensor=SensorGrid(), provenance=Provenance())
     errors = [error_at_play(plain, target, None, reflection=0.5)]
     for uncertainty in (Settings().target.height_uncertainty, 0.5e-3, 0.0):
@@ -183,14 +181,6 @@ def test_a_known_reflection_is_solved_for_as_far_as_the_height_is_known(warm):
     np.testing.assert_allclose(errors[1], errors[0], rtol=1e-6)
     assert (errors[2] < 0.8 * errors[0]).all()
     assert (errors[3] < 0.7 * errors[0]).all()
-
-
-def test_the_error_at_play_in_another_air_is_what_error_in_air_says(warm):
-    solution, target = warm
-    cold = Acoustics()
-    found = error_at_play(solution, target, cold)
-    assert found.min() > solution.error.max()
-    np.testing.assert_allclose(found, error_at_temperature(solution.drive, target, cold.medium), rtol=1e-4)
 
 
 def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
@@ -207,14 +197,13 @@ def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
 
 
 @pytest.mark.long
-def test_pressure_goes_with_the_square_of_the_level():
+def test_pressure_goes_with_the_square_of_level_and_strength_and_a_seed_is_an_array():
     np.testing.assert_allclose(steady(level=0.4, **EXACT), 4 * steady(level=0.2, **EXACT), rtol=1e-9)
     np.testing.assert_allclose(steady(level=0.4, **PERFECT), 4 * steady(level=0.2, **PERFECT), rtol=1e-5)
-
-
-@pytest.mark.long
-def test_weaker_transducers_press_less():
     np.testing.assert_allclose(steady(**WEAKER), 0.81 * steady(**PERFECT), rtol=1e-5)
+    first, again, other = (steady(chain=drawn(seed)) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
 
 
 def test_transducers_take_their_time():
@@ -241,13 +230,6 @@ def test_blocks_of_a_long_drive_join_without_a_seam():
 def test_a_rate_that_does_not_fit_is_refused():
     with VirtualArray(ARRAY, VirtualSkin(SensorModel())) as array, pytest.raises(RateError, match="whole multiple"):
         array.play(clear_any_exposure(focus(rate=3000.0), array))
-
-
-@pytest.mark.long
-def test_the_same_seed_is_the_same_array():
-    first, again, other = (steady(chain=drawn(seed)) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
 
 
 def wandering(frames=60):

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from tests.drives import log
+from tests.drives import Loud, log
 from tests.simulators.udp_proxy import UdpProxy
 from tests.waiting import wait_until
 
 from midair.cli import run
-from midair.devices import ExposureChoices, VirtualArray, measure_exposure
+from midair.devices import ExposureChoices, measure_exposure
 from midair.errors import ExposureError, InputError
 from midair.files import load_solution, profile_named, save_solutions
 from midair.model import PressureFrames, SensorGrid, TransducerArray
@@ -42,10 +42,6 @@ FAILSAFE = 0x80
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MIDAIR_STATE", "state")
-
-
-class Loud(VirtualArray):
-    gated = True
 
 
 def pressure(frames=800, rate=20.0):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import soundfile
-from tests.drives import save_drive
+from tests.drives import Loud, save_drive
 
 from midair.devices import VirtualArray, autd3_array
 from midair.errors import ExposureError, InputError, SilentFramesError
@@ -42,6 +42,9 @@ def test_array_plays_drives_and_experimenter_presents_objects():
         one.present(NOTHING)
         one.silence()
     assert told[2:] == ["stop"]
+    nobody = SilentPresenter()
+    nobody.present(BRUSH)
+    assert nobody.felt == ("b",)
 
 
 class Noise:
@@ -109,16 +112,7 @@ def test_a_drive_for_another_array_is_refused_by_its_name(tmp_path):
         cleared_drives(tmp_path, Session.on(device, None, None))("a.drive.h5", 0.5)
 
 
-def test_nobody_presents_for_a_simulated_participant():
-    nobody = SilentPresenter()
-    nobody.present(BRUSH)
-    assert nobody.felt == ("b",)
-
-
 def test_a_too_loud_drive_is_refused():
-    class Loud(VirtualArray):
-        gated = True
-
     with Loud(ARRAY) as device:
         with pytest.raises(ExposureError, match=r"^exposure: .* dB too loud"):
             presenter(device, drive(), []).present(TONE)
