@@ -79,6 +79,17 @@ def test_a_pair_of_files_is_a_take(lab):
     assert (take.reference.uncertainty, take.reference.name, take.cell) == (0.01, "force cell 7", None)
     assert take.recording.provenance.source == "a.h5"
     assert take_of(folder, cells=[3])[0].cell == 3
+    with pytest.raises(UnitError, match="--reference-sensitivity 50mV/Pa"):
+        take_of(folder, ReferenceChoice())
+    save(replace(reference, unit="Pa"), folder / "ref.h5")
+    assert take_of(folder, ReferenceChoice())[0].reference.pressure == pytest.approx(reference.samples.ravel())
+    save(replace(reference, samples=reference.samples[:-20]), folder / "ref.h5")
+    take, notes = take_of(folder)
+    assert take.recording.frames == 7980
+    assert "cut to 7980 frames" in notes[0]
+    save(replace(reference, samples=reference.samples[:-800]), folder / "ref.h5")
+    with pytest.raises(MismatchError, match=r"8\.000 s, got 7\.200 s"):
+        take_of(folder)
 
 
 def test_the_notes_say_which_cell(lab):
@@ -113,22 +124,3 @@ def test_a_reference_of_another_rate_is_resampled_and_gives_the_same(lab):
     once, again = measure_calibration([take_of(folder)[0]]), measure_calibration([take])
     band = np.linspace(25, 450, 50)
     assert again.response_at(band) == pytest.approx(once.response_at(band), rel=0.01)
-
-
-def test_an_extra_frame_is_cut_off_and_reported(lab):
-    _, _, reference, folder = lab
-    save(replace(reference, samples=reference.samples[:-20]), folder / "ref.h5")
-    take, notes = take_of(folder)
-    assert take.recording.frames == 7980
-    assert "cut to 7980 frames" in notes[0]
-    save(replace(reference, samples=reference.samples[:-800]), folder / "ref.h5")
-    with pytest.raises(MismatchError, match=r"8\.000 s, got 7\.200 s"):
-        take_of(folder)
-
-
-def test_a_reference_in_pascals_needs_no_sensitivity(lab):
-    _, _, reference, folder = lab
-    with pytest.raises(UnitError, match="--reference-sensitivity 50mV/Pa"):
-        take_of(folder, ReferenceChoice())
-    save(replace(reference, unit="Pa"), folder / "ref.h5")
-    assert take_of(folder, ReferenceChoice())[0].reference.pressure == pytest.approx(reference.samples.ravel())

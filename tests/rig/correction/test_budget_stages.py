@@ -51,43 +51,32 @@ STAGES = ["mapping", "interpolation", "solver", "quantisation", "frame hold", "t
 
 
 @pytest.mark.long
-def test_every_stage_has_its_line(paper, best):
-    assert [stage.name for stage in paper.stages] == STAGES
-    assert [stage.name for stage in best.stages] == ["beforehand", *STAGES]
-    assert paper.simulated
-    assert len(json.loads(json.dumps(paper.plain()))["stages"]) == 8
-
-
-@pytest.mark.long
-def test_loss_of_rectification(paper):
+def test_every_stage_has_its_line_and_rectification_its_loss(paper, best):
     """Half a wave: as much power in harmonics as is left over; 5 to 8 dB remain in the band, whatever comes after."""
     assert 4 < paper.stage("mapping").alone.distortion_ratio < 9
     assert paper.stage("sensor").so_far.distortion_ratio < 10
     assert paper.stage("mapping").alone.gain == pytest.approx(0.5, abs=0.05)
+    assert [stage.name for stage in paper.stages] == STAGES
+    assert [stage.name for stage in best.stages] == ["beforehand", *STAGES]
+    assert paper.simulated
+    assert len(json.loads(json.dumps(paper.plain()))["stages"]) == 8
+    assert paper.stage("mapping").so_far.images is None
+    assert best.stage("sensor").so_far.images is None
+    assert paper.stage("frame hold").so_far.images > paper.stage("quantisation").so_far.images
+    assert best.stage("silencer").so_far.images < paper.stage("silencer").so_far.images - 10
 
 
-@pytest.mark.long
-def test_a_slow_bias_and_a_delay_of_the_transducers_cost_next_to_nothing(best):
-    """Cut out before its delay was, a perfect piece came to 30 dB; and all that was played seemed a moment early."""
-    assert best.stage("mapping").alone.distortion_ratio > 25
-    moving = best.stage("transducers")
-    assert moving.alone.distortion_ratio > 30
-    assert abs(moving.so_far.delay) < 30e-6
-
-
-def test_phases_of_eight_bits_the_sensor_and_a_stage_that_is_off_cost_next_to_nothing(paper, best):
+def test_what_costs_next_to_nothing(paper, best):
     assert paper.stage("quantisation").alone.distortion_ratio > 35
     assert best.stage("sensor").so_far.distortion_ratio > best.stage("silencer").so_far.distortion_ratio - 3
     assert paper.stage("silencer").alone.distortion_ratio > 100
     assert paper.stage("solver").leak.peak > 0
     assert all(stage.leak is None for stage in paper.stages if stage.name != "solver"), "only its field can leak"
-
-
-def test_images_come_with_the_hold_and_less_of_them_at_a_higher_rate(paper, best):
-    assert paper.stage("mapping").so_far.images is None
-    assert best.stage("sensor").so_far.images is None
-    assert paper.stage("frame hold").so_far.images > paper.stage("quantisation").so_far.images
-    assert best.stage("silencer").so_far.images < paper.stage("silencer").so_far.images - 10
+    # Cut out before its delay was, a perfect piece came to 30 dB; and all that was played seemed a moment early.
+    assert best.stage("mapping").alone.distortion_ratio > 25
+    moving = best.stage("transducers")
+    assert moving.alone.distortion_ratio > 30
+    assert abs(moving.so_far.delay) < 30e-6
 
 
 @pytest.mark.long

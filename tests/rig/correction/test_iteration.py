@@ -51,14 +51,6 @@ def test_each_of_more_than_five_passes_is_better_than_the_one_before():
 
 
 @pytest.mark.long
-def test_the_provenance_of_a_corrected_pass_has_its_steps():
-    corrected = looped(COARSE, 2, SMALL)
-    stages = [step.stage for step in corrected.passes[-1].asked.provenance.steps]
-    assert stages.count("correct") == 2
-    assert [one.step for one in corrected.passes] == [None, None, 0.8, 0.8]
-
-
-@pytest.mark.long
 def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(loop, monkeypatch):
     """On a rig where every correction increases the error: three steps, each smaller, none kept."""
     start, tried = loop.passes[1], []

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy
+from tests.model.test_calibration import calibration
 
 from midair.cli.app import run
 from midair.errors import BrokenFileError
 from midair.evaluate import ALL, ALL_FOLLOWED, ALL_MEASURED, LaboratoryLoss, fidelity
 from midair.files import Laboratory, load_laboratory, save_laboratory
-from midair.model import Acoustics, ArrayCalibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
+from midair.model import Acoustics, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import (
     SensorModel,
     TransducerDynamics,
@@ -157,16 +158,8 @@ def test_the_seed_gives_the_same_laboratories(focus) -> None:
 @pytest.mark.long
 def test_a_measured_array_leaves_the_uncertainty_of_its_measurement(focus) -> None:
     count = ARRAY.count
-    known = ArrayCalibration(
-        array=ARRAY,
-        response=np.ones(count, complex),
-        pole=np.full(count, -5000.0 + 0j),
-        strength_uncertainty=np.full(count, 0.01),
-        phase_uncertainty=np.full(count, 0.01),
-        resonance_uncertainty=np.full(count, 1.0),
-        quality_uncertainty=np.full(count, 0.01),
-        dead=np.zeros(count, bool),
-    )
+    plain = {"response": np.ones(count, complex), "pole": np.full(count, -5000.0 + 0j), "dead": np.zeros(count, bool)}
+    known = calibration(ARRAY, **plain, resonance_uncertainty=np.full(count, 1.0))
     lab = NOTHING.but(strength=0.2, resonance_hz=500.0, unit_position_mm=0.5, dead=0.05)
     before, after = loss(focus, lab), loss(focus, lab, measured=known)
     assert np.median(before.ratios[ALL_MEASURED]) > np.median(before.ratios[ALL]) + 3

@@ -65,29 +65,11 @@ def test_the_page_has_all_sections(loop, page):
     assert f"{100 * made.solution.error[inside].mean():.3g}" in page
 
 
-@pytest.fixture
-def without_pictures(monkeypatch):
-    """They take seconds to draw."""
-    monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [])
-
-
 @pytest.mark.long
-@pytest.mark.usefixtures("without_pictures")
-def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page, tmp_path):
+def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page, tmp_path, monkeypatch):
+    monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [])
     assert "negative half cannot be played" in page
     assert "negative half" not in written(replace(loop, settings=loop.settings.but(mapping="slow-bias")), tmp_path)
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("without_pictures")
-def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
-    old = tmp_path / "report.html"
-    old.write_text("old")
-    with pytest.raises(Exception, match="folder"):
-        write_report(loop, tmp_path / "nowhere" / "report.html")
-    write_report(loop, old)
-    assert "SIMULATED" in old.read_text(encoding="utf-8")
-    assert list(tmp_path.iterdir()) == [old]
 
 
 @pytest.mark.browser
@@ -162,9 +144,6 @@ def test_the_view_has_recording_drive_and_rerecording(loop):
     assert np.array_equal(shown.again.values, last.felt.pressure[: shown.frames].reshape(shown.frames, -1))
     assert np.array_equal(shown.sound.wanted, made.target.amplitude[inside])
     assert np.array_equal(shown.sound.drive.phase, made.solution.drive.phase[inside])
-
-
-def test_a_drive_of_other_frames_is_left_out(loop):
     shown = view_of_loop(replace(loop, original=loop.original.cut(0, 0.05)))
     assert shown.sound is None
     assert shown.frames == 50

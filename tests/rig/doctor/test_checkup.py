@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from tests.devices.sensors.test_streamed_sensor import Script
 
 from midair.devices import StreamedSensor
-from midair.devices.sensors.sources import Chunk, Source, Stream
+from midair.devices.sensors.sources import Chunk
 from midair.errors import DeviceError, MissingExtraError, UnknownDeviceError
 from midair.registry import Registry
 from midair.rig.doctor import checkup
@@ -98,28 +99,12 @@ def test_a_missing_device_gives_advice():
         device_findings("autd9")
 
 
-class Sick(Source):
-    def open(self):
-        return Stream(channels=4, rate=1000.0, unit="V", full_scale=2.0)
-
-    def start(self):
-        self.given = False
-
-    def pull(self, wait):
-        if self.given:
-            return None
-        self.given = True
-        samples = np.random.default_rng(0).uniform(-1, 1, (500, 4))
-        samples[:, 1] = 0.25
-        samples[7, 2] = -2.0
-        return Chunk(samples=samples, first=0, device_time=0.0, host_time=0.0)
-
-    def describe(self):
-        return {"port": "COM3"}
-
-
 def test_a_live_sensor_is_read(monkeypatch):
-    monkeypatch.setattr(checkup, "source_sensor", lambda name: StreamedSensor(Sick(), name=name))
+    samples = np.random.default_rng(0).uniform(-1, 1, (500, 4))
+    samples[:, 1], samples[7, 2] = 0.25, -2.0
+    sick = Script([Chunk(samples=samples, first=0, device_time=0.0, host_time=0.0)], unit="V", full_scale=2.0)
+    sick.describe = lambda: {"port": "COM3"}
+    monkeypatch.setattr(checkup, "source_sensor", lambda name: StreamedSensor(sick, name=name))
     found = {each.subject.removeprefix("serial:COM3: "): each for each in live_sensor_findings("serial:COM3")}
     assert (found["cells that never change"].state, found["cells that never change"].found) == ("broken", "1")
     assert (found["cells that clip"].state, found["cells that clip"].found) == ("broken", "2")

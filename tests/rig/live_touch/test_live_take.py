@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from midair.devices import ExposureChoices
-from midair.errors import FileError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named, save
 from midair.model import Calibration, Placement, SensorGrid
 from midair.rig.live_touch.live_settings import LiveSettings
@@ -106,10 +105,3 @@ def test_frames_not_read_in_time_are_counted(tmp_path):
     assert take.missed == 137
     assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 0, 137)]
     assert kept.recording.frames == 63
-
-
-def test_an_existing_file_is_not_overwritten(tmp_path):
-    (tmp_path / "felt.h5").write_bytes(b"something")
-    with pytest.raises(FileError), taking(tmp_path / "felt.h5", TouchRing(64, 64, 249)):
-        pass
-    assert (tmp_path / "felt.h5").read_bytes() == b"something"

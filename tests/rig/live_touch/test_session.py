@@ -184,6 +184,8 @@ def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path, s
 @contextmanager
 def skin(rate):
     """The name of a stream of another program, which sends so many frames a second, and the program."""
+    pytest.importorskip("pylsl")
+    os.environ.setdefault("LSLAPICFG", str(Path(__file__).parents[2] / "devices" / "sensors" / "lsl_api.cfg"))
     name, here = f"midair-{os.getpid()}-{time.monotonic_ns()}", Path(__file__).parent
     command = [sys.executable, str(here / "touch_sender.py"), name, str(rate)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
@@ -210,3 +212,31 @@ def test_a_sensor_with_another_rate_than_stated_is_reported(rate, status):
         line = [sys.executable, "-m", "midair", "live", "--sensor", sensor, "--duration", "8s"]
         told = check_rate_report(line, rate, status)
     assert sum(told["over_time"]["late"]) == told["late"]
+
+
+@pytest.mark.slow
+def test_all_frames_of_another_program_arrive_and_lost_ones_are_counted(tmp_path):
+    path = tmp_path / "felt.h5"
+    live = {"exposure": ANSWERED, "duration": 5.0, "keep": path}
+    with skin(1000) as (name, _), midair.live(name, "autd3:emulator", **live) as session:
+        session.wait()
+    told, felt, played = session.statistics, open_take(path).recording.samples[:, 1, 1], load_played(path)
+    assert told.frames == len(felt) == played.frames
+    assert told.lost == pytest.approx(100, abs=20)
+    # In step with the tone from the first frame to the last but for the frames left out, whose place holds.
+    sent = 20.0 * np.sin(0.2 * np.pi * (np.arange(len(felt)) + np.arange(10)[:, None]))
+    held = (np.abs(felt - sent) > 1e-3).sum(axis=1).min()
+    assert held <= told.lost
+    assert ((played.state & 1) > 0).sum() > 1000
+
+
+@pytest.mark.slow
+def test_a_program_that_ends_is_a_sensor_that_is_lost():
+    with (
+        skin(1000) as (name, running),
+        pytest.raises(DeviceError, match="lsl"),
+        midair.live(name, "autd3:emulator", exposure=ANSWERED) as session,
+    ):
+        session.wait(1.0)
+        running.kill()
+        wait_until(lambda: not session.wait(0.1), 10)

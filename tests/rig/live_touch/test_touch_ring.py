@@ -12,7 +12,7 @@ def written(ring, numbers):
         ring.publish()
 
 
-def test_gives_every_frame_once_and_in_order():
+def test_gives_every_frame_once_and_in_order_and_a_slow_reader_the_number_of_missed_ones():
     ring, seen, got = TouchRing(*SHAPE), 0, []
     for first in range(0, 30, 5):
         written(ring, range(first, first + 5))
@@ -22,9 +22,6 @@ def test_gives_every_frame_once_and_in_order():
         got += found["number"].tolist()
     assert got == list(range(30))
     assert len(ring.since(seen)[0]) == 0
-
-
-def test_a_slow_reader_gets_the_number_of_missed_frames():
     ring = TouchRing(*SHAPE)
     written(ring, range(20))
     found, seen, missed = ring.since(3)

@@ -24,14 +24,11 @@ def take(**changes):
     return Take(**{**whole, "memory": None, "highest": 0.0, "rate": None, "clock": None, **changes})
 
 
-def test_a_good_take_has_no_problems():
-    assert take_problems(take(), 1000.0) == []
-    assert take_problems(take(rate=Drift(ppm=5, uncertainty=6, span=10)), 1000.0) == []
-
-
 def test_each_problem_of_a_take_has_a_line():
     bad = take(lost=16, error=DeviceError("bench: unplugged"), rate=Drift(ppm=3200, uncertainty=6, span=10))
     rows = dict(take_problems(bad, 1000.0))
     assert rows["lost"].startswith("16 frames (1.6 %)")
     assert rows["frames per second"].startswith("1003.2 Hz, +3.2e+03 ± 6 ppm")
     assert rows["ended by"] == "bench: unplugged"
+    assert take_problems(take(), 1000.0) == []
+    assert take_problems(take(rate=Drift(ppm=5, uncertainty=6, span=10)), 1000.0) == []

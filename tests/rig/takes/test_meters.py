@@ -17,16 +17,13 @@ def heard(samples, block=50, **options):
     return meters.levels, [(event.kind, event.channel, event.frame) for event in events]
 
 
-def test_levels_of_a_sine_about_its_rest():
+def test_levels_of_a_sine_about_its_rest_and_what_the_window_forgets():
     """1 V peak at 2 V of rest: .7071 V rms, 1 V peak; the window of 300 frames holds whole periods of 50 Hz."""
     samples = 2 + np.sin(2 * np.pi * 50 * TIME)[:, None] * np.array([1.0, 0.1])
     levels, events = heard(samples)
     np.testing.assert_allclose(levels.rms, np.array([1, 0.1]) / np.sqrt(2), rtol=1e-9)
     np.testing.assert_allclose(levels.peak, [1, 0.1], rtol=1e-9)
     assert events == []
-
-
-def test_the_window_forgets_and_the_highest_does_not():
     samples = np.random.default_rng(0).normal(0, 1e-3, (2000, 1))
     samples[500, 0] = 3.0
     levels, _ = heard(samples)
@@ -45,14 +42,11 @@ def test_clipping_at_a_known_limit(subtests):
             assert events[0][2] == int(np.abs(samples[:, 0]).argmax()) or block > 1
 
 
-def test_clipping_at_an_unknown_limit():
+def test_clipping_at_an_unknown_limit_and_none_of_a_quiet_converter_that_repeats_its_codes():
     samples = np.stack([np.clip(1.3 * np.sin(2 * np.pi * 50.3 * TIME), -1, 1), np.sin(2 * np.pi * 50.3 * TIME)], axis=1)
     levels, events = heard(samples)
     assert levels.clipping.tolist() == [True, False]
     assert {event[:2] for event in events} == {("clipped", 0)}
-
-
-def test_a_quiet_converter_that_repeats_its_few_codes_does_not_clip():
     codes = np.random.default_rng(0).integers(0, 3, (2000, 4)).astype(float)
     levels, events = heard(codes)
     assert not levels.clipping.any()
@@ -88,18 +82,15 @@ def test_the_first_frame_past_the_level_is_found_about_any_rest():
     assert flags(samples).nonzero()[0].tolist() == [*range(612, 640), *range(700, 710)]
 
 
-def test_rest_follows_a_slow_drift_and_not_a_touch():
+def test_rest_follows_a_slow_drift_and_neither_a_touch_nor_noise():
     """1 V in 10 s is .05 V behind at a time constant of half a second; a touch of 2 s does not become rest."""
     samples = np.linspace(0, 1, 10_000)[:, None, None] + np.zeros((10_000, 1, 1))
     assert not flags(samples, level=0.2).any()
     held = np.zeros((4000, 1, 1))
     held[1000:3000] = 1.0
     assert flags(held).nonzero()[0].tolist() == list(range(1000, 3000))
-
-
-@pytest.mark.parametrize("block", [1, 13, 50])
-def test_noise_below_the_level_is_no_touch(block):
-    assert not flags(np.random.default_rng(0).normal(5, 0.1, (2000, 4, 4)), level=1.0, block=block).any()
+    for block in (1, 13, 50):
+        assert not flags(np.random.default_rng(0).normal(5, 0.1, (2000, 4, 4)), level=1.0, block=block).any()
 
 
 @given(st.integers(0, 30), st.lists(st.integers(0, 20), max_size=20))

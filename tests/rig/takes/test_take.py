@@ -69,22 +69,16 @@ def path(tmp_path):
     return tmp_path / "take.h5"
 
 
-def test_the_whole_source_is_in_the_file(path):
-    made = take(ReplaySensor(COUNT), path, notes={"object": "towel"})
-    assert (made.frames, made.lost, made.end, made.problem) == (1000, 0, "source", "")
-    assert (made.lowest, made.highest) == (0, 15999)
-    np.testing.assert_array_equal(load(path).samples, COUNT.samples)
-    assert load(path).provenance.notes == {"object": "towel"}
-
-
 def test_lost_frames_are_repeated_reported_and_stored(path):
     """Frames 100 to 102 and 500 to 539 never come: frame i of the file is still frame i of the sensor."""
     watcher = Watcher()
-    made = take(Leaky(COUNT, {100: 3, 500: 40}), path, watcher)
+    made = take(Leaky(COUNT, {100: 3, 500: 40}), path, watcher, notes={"object": "towel"})
     expected = COUNT.samples.copy()
     expected[100:103], expected[500:540] = expected[99], expected[499]
     np.testing.assert_array_equal(load(path).samples, expected)
-    assert (made.frames, made.lost, made.problem) == (1000, 43, "")
+    assert (made.frames, made.lost, made.end, made.problem) == (1000, 43, "source", "")
+    assert (made.lowest, made.highest) == (0, 15999)
+    assert load(path).provenance.notes == {"object": "towel"}
     assert [(event.kind, event.frame, event.frames) for event in watcher.told] == [("lost", 100, 3), ("lost", 500, 40)]
     step = load(path).provenance.steps[-1]
     assert step.stage == "events"
@@ -94,17 +88,12 @@ def test_lost_frames_are_repeated_reported_and_stored(path):
     assert load(path).provenance.steps == (step,), "a repaired file says it once"
 
 
-def test_frames_that_are_lost_at_the_beginning_hold_the_first_good_one(path):
-    made = take(Leaky(COUNT, {0: 7}), path)
+def test_frames_lost_at_the_beginning_hold_the_first_good_one_and_a_gap_at_the_end_counts_to_the_end(path):
+    made = take(Leaky(COUNT, {0: 7, 190: 100}), path, duration=0.2)
     samples = load(path).samples
     np.testing.assert_array_equal(samples[:8], np.broadcast_to(COUNT.samples[7], (8, 4, 4)))
-    assert (made.frames, made.lost) == (1000, 7)
-
-
-def test_a_gap_at_the_end_counts_only_as_far_as_the_file_goes(path):
-    made = take(Leaky(COUNT, {190: 100}), path, duration=0.2)
-    assert (made.frames, made.lost) == (200, 10)
-    assert load(path).provenance.steps[-1].settings["lost"] == ((190, 10),)
+    assert (made.frames, made.lost) == (200, 17)
+    assert load(path).provenance.steps[-1].settings["lost"] == ((0, 7), (190, 10))
 
 
 def test_keys_start_and_stop(path):
@@ -148,17 +137,12 @@ def test_a_touch_starts_with_what_came_before_and_silence_ends_it(path):
     assert load(path).provenance.steps[0].settings == {"start": "touch", "level": 0.5, "pre_roll_s": 0.1}
 
 
-def test_a_duration_with_a_touch_counts_from_the_touch(path):
-    source = touched((1234, 1500))
+@pytest.mark.parametrize(("touch", "kept"), [(1234, slice(1034, 1734)), (30, slice(0, 530))])
+def test_a_duration_counts_from_the_touch_before_which_the_pre_roll_keeps_what_there_is(touch, kept, path):
+    source = touched((touch, touch + 200))
     made = take(ReplaySensor(source), path, level=0.5, pre_roll=0.2, duration=0.5)
-    assert (made.frames, made.end) == (700, "duration")
-    np.testing.assert_array_equal(load(path).samples, source.samples[1034:1734])
-
-
-def test_a_touch_before_the_pre_roll_is_full_keeps_what_there_is(path):
-    source = touched((30, 200))
-    take(ReplaySensor(source), path, level=0.5, pre_roll=0.2, duration=0.5)
-    np.testing.assert_array_equal(load(path).samples, source.samples[:530])
+    assert made.end == "duration"
+    np.testing.assert_array_equal(load(path).samples, source.samples[kept])
 
 
 def test_a_loss_in_the_pre_roll_is_noted_where_it_is_in_the_file(path):
@@ -195,13 +179,11 @@ class Unplugged(ReplaySensor):
         return super().read(frames)
 
 
-def test_frames_before_the_loss_of_the_sensor_are_kept(path):
+def test_frames_before_the_loss_of_the_sensor_are_kept_and_without_any_there_is_no_file(path):
     made = take(Unplugged(COUNT), path)
     assert (made.frames, made.end, made.problem) == (400, "failure", "bench: unplugged")
     np.testing.assert_array_equal(load(path).samples, COUNT.samples[:400])
-
-
-def test_a_sensor_that_is_lost_before_the_first_frame_leaves_no_file(path):
+    path.unlink()
     with pytest.raises(DeviceError, match="unplugged"):
         take(Unplugged(COUNT), path, level=1e6)
     assert not path.exists()
@@ -277,6 +259,8 @@ def test_names_count_on_and_never_fill_a_gap(tmp_path):
     assert take_path(tmp_path, towel, repeats=5) == tmp_path / "towel-flat-04.h5"
     (tmp_path / "towel-flat-99.h5").touch()
     assert take_name(tmp_path, "towel-flat") == tmp_path / "towel-flat-100.h5"
+    assert take_path(tmp_path / "a.h5", Subject(), repeats=1) == tmp_path / "a.h5"
+    assert take_path(tmp_path / "a.h5", Subject(), repeats=2) == tmp_path / "a-01.h5"
 
 
 def test_stems_are_fit_for_a_file_name(subtests):
@@ -291,11 +275,6 @@ def test_stems_are_fit_for_a_file_name(subtests):
         with subtests.test(subject=subject):
             assert subject.stem == stem
             assert Path(subject.stem).name == subject.stem
-
-
-def test_a_name_for_one_take_and_a_stem_for_several(tmp_path):
-    assert take_path(tmp_path / "a.h5", Subject(), repeats=1) == tmp_path / "a.h5"
-    assert take_path(tmp_path / "a.h5", Subject(), repeats=2) == tmp_path / "a-01.h5"
 
 
 def test_the_last_subject_is_remembered(tmp_path, monkeypatch):
