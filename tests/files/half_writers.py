@@ -42,9 +42,6 @@ LIFE = Provenance(source="bench", notes={"object": "towel " * 20})
 TAKE = Recording(samples=RNG.normal(size=(3000, 4, 4)), rate=1000, sensor=GRID, unit="V", provenance=LIFE)
 FLAT = Calibration.flat(GRID)
 PRESSURE = calibrate(TAKE, FLAT)
-EFFECT = Recording(
-    samples=TAKE.samples[:, :1, :1], rate=1000, sensor=SensorGrid(rows=1, columns=1), unit="Pa", provenance=LIFE
-)
 DESIGN = read_design(template_text("paper"), name="touch", participants=2, seed=1)
 TABLE = DataFrame({"participant": [f"sub-{n:02d}" for n in range(400)], "answer": ["towel"] * 400})
 ARRAY = TransducerArray.autd3(columns=1, rows=1)

@@ -3,8 +3,8 @@
 import io
 import tracemalloc
 import zipfile
+from copy import copy
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -30,7 +30,6 @@ from midair.files import (
     load_calibration,
     open_take,
     save,
-    save_calibration,
     save_solution,
 )
 from midair.files.size_limits import EXPANDED_ANYWAY
@@ -43,13 +42,7 @@ BOTH = [".h5", ".hdf5"]
 IN = [ending for ending, form in FORMATS.items() if ending not in (".ahap", ".haptic")]
 OUT = [ending for ending, form in FORMATS.items() if form.write and ending != ROUNDED]
 
-each_reader = pytest.mark.parametrize("ending", IN)
 each_writer = pytest.mark.parametrize("ending", OUT)
-
-
-@pytest.fixture(params=[ending for ending, form in FORMATS.items() if form.memory])
-def ending_of_whole(request):
-    return request.param
 
 
 numbers = st.floats(-1e9, 1e9, allow_subnormal=False).filter(lambda x: x == 0 or abs(x) > 1e-9)
@@ -86,33 +79,24 @@ def test_returns_the_saved_recording(recording, tmp_path, alike):
     alike(load(path), recording)
 
 
-@each_writer
-def test_replaces_a_file_and_leaves_nothing_beside_it(ending, recording, tmp_path, alike):
-    path = tmp_path / f"towel{ending}"
-    path.write_bytes(b"old")
-    save(recording, path)
-    assert b"old" not in path.read_bytes()[:3]
-    if ending in BOTH:
-        alike(load(path), recording)
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@each_reader
-def test_refuses_what_is_no_file_of_its_kind(ending, tmp_path):
-    path = tmp_path / f"towel{ending}"
-    with pytest.raises(MissingFileError, match="no such file"):
-        load(path)
-    path.mkdir()
-    with pytest.raises(BrokenFileError, match="folder"):
-        load(path)
-    path.rmdir()
-    path.touch()
-    with pytest.raises(BrokenFileError, match="empty"):
-        load(path)
-    for other in (b"\x89PNG\r\n\x1a\n\x00\x01", b"hello, world\n", b"\0" * 600, b"%PDF-1.7\n" * 90):
-        path.write_bytes(other)
-        with pytest.raises(BrokenFileError):
-            load(path)
+def test_refuses_what_is_no_file_of_its_kind(tmp_path, subtests):
+    others = (b"\x89PNG\r\n\x1a\n\x00\x01", b"hello, world\n", b"\0" * 600, b"%PDF-1.7\n" * 90)
+    for ending in IN:
+        with subtests.test(ending=ending):
+            path = tmp_path / f"towel{ending}"
+            with pytest.raises(MissingFileError, match="no such file"):
+                load(path)
+            path.mkdir()
+            with pytest.raises(BrokenFileError, match="folder"):
+                load(path)
+            path.rmdir()
+            path.touch()
+            with pytest.raises(BrokenFileError, match="empty"):
+                load(path)
+            for other in others:
+                path.write_bytes(other)
+                with pytest.raises(BrokenFileError):
+                    load(path)
 
 
 @pytest.mark.parametrize("ending", [ending for ending in OUT if ending != ".csv"])  # whose lines state no number
@@ -129,18 +113,10 @@ def test_refuses_a_file_that_was_cut(ending, recording, tmp_path):
 
 
 @each_writer
-def test_refuses_a_number_that_is_not_finite(ending, recording, tmp_path, alike):
+def test_refuses_a_number_that_is_not_finite(ending, recording, tmp_path):
     samples = recording.samples.copy()
     samples[5, 1, 2] = np.nan
-    spoilt = object.__new__(Recording)
-    for name, value in {
-        "samples": samples,
-        "rate": recording.rate,
-        "sensor": recording.sensor,
-        "unit": recording.unit,
-        "provenance": recording.provenance,
-    }.items():
-        object.__setattr__(spoilt, name, value)
+    object.__setattr__(spoilt := copy(recording), "samples", samples)
     path = tmp_path / f"towel{ending}"
     save(spoilt, path)
     with pytest.raises(NonFiniteError, match="nan") as caught:
@@ -148,29 +124,14 @@ def test_refuses_a_number_that_is_not_finite(ending, recording, tmp_path, alike)
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "said",
-    [
-        {"rate": 50.0},
-        {"unit": "count"},
-        {"sensor": SensorGrid(rows=5, columns=3)},
-        {"scale": 2.0},
-        {"channels": ["0"]},
-        {"field": "a"},
-    ],
-    ids=lambda said: next(iter(said)),
-)
-def test_refuses_what_contradicts_the_file(said, recording, tmp_path):
-    path = tmp_path / "towel.h5"
-    save(recording, path)
-    with pytest.raises(MismatchError, match="leave"):
-        load(path, **said)
-
-
-def test_takes_what_agrees_with_the_file(recording, tmp_path, alike):
+def test_refuses_what_contradicts_the_file_and_takes_what_agrees(recording, tmp_path, alike):
     path = tmp_path / "towel.h5"
     save(recording, path)
     alike(load(path, rate=recording.rate, unit=recording.unit, sensor=recording.sensor), recording)
+    wrong = {"rate": 50.0, "unit": "count", "sensor": SensorGrid(rows=5, columns=3), "scale": 2.0, "channels": ["0"]}
+    for name, value in (wrong | {"field": "a"}).items():
+        with pytest.raises(MismatchError, match="leave"):
+            load(path, **{name: value})
 
 
 @each_writer
@@ -202,15 +163,6 @@ def test_names_the_right_function(name, door, recording, tmp_path):
             act()
 
 
-def test_refuses_other_kinds_under_a_recordings_name(calibration, solution, tmp_path):
-    save_calibration(calibration, tmp_path / "a.calibration.h5")
-    save_solution(solution, tmp_path / "a.drive.h5")
-    for kind in ("calibration", "drive"):
-        path = Path(tmp_path / f"a.{kind}.h5").rename(tmp_path / f"{kind}.h5")
-        with pytest.raises(BrokenFileError, match=f"expected a midair recording, got midair {kind}"):
-            load(path)
-
-
 def test_float32_stays_float32_and_other_numbers_stay_as_they_are(tmp_path):
     import h5py
     import soundfile
@@ -230,19 +182,20 @@ def test_float32_stays_float32_and_other_numbers_stay_as_they_are(tmp_path):
         assert file["samples"].dtype == "<f8"
 
 
-def test_a_recording_that_does_not_fit_is_refused_with_the_length_that_would(recording, tmp_path, monkeypatch):
+def test_what_does_not_fit_is_refused_and_of_a_recording_the_length_that_would_is_told(
+    recording, tmp_path, monkeypatch
+):
     save(Recording(samples=np.zeros((1000, 4, 4)), rate=100.0), tmp_path / "a.h5")
     monkeypatch.setattr("midair.ram.available_memory", lambda: 1000 * 16 * 24 // 4)
     with pytest.raises(InputError, match=r"for 10 s at 100 Hz, got .* kB; 2\.5 s would fit: take a part"):
         load(tmp_path / "a.h5")
-
-
-def test_files_read_as_a_whole_need_enough_memory(ending_of_whole, tmp_path, monkeypatch):
-    path = tmp_path / f"big{ending_of_whole}"
-    path.write_bytes(bytes(1000))
     monkeypatch.setattr("midair.ram.available_memory", lambda: 1000)
-    with pytest.raises(InputError, match=r"B of free memory, because all of it is read at once, got 1\.0 kB; cut it"):
-        open_take(path)
+    for ending in [ending for ending, form in FORMATS.items() if form.memory]:
+        (path := tmp_path / f"big{ending}").write_bytes(bytes(1000))
+        with pytest.raises(InputError, match=r"B of free memory, because all of it is read at once, got 1\.0 kB; cut"):
+            open_take(path)
+    monkeypatch.setattr("midair.ram.available_memory", lambda: None)
+    check_memory_for(1e18, "a.csv", "cut it")
 
 
 @pytest.mark.parametrize("ending", [".csv", ".npz", ".mat"])
@@ -319,12 +272,10 @@ def test_refuses_pressure_of_another_sensor(recording, path):
 
 
 def test_keeps_a_long_provenance(recording, tmp_path):
-    life = Provenance()
+    life = recording.provenance
     for i in range(2000):
         life = life.then("correct", {"round": i, "what": "x" * 50})
-    save(
-        type(recording)(samples=recording.samples, rate=10, sensor=recording.sensor, provenance=life), tmp_path / "a.h5"
-    )
+    save(replace(recording, provenance=life), tmp_path / "a.h5")
     assert load(tmp_path / "a.h5").provenance == life
 
 
@@ -363,8 +314,3 @@ def test_silence_is_no_bomb(ending, tmp_path):
     silent = Recording(samples=np.zeros((24_000, 4, 4)), rate=48_000.0, sensor=SensorGrid(), unit="V")
     save(silent, tmp_path / f"a{ending}")
     np.testing.assert_array_equal(open_take(tmp_path / f"a{ending}").recording.samples, silent.samples)
-
-
-def test_an_unknown_amount_of_memory_is_no_error(monkeypatch):
-    monkeypatch.setattr("midair.ram.available_memory", lambda: None)
-    check_memory_for(1e18, "a.csv", "cut it")

@@ -33,31 +33,23 @@ def test_channels_are_chosen_by_name_or_number_in_any_order(path):
     assert seen.recording.provenance.steps[0].settings["channels"] == ("c", "a")
     with pytest.raises(UnitError):
         file.resolve(ImportOptions(channels=("a", "b"), sensor=pair), path)
-
-
-@pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
-def test_refuses_missing_or_repeated_channels(channels, path):
-    file = foreign((3, 4), rate=10.0, units=4 * ("V",), names=("a", "b", "c", "d"))
-    with pytest.raises(ShapeError, match=r"expected (a channel by name|different channels)"):
-        file.resolve(ImportOptions(channels=channels), path)
+    for missing in (("e",), ("4",), ("-1",), (), ("a", "0")):
+        with pytest.raises(ShapeError, match=r"expected (a channel by name|different channels)"):
+            file.resolve(ImportOptions(channels=missing), path)
 
 
 def test_a_chosen_channel_reports_repeated_rows(path):
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(50, 2))
     samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
-    seen = ImportedData(samples=samples, form="bin", rate=10.0, units=samples.shape[1] * ("V",)).resolve(
-        ImportOptions(channels=("0",)), path
-    )
+    file = ImportedData(samples=samples, form="bin", rate=10.0, units=("V", "V"))
+    seen = file.resolve(ImportOptions(channels=("0",)), path)
     assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def test_a_scale_makes_pressure_of_any_number(path):
-    recording = (
-        ImportedData(samples=np.full((3, 1), 2.0), form="bin", rate=10.0)
-        .resolve(ImportOptions(scale=1.5), path)
-        .recording
-    )
+    file = ImportedData(samples=np.full((3, 1), 2.0), form="bin", rate=10.0)
+    recording = file.resolve(ImportOptions(scale=1.5), path).recording
     assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
     with pytest.raises(MismatchError, match="the file states Pa"):
         foreign((3, 1), rate=10.0, units=1 * ("Pa",)).resolve(ImportOptions(scale=2.0), path)

@@ -46,7 +46,7 @@ def test_a_continuous_event_is_a_sine_of_its_intensity_and_sharpness(sharpness, 
     assert frequency_of(made[800:]) == pytest.approx(hertz, abs=1)
 
 
-def test_a_curve_is_linear_and_holds_its_last_value(pattern):
+def test_a_curve_is_linear_and_holds_its_last_value_and_a_step_lasts_until_the_next(pattern):
     points = [{"Time": 0.0, "ParameterValue": 0.0}, {"Time": 0.2, "ParameterValue": 1.0}]
     curve = {
         "ParameterCurve": {"ParameterID": "HapticIntensityControl", "Time": 0.1, "ParameterCurveControlPoints": points}
@@ -54,9 +54,6 @@ def test_a_curve_is_linear_and_holds_its_last_value(pattern):
     made = np.abs(wave(pattern(event("HapticContinuous", 0.0, duration=0.6, HapticSharpness=1.0), curve)))
     loud = [made[round(8000 * at) - 60 : round(8000 * at) + 60].max() for at in (0.05, 0.15, 0.25, 0.5)]
     assert loud == pytest.approx([1.0, 0.25, 0.75, 1.0], abs=0.06)
-
-
-def test_a_step_lasts_until_the_next(pattern):
     steps = [
         {"Parameter": {"ParameterID": "HapticIntensityControl", "Time": at, "ParameterValue": value}}
         for at, value in ((0.2, 0.5), (0.4, 0.0))
@@ -92,10 +89,12 @@ def test_a_transient_is_a_click_at_its_time(pattern):
     assert made[1600:1700].max() > 0.5
 
 
-def test_ignored_events_are_reported(pattern):
+def test_ignored_and_overlapping_events_are_reported(pattern):
     told = open_take(pattern(event("AudioCustom", 0.0), event("HapticTransient", 0.0)), scale=1.0).report
     assert any("1 events of sound" in line for line in told)
     assert any("80 to 230 Hz" in line for line in told)
+    both = pattern(*[event("HapticContinuous", 0, duration=0.1, HapticIntensity=0.8)] * 2)
+    assert any("together they reach 1.6 of full intensity" in text for text in open_take(both, scale=10.0).report)
 
 
 def test_the_rate_can_be_chosen(pattern):
@@ -103,20 +102,12 @@ def test_the_rate_can_be_chosen(pattern):
     assert (found.rate, found.frames) == (1000.0, 500)
 
 
-@pytest.mark.parametrize("entries", [(), ({"Event": {"Time": 0, "EventType": "AudioContinuous"}},)])
-def test_a_file_without_haptic_events_is_refused(entries, pattern):
-    with pytest.raises(BrokenFileError, match="haptic event"):
-        load(pattern(*entries), scale=1.0)
-
-
-def test_a_very_long_effect_is_refused_before_rendering(pattern):
+def test_a_file_without_haptic_events_or_of_a_very_long_one_is_refused_before_rendering(pattern):
+    for entries in ((), ({"Event": {"Time": 0, "EventType": "AudioContinuous"}},)):
+        with pytest.raises(BrokenFileError, match="haptic event"):
+            load(pattern(*entries), scale=1.0)
     with pytest.raises(BrokenFileError, match="up to 600 s"):
         load(pattern(event("HapticContinuous", 0.0, duration=1e9)), scale=1.0)
-
-
-def test_events_that_overlap_are_reported(pattern):
-    both = pattern(*[event("HapticContinuous", 0, duration=0.1, HapticIntensity=0.8)] * 2)
-    assert any("together they reach 1.6 of full intensity" in text for text in open_take(both, scale=10.0).report)
 
 
 def clip(path, amplitude, frequency=None):
@@ -150,19 +141,15 @@ def test_an_emphasis_is_a_click_in_silence(tmp_path):
     assert frequency_of(samples[4000:4400]) == pytest.approx(230, abs=5)
 
 
-@pytest.mark.parametrize(
-    "content", [[], {"signals": {}}, {"signals": {"continuous": {"envelopes": {"amplitude": []}}}}, {"signals": None}]
-)
-def test_a_clip_without_an_envelope_is_refused(content, tmp_path):
-    (tmp_path / "a.haptic").write_text(json.dumps(content))
-    with pytest.raises(BrokenFileError, match=r"a\.haptic: expected"):
-        open_take(tmp_path / "a.haptic")
-
-
-@pytest.mark.parametrize("value", [-0.5, float("nan")])
-def test_points_are_numbers_from_0_on(value, tmp_path):
-    with pytest.raises(BrokenFileError, match="points of amplitude"):
-        wave(clip(tmp_path / "a.haptic", [{"time": 0, "amplitude": value}, {"time": 1, "amplitude": 1}]))
+def test_a_clip_without_an_envelope_or_with_a_point_below_0_is_refused(tmp_path):
+    empty = {"signals": {"continuous": {"envelopes": {"amplitude": []}}}}
+    for content in ([], {"signals": {}}, empty, {"signals": None}):
+        (tmp_path / "a.haptic").write_text(json.dumps(content))
+        with pytest.raises(BrokenFileError, match=r"a\.haptic: expected"):
+            open_take(tmp_path / "a.haptic")
+    for value in (-0.5, float("nan")):
+        with pytest.raises(BrokenFileError, match="points of amplitude"):
+            wave(clip(tmp_path / "a.haptic", [{"time": 0, "amplitude": value}, {"time": 1, "amplitude": 1}]))
 
 
 @pytest.mark.skipif("MIDAIR_HAPTICS_STUDIO" not in os.environ, reason="MIDAIR_HAPTICS_STUDIO names no checkout")

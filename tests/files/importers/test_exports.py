@@ -193,9 +193,8 @@ def test_a_known_tone_comes_back_from_fifty_forms_or_one_fact_is_asked(tmp_path)
     assert (came[:30].count("read"), came[:40].count("read"), came.count("read"), len(came)) == (26, 35, 44, 50)
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "said"),
-    [
+def test_two_readings_or_wrong_options_are_refused(tmp_path, subtests):
+    for text, given, said in [
         ("0,1\n0.001,0.9\n0.002,0.8\n", {}, "2 channels and does not state their layout"),
         ("time;a\n0;1,234\n1;2,345\n", {}, "a comma of decimals, and of thousands; give decimal="),
         ("0,001,0,5\n0,002,0,6\n0,003,0,7\n", {}, "commas of decimals, and between columns; give decimal="),
@@ -208,17 +207,14 @@ def test_a_known_tone_comes_back_from_fifty_forms_or_one_fact_is_asked(tmp_path)
         ("time,a\n0.1,1\n0.2,2\n", {"time": "b"}, "expected a channel by name"),
         ("time,a [mV]\ns,V\n0.1,1\n0.2,2\n", {}, r"one unit of column 'a \[mV\]', got V in line 2"),
         ("time [s],a\n0.1,0x10\n0.2,0x11\n0.3,0x12\n", {}, "a channel beside the time, got none.*'a' has no numbers"),
-    ],
-)
-def test_two_readings_or_wrong_options_are_refused(text, given, said, tmp_path):
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises((InputError, OSError), match=said):
-        open_take(tmp_path / "a.csv", scale=1.0, **given)
+    ]:
+        (tmp_path / "a.csv").write_text(text)
+        with subtests.test(text=text), pytest.raises((InputError, OSError), match=said):
+            open_take(tmp_path / "a.csv", scale=1.0, **given)
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "names", "unit"),
-    [
+def test_options_decide_how_a_text_is_read(tmp_path, subtests):
+    for text, given, names, unit in [
         ("x\nt;a\nV;mV\n1;1,234\n2;2,345\n", {"skip": 1, "decimal": "comma", "time": "none"}, "t, a", "V"),
         ("t|a\n1|2\n2|3\n", {"separator": "|", "time": "none", "unit": "V"}, "t, a", "V"),
         ("u,v\nV,V\nbar,bar\n1,2\n2,3\n", {"unit_row": 2}, "bar, bar", "V"),
@@ -226,34 +222,30 @@ def test_two_readings_or_wrong_options_are_refused(text, given, said, tmp_path):
         ("0,1,2\n0.5,1.5,2.5\n0.6,1.6,2.6\n", {"unit": "V"}, "0, 1, 2", "V"),
         ("a,b,c\n1,5,2\n2,,3\n3,,4\n4,,5\n", {"unit": "V"}, "a, c; without numbers in the second half", "V"),
         ("a,b,c\n1,0.1,x\n2,0.2,y\n3,0.3,z\n", {"unit": "V", "time": "b"}, "a", "V"),
-    ],
-)
-def test_options_decide_how_a_text_is_read(text, given, names, unit, tmp_path):
-    (tmp_path / "a.csv").write_text(text)
-    given = {"rate": 10.0} | given | {"channels": ["0"]}
-    take = open_take(tmp_path / "a.csv", **given)
-    assert f"Columns: {names}" in take.report[1].replace(" [V]", "").replace(" [mV]", "")
-    assert take.recording.unit == unit
+    ]:
+        with subtests.test(text=text):
+            (tmp_path / "a.csv").write_text(text)
+            take = open_take(tmp_path / "a.csv", **({"rate": 10.0} | given | {"channels": ["0"]}))
+            assert f"Columns: {names}" in take.report[1].replace(" [V]", "").replace(" [mV]", "")
+            assert take.recording.unit == unit
 
 
-@pytest.mark.parametrize("mark", ["'", "’", "\xa0", "\u202f"])
-def test_thousands_and_minus_as_people_write_them(mark, tmp_path):
-    (tmp_path / "a.csv").write_text(f"t [s];a [mV]\n0;1{mark}234,5\n0,5;\u22122{mark}000,25\n", encoding="utf-8")
-    assert open_take(tmp_path / "a.csv").recording.samples.ravel() == pytest.approx([1.2345, -2.00025])
+def test_thousands_and_minus_as_people_write_them(tmp_path):
+    for mark in ("'", "’", "\xa0", "\u202f"):
+        text = f"t [s];a [mV]\n0;1{mark}234,5\n0,5;\u22122{mark}000,25\n"
+        (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+        assert open_take(tmp_path / "a.csv").recording.samples.ravel() == pytest.approx([1.2345, -2.00025])
 
 
-def test_a_column_without_a_name_that_increases_evenly_is_reported(tmp_path):
+def test_a_column_that_increases_evenly_is_reported_and_a_rate_ends_where_its_line_does(tmp_path):
     (tmp_path / "a.csv").write_text(rows(f(T), f(A)))
     take = open_take(tmp_path / "a.csv", rate=1000.0, unit="V", channels=["0"])
     assert "column 1 increases evenly, as a time or a counter does (--time)" in take.report[1]
     assert open_take(tmp_path / "a.csv", time="0", unit="V").recording.frames == 300
-
-
-@pytest.mark.parametrize("after", ["Waveform Data", "1000 points"])
-def test_a_rate_ends_where_its_line_does(after, tmp_path):
-    """Before, a step of 1.0E-03 above a line of text gave 1 Hz."""
-    (tmp_path / "a.csv").write_text(f"Sampling Period,1.0E-03\n{after},\n" + rows(f(A), end=",\n"))
-    assert open_take(tmp_path / "a.csv", unit="V").recording.rate == 1000
+    # A rate ends where its line does: before, a step of 1.0E-03 above a line of text gave 1 Hz.
+    for after in ("Waveform Data", "1000 points"):
+        (tmp_path / "a.csv").write_text(f"Sampling Period,1.0E-03\n{after},\n" + rows(f(A), end=",\n"))
+        assert open_take(tmp_path / "a.csv", unit="V").recording.rate == 1000
 
 
 def test_the_report_states_how_a_text_was_read(tmp_path):

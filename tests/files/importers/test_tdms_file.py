@@ -46,16 +46,12 @@ def test_later_segments_without_metadata_go_on(columns, file):
     np.testing.assert_array_equal(recording.samples[60:, 0, 0], columns["a"] + 1)
 
 
-@pytest.mark.parametrize("dtype", ["i2", "i4", "u1", "f4"])
-def test_whole_numbers_stay_whole(dtype, file):
-    data = np.array([1, 2, 250 if dtype == "u1" else -3], dtype)
-    assert load(file(tdms({"x": data}, said={})), rate=50, unit="count").samples.ravel().tolist() == data.tolist()
-
-
-def test_requires_a_missing_rate(columns, file):
-    path = file(tdms(columns, said={"unit_string": "mV"}))
-    assert load(path, rate=48000, sensor=PAIR).samples[0, 0, 0] == columns["a"][0] * 1e-3
-    assert load(path, rate=48000, sensor=PAIR).rate == 48000
+def test_whole_numbers_stay_whole_and_the_stated_unit_and_rate_count(columns, file):
+    for dtype in ("i2", "i4", "u1", "f4"):
+        data = np.array([1, 2, 250 if dtype == "u1" else -3], dtype)
+        assert load(file(tdms({"x": data}, said={})), rate=50, unit="count").samples.ravel().tolist() == data.tolist()
+    recording = load(file(tdms(columns, said={"unit_string": "mV"})), rate=48000, sensor=PAIR)
+    assert (recording.rate, recording.samples[0, 0, 0]) == (48000, columns["a"][0] * 1e-3)
 
 
 def test_several_groups_need_a_name(columns, file):
@@ -101,15 +97,11 @@ def logged(file):
     return file(daqmx(rows.tobytes(), {"ai0": 2, "ai1": 6}, SCALES, frames=20, width=8)), volts
 
 
-def test_reads_what_daqmx_logs(logged):
+def test_reads_what_daqmx_logs_as_an_outside_reader_does(logged):
     path, volts = logged
     recording = load(path, sensor=PAIR)
     assert (recording.rate, recording.unit) == (1000, "V")
     np.testing.assert_allclose(recording.samples[:, 0], volts, rtol=1e-12)
-
-
-def test_an_outside_reader_reads_the_same_of_daqmx(logged):
-    path, volts = logged
     channels = pytest.importorskip("nptdms").TdmsFile.read(path)["skin"].channels()
     np.testing.assert_allclose(np.stack([each[:] for each in channels], axis=1), volts, rtol=1e-12)
 

@@ -1,6 +1,6 @@
 """XDF: streams written here by the specification, read by pyxdf."""
 
-import builtins
+import sys
 
 import numpy as np
 import pytest
@@ -57,13 +57,6 @@ def test_damage_is_reported_not_printed(samples, file, capsys):
 
 
 def test_names_the_package_to_install(samples, file, monkeypatch):
-    real = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "pyxdf":
-            raise ImportError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "pyxdf", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'midair\[xdf\]'"):
         load(file(xdf_whole(xdf(samples))), unit="V")

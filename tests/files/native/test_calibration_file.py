@@ -3,6 +3,7 @@ from dataclasses import fields, replace
 import h5py
 import numpy as np
 import pytest
+from tests.model.test_calibration import calibration as measured
 
 from midair.errors import BrokenFileError, NonFiniteError, UnknownFormatError
 from midair.files import (
@@ -14,7 +15,7 @@ from midair.files import (
     save_array_calibration,
     save_calibration,
 )
-from midair.model import ArrayCalibration, Provenance, TransducerArray
+from midair.model import Provenance, TransducerArray
 
 
 def same(one, other):
@@ -42,20 +43,16 @@ def test_returns_what_was_saved_alone_or_with_a_recording(recording, calibration
         same(load_calibration(tmp_path / name), part)
 
 
-def test_half_a_measurement_is_refused(calibration, tmp_path):
-    save_calibration(calibration, tmp_path / "a.calibration.h5")
-    with h5py.File(tmp_path / "a.calibration.h5", "a") as file:
-        del file["coherence"]
-    with pytest.raises(BrokenFileError, match="expected coherence beside"):
-        load_calibration(tmp_path / "a.calibration.h5")
-
-
-def test_a_non_finite_uncertainty_is_refused(calibration, tmp_path):
-    save_calibration(calibration, tmp_path / "a.calibration.h5")
-    with h5py.File(tmp_path / "a.calibration.h5", "a") as file:
+def test_half_a_measurement_and_a_non_finite_uncertainty_are_refused(calibration, tmp_path):
+    save_calibration(calibration, path := tmp_path / "a.calibration.h5")
+    with h5py.File(path, "a") as file:
         file["phase_uncertainty"][0, 0, 0] = np.nan
     with pytest.raises(NonFiniteError, match=r"a\.calibration\.h5.*phase uncertainty"):
-        load_calibration(tmp_path / "a.calibration.h5")
+        load_calibration(path)
+    with h5py.File(path, "a") as file:
+        del file["coherence"]
+    with pytest.raises(BrokenFileError, match="expected coherence beside"):
+        load_calibration(path)
 
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -64,22 +61,13 @@ ARRAY = TransducerArray.autd3(columns=1, rows=1)
 @pytest.fixture
 def known():
     rng, count = np.random.default_rng(0), ARRAY.count
-    return ArrayCalibration(
-        array=ARRAY,
-        response=rng.normal(size=count) + 1j * rng.normal(size=count),
-        pole=-5000 + 100 * rng.normal(size=count) + 1j * rng.normal(size=count),
-        strength_uncertainty=rng.random(count),
-        phase_uncertainty=rng.random(count),
-        resonance_uncertainty=rng.random(count),
-        quality_uncertainty=rng.random(count),
-        dead=rng.random(count) < 0.1,
-        level_uncertainty=0.02,
-        date="2026-11-22",
-        provenance=Provenance(source="bench", simulated=True).then("measure array", {"seconds": 8.0}),
-    )
+    parts = {f"{name}_uncertainty": rng.random(count) for name in ("strength", "phase", "resonance", "quality")}
+    parts["pole"] = -5000 + 100 * rng.normal(size=count) + 1j * rng.normal(size=count)
+    life = Provenance(source="bench", simulated=True).then("measure array", {"seconds": 8.0})
+    return measured(ARRAY, **parts, level_uncertainty=0.02, date="2026-11-22", provenance=life)
 
 
-def test_is_read_as_it_was_written(known, tmp_path):
+def test_is_read_as_it_was_written_and_a_cut_file_is_refused(known, tmp_path):
     save_array_calibration(known, tmp_path / "a.array.h5")
     again = load_array_calibration(tmp_path / "a.array.h5")
     for name in ("response", "pole", "strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "dead"):
@@ -88,6 +76,10 @@ def test_is_read_as_it_was_written(known, tmp_path):
     assert again.array.same_as(ARRAY)
     assert (again.level_uncertainty, again.date, again.provenance) == (0.02, "2026-11-22", known.provenance)
     assert contents(tmp_path / "a.array.h5").kind == "array"
+    path = tmp_path / "a.array.h5"
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(BrokenFileError):
+        load_array_calibration(path)
 
 
 def test_names_and_kinds_are_checked(known, tmp_path):
@@ -99,11 +91,3 @@ def test_names_and_kinds_are_checked(known, tmp_path):
     (tmp_path / "a.array.h5").rename(tmp_path / "a.h5")
     with pytest.raises(BrokenFileError, match="midair array"):
         open_take(tmp_path / "a.h5")
-
-
-def test_a_cut_file_is_refused(known, tmp_path):
-    path = tmp_path / "a.array.h5"
-    save_array_calibration(known, path)
-    path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(BrokenFileError):
-        load_array_calibration(path)

@@ -119,6 +119,12 @@ def test_a_recording_with_a_stage_has_positions_strokes_and_speed(tmp_path):
     assert step.settings["stamps"][3] == pytest.approx((0.3, 0.015, -0.06, -0.02, 0.05))
     events = next(step for step in life.steps if step.stage == "events")
     assert events.settings["strokes"] == ((0, 2400),)
+    life = with_stage(Provenance(), STAMPS, [Event(kind="stroke", frame=0, frames=150)], 1000.0)
+    assert life.steps[0].settings["speed_m_s"] == (None,)
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["stage_y"][3] = np.nan
+    with pytest.raises(BrokenFileError, match="stage: expected finite"):
+        load(tmp_path / "a.h5")
 
 
 def test_a_recording_without_a_stage_has_nothing_of_it(tmp_path):
@@ -128,15 +134,3 @@ def test_a_recording_without_a_stage_has_nothing_of_it(tmp_path):
     with h5py.File(tmp_path / "a.h5") as file:
         assert not [name for name in file if name.startswith("stage")]
     assert load(tmp_path / "a.h5").provenance.steps == ()
-
-
-def test_a_place_that_is_no_number_is_a_broken_file(tmp_path):
-    with h5py.File(stroked(tmp_path / "a.h5"), "r+") as file:
-        file["stage_y"][3] = np.nan
-    with pytest.raises(BrokenFileError, match="stage: expected finite"):
-        load(tmp_path / "a.h5")
-
-
-def test_a_stroke_too_short_to_tell_has_no_speed():
-    life = with_stage(Provenance(), STAMPS, [Event(kind="stroke", frame=0, frames=150)], 1000.0)
-    assert life.steps[0].settings["speed_m_s"] == (None,)

@@ -16,9 +16,6 @@ def test_keeps_every_type(provenance):
     assert settings["on"] is True
     assert settings["deep"] == ("a", (1, 2.5))
     assert isinstance(settings["band"], tuple)
-
-
-def test_keeps_floats_that_json_lacks():
     life = Provenance().then("limit", {"high": math.inf, "low": -math.inf, "none": math.nan})
     text = to_json(life)
     json.loads(text, parse_constant=pytest.fail)
@@ -33,9 +30,8 @@ def test_refuses_a_setting_that_json_would_change():
         to_json(Provenance().then("solve", {"grid": [1, 2]}))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_refuses_other_text():
+    for text in (
         "",
         "[]",
         "{}",
@@ -46,8 +42,6 @@ def test_refuses_a_setting_that_json_would_change():
         '{"source": "a", "simulated": false, "notes": {}, "steps": [{"stage": "a"}]}',
         '{"source": "a", "simulated": false, "notes": {}, "steps": [{"stage": "a", "settings": {"b": {"c": 1}}}]}',
         "[" * 100_000,
-    ],
-)
-def test_refuses_other_text(text):
-    with pytest.raises(BrokenFileError):
-        from_json(text)
+    ):
+        with pytest.raises(BrokenFileError):
+            from_json(text)

@@ -123,17 +123,8 @@ def test_units_are_placed_and_the_array_is_centred(path):
     np.testing.assert_allclose(placement.array().position.mean(axis=0), 0, atol=1e-12)
 
 
-def test_a_tracker_is_read_and_written(path):
-    path.write_text("rotation_deg = [0, 0, 90]\noffset_mm = [0, -120, 15]\n")
-    placement = load_tracker(path)
-    np.testing.assert_allclose(placement.points(np.array([0.1, 0, 0.2])), [0, -0.02, 0.215], atol=1e-12)
-    save_tracker(placement, path)
-    np.testing.assert_allclose(load_tracker(path).rotation, placement.rotation, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("load", "text", "complaint"),
-    [
+def test_invalid_files_are_one_clear_line(path, subtests):
+    for load, text, complaint in [
         (load_sensor, "rows = 4\nrow = 3", "row: expected one of columns, "),
         (load_sensor, 'rows = "4"', "rows: expected int, got '4'"),
         (load_sensor, "rows = true", "rows: expected int, got True"),
@@ -161,22 +152,19 @@ def test_a_tracker_is_read_and_written(path):
         (load_tracker, "turn = 1", "turn: expected one of offset_mm"),
         (load_tracker, "offset_mm = [1, 2]", "offset_mm: expected"),
         (load_tracker, "uncertainty_mm = -1", "uncertainty of the tracker"),
-    ],
-)
-def test_invalid_files_are_one_clear_line(path, load, text, complaint):
-    path.write_text(text)
-    with pytest.raises(BrokenFileError, match=complaint) as refused:
-        load(path)
-    assert str(refused.value).startswith(str(path))
-    assert "\n" not in str(refused.value)
+    ]:
+        path.write_text(text)
+        with subtests.test(text=text), pytest.raises(BrokenFileError, match=complaint) as refused:
+            load(path)
+        assert str(refused.value).startswith(str(path))
+        assert "\n" not in str(refused.value)
 
 
 WHOLE = {load_stage: EXAMPLE.read_text(encoding="utf-8"), load_profiles: PROFILE}
 
 
-@pytest.mark.parametrize(
-    ("load", "old", "new", "complaint"),
-    [
+def test_invalid_values_are_named(path, subtests):
+    for load, old, new, complaint in [
         (load_stage, "contact_mm = -22.5", "", "contact_mm is missing"),
         (load_stage, "contact_mm = -22.5", 'contact_mm = "deep"', "contact_mm: expected float"),
         (load_stage, "contact_mm = -22.5", "contact_mm = -10", "clear_mm: expected a height above contact_mm"),
@@ -197,16 +185,14 @@ WHOLE = {load_stage: EXAMPLE.read_text(encoding="utf-8"), load_profiles: PROFILE
         (load_profiles, 'evidence = "e"', 'evidence = "e"\nwarming_k = nan', "above 0 K"),
         (load_profiles, "[[profile]]", "[[profile]", "TOML"),
         (load_profiles, "[[profile]]\n", "[[profiles]]\n", "profile"),
-    ],
-)
-def test_invalid_values_are_named(path, load, old, new, complaint):
-    assert old in WHOLE[load]
-    path.write_text(WHOLE[load].replace(old, new), encoding="utf-8")
-    with pytest.raises(BrokenFileError, match=complaint):
-        load(path)
+    ]:
+        assert old in WHOLE[load]
+        path.write_text(WHOLE[load].replace(old, new), encoding="utf-8")
+        with subtests.test(new=new), pytest.raises(BrokenFileError, match=complaint):
+            load(path)
 
 
-def test_a_disc_and_corners(path):
+def test_a_palm_and_a_tracker_are_read(path):
     path.write_text("disc_mm = 60\npitch_mm = 2")
     disc = load_palm(path)
     np.testing.assert_array_equal(disc.inside, Palm.disc(60e-3, pitch=2e-3).inside)
@@ -215,6 +201,11 @@ def test_a_disc_and_corners(path):
     square = load_palm(path)
     assert square.name == "a"
     assert square.inside[1:-1, 1:-1].all()
+    path.write_text("rotation_deg = [0, 0, 90]\noffset_mm = [0, -120, 15]\n")
+    placement = load_tracker(path)
+    np.testing.assert_allclose(placement.points(np.array([0.1, 0, 0.2])), [0, -0.02, 0.215], atol=1e-12)
+    save_tracker(placement, path)
+    np.testing.assert_allclose(load_tracker(path).rotation, placement.rotation, atol=1e-7)
 
 
 def test_profiles_of_midair_state_source_and_evidence():
