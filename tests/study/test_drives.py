@@ -155,21 +155,16 @@ def test_a_terminal_refuses_pictures_before_the_session_starts(source):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "error"),
-    [("a.png", b"no picture", BrokenFileError), ("b.wav", b"no sound", BrokenFileError), ("a.png", None, FileError)],
+    ("name", "spoil", "error", "words"),
+    [
+        ("a.png", lambda path: path.write_bytes(b"no picture"), BrokenFileError, "a.png"),
+        ("b.wav", lambda path: path.write_bytes(b"no sound"), BrokenFileError, "b.wav"),
+        ("a.png", lambda path: os.truncate(path, 20_000_001), FileError, "a.png"),
+        ("b.wav", Path.unlink, MissingFileError, "b.wav: expected the sound in"),
+    ],
 )
-def test_files_that_are_no_media_or_too_large_are_refused(source, name, content, error):
-    if content is None:
-        with (source / name).open("ab") as file:
-            file.truncate(20_000_001)
-    else:
-        (source / name).write_bytes(content)
-    with pytest.raises(error, match=name):
-        prepare_media(read_design(PLAN), source / "into", found_in=source)
-
-
-def test_a_missing_file_is_named(source):
-    (source / "b.wav").unlink()
+def test_files_that_are_missing_no_media_or_too_large_are_refused(source, name, spoil, error, words):
+    spoil(source / name)
     (source / "into").mkdir()
-    with pytest.raises(MissingFileError, match=r"b.wav: expected the sound in"):
+    with pytest.raises(error, match=words):
         prepare_media(read_design(PLAN), source / "into", found_in=source)

@@ -79,15 +79,23 @@ def answer_all(folder):
     return plan
 
 
-def test_every_event_is_one_byte_on_the_serial_line(line, tmp_path):
+def test_every_event_is_one_byte_on_the_serial_line_and_a_row_of_the_bids_dataset(line, tmp_path):
     far, port = line
     folder = study(tmp_path, f'serial = "{port}"')
-    answer_all(folder)
+    plan = answer_all(folder)
     # trial, towel (code 20), answer; trial, nothing (default code), late answer. An invalid answer has no marker.
     got = b""
     while len(got) < 6:  # a line gives its bytes when it has them
         got += os.read(far, 100)
     assert list(got) == [1, 20, 3, 1, 2, 4]
+    sessions = folder.sessions()
+    write_bids(answers_table(plan, sessions), plan.design, tmp_path / "bids", markers=markers_table(sessions))
+    table = tmp_path / "bids" / "sub-01" / "beh" / "sub-01_task-marked_events.tsv"
+    head, *rows = (row.split("\t") for row in table.read_text().splitlines())
+    assert head[:2] == ["onset", "duration"]
+    assert [row[head.index("value")] for row in rows] == ["1", "20", "3", "1", "2", "4"]
+    assert [row[head.index("trial")] for row in rows] == ["1", "1", "1", "2", "2", "2"]
+    assert set(head) == set(json.loads(table.with_suffix(".json").read_text()))
 
 
 def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
@@ -119,20 +127,6 @@ def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
                    for code, kind in ((1, "trial"), (own, "stimulus"), (3, "answer"))]  # fmt: skip
     logged = [event["clock_s"] for event in read_events(folder.log(1)) if event["event"] == "marker"]
     np.testing.assert_allclose(clocks, logged, atol=2e-6)
-
-
-def test_markers_are_events_of_the_bids_dataset(line, tmp_path):
-    _, port = line
-    folder = study(tmp_path, f'serial = "{port}"')
-    plan = answer_all(folder)
-    sessions = folder.sessions()
-    write_bids(answers_table(plan, sessions), plan.design, tmp_path / "bids", markers=markers_table(sessions))
-    table = tmp_path / "bids" / "sub-01" / "beh" / "sub-01_task-marked_events.tsv"
-    head, *rows = (row.split("\t") for row in table.read_text().splitlines())
-    assert head[:2] == ["onset", "duration"]
-    assert [row[head.index("value")] for row in rows] == ["1", "20", "3", "1", "2", "4"]
-    assert [row[head.index("trial")] for row in rows] == ["1", "1", "1", "2", "2", "2"]
-    assert set(head) == set(json.loads(table.with_suffix(".json").read_text()))
 
 
 def test_a_study_without_markers_has_no_table_of_events(tmp_path):

@@ -26,9 +26,9 @@ def test_plan_round_trip(tmp_path):
         StudyFolder.create(tmp_path / "s", text, design)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "why"),
-    [
+def test_invalid_designs_are_refused(subtests):
+    text = template_text("paper")
+    for old, new, why in [
         ("seed = 2020", "sede = 2020", "seed: field required"),
         ("seed = 2020", "seed = 2020\ncolour = 1", "^study: colour: extra inputs are not permitted; correct the TOML$"),
         ("repetitions = 4", "repetitions = 4\ncolour = 1", "study: blocks.0.colour: extra inputs"),
@@ -37,13 +37,10 @@ def test_plan_round_trip(tmp_path):
         ("repetitions = 4", "repetitions = 0", "^block 'real': expected .* repetitions of 1 or more"),
         ("participants = 10", "participants = ", "expected TOML"),
         ('truth = "object"', 'truth = "thing"', "^factors: expected .* got 'thing'$"),
-    ],
-)
-def test_invalid_designs_are_refused(old, new, why):
-    text = template_text("paper")
-    assert old in text
-    with pytest.raises(InputError, match=why):
-        read_design(text.replace(old, new, 1))
+    ]:
+        assert old in text
+        with subtests.test(new=new), pytest.raises(InputError, match=why):
+            read_design(text.replace(old, new, 1))
 
 
 def test_a_plan_that_was_changed_is_refused(tmp_path):
@@ -190,21 +187,18 @@ def test_without_answers_derived_files_are_deleted_and_not_made_again(study, tmp
     assert not (study.path / "report.html").exists()
 
 
-def test_the_folder_of_a_study_may_be_moved(study, tmp_path):
+def test_the_folder_of_a_study_may_be_moved_and_a_moved_export_is_named(study, tmp_path):
     write_report(study, study.path / "later.html", draws=5)
     write_report(study, study.path / "later.html", draws=5)
     entry = '{"path": "later.html", "kind": "report", "seed": 0, "draws": 5}'
     assert (study.path / MADE).read_text().splitlines().count(entry) == 1
     moved = StudyFolder(study.path.rename(tmp_path / "moved"))
     before = (moved.path / "later.html").read_bytes()
-    assert f"{moved.path / 'later.html'}: made again" in "\n".join(withdraw(moved, 2))
-    assert (moved.path / "later.html").read_bytes() != before
-
-
-def test_an_export_that_was_moved_is_named(study, tmp_path):
     (tmp_path / "table.csv").rename(tmp_path / "elsewhere.csv")
-    said = withdraw(study, 2)
-    assert [line for line in said if "table.csv: not found; if it was moved, delete the participant" in line]
+    said = "\n".join(withdraw(moved, 2))
+    assert f"{moved.path / 'later.html'}: made again" in said
+    assert "table.csv: not found; if it was moved, delete the participant" in said
+    assert (moved.path / "later.html").read_bytes() != before
 
 
 def test_a_full_disk_leaves_no_partial_line(tmp_path):

@@ -73,14 +73,11 @@ def choices(name):
     return Choices(name=name, confusion=confusion, f_limits=None)
 
 
-def test_confusions_show_every_count():
+def test_confusions_show_every_count_and_bars_the_f_measures_above_chance():
     figure = confusion_figure([choices("plain"), choices("grooved")], simulated=True)
     assert [axes.get_title("left") for axes in figure.axes] == ["plain", "grooved"]
     assert [text.get_text() for text in figure.axes[0].texts] == [str(n) for n in [1, 0, 1, 0, 2, 0, 1, 0, 1]]
     assert any(text.get_text() == "SIMULATED" for text in figure.texts)
-
-
-def test_bars_are_the_f_measures_and_the_line_is_chance():
     figure = f_figure([choices("plain"), choices("grooved")], simulated=False)
     heights = [bar.get_height() for bar in figure.axes[0].patches]
     assert heights == pytest.approx([0.5, 1, 0.5] * 2)

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from midair.errors import InputError
 from midair.study import proportion_correct
@@ -89,19 +90,17 @@ def test_an_interrupted_staircase_continues_unchanged(tmp_path):
     assert set(answers_table(plan, [whole])["correct"].tolist()) == {0, 1}
 
 
-def test_invalid_blocks_are_refused():
-    with pytest.raises(InputError, match="strengths above 0"):
-        stimulus_levels(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
-    with pytest.raises(InputError, match="three strengths or more"):
-        draw_plan(design("quest+", strengths=[1, 2]))
-
-
 @pytest.mark.parametrize(
-    ("sides", "drop", "why"),
-    [(("left",), "", "'left' in all"), (("left", "right"), "s1.0left", "same correct answers at every strength")],
+    ("how", "drop", "why"),
+    [
+        ({"strengths": [0, 1, 2]}, "", "strengths above 0"),
+        ({"strengths": [1, 2]}, "", "three strengths or more"),
+        ({"sides": ("left",)}, "", "'left' in all"),
+        ({}, "s1.0left", "same correct answers at every strength"),
+    ],
 )
-def test_levels_that_reveal_the_answer_are_refused(sides, drop, why):
-    made = design("quest+", sides=sides)
+def test_levels_that_do_not_do_or_reveal_the_answer_are_refused(how, drop, why):
+    made = design("quest+", **how)
     (block,) = made.blocks
     kept = tuple(name for name in block.stimuli if name != drop)
     with pytest.raises(InputError, match=why):
@@ -218,7 +217,7 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     ]
 
 
-def test_staircase_by_hand():
+def test_staircase_by_hand_and_within_its_levels():
     state = Staircase(level=10, steps=(4, 2, 1))
     seen = []
     for correct in (1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 0):
@@ -227,11 +226,12 @@ def test_staircase_by_hand():
     #        down after 3    after 6, up 2 (first turn)   down 1     up 1  up 1
     assert seen == [10, 10, 6, 6, 6, 2, 4, 4, 4, 3, 4, 5]
     assert state.turned == (2, 4, 3)
+    assert Staircase(level=1, steps=(5,), low=0, high=3).answered(False).level == 3
+    with pytest.raises(InputError, match="within"):
+        Staircase(level=9, steps=(1,), high=3)
 
 
 def test_staircase_converges_to_79_percent_correct():
-    from scipy.special import ndtr
-
     rng = np.random.default_rng(0)
     found = []
     for _ in range(40):
@@ -240,10 +240,3 @@ def test_staircase_converges_to_79_percent_correct():
             state = state.answered(rng.random() < ndtr(state.level))
         found.append(np.mean(state.turned[-20:]))
     assert np.mean(ndtr(found)) == pytest.approx(0.5 ** (1 / 3), abs=0.02)
-
-
-def test_staircase_stays_within():
-    state = Staircase(level=1, steps=(5,), low=0, high=3)
-    assert state.answered(False).level == 3
-    with pytest.raises(InputError, match="within"):
-        Staircase(level=9, steps=(1,), high=3)

@@ -69,40 +69,28 @@ def test_a_group_with_blocks_in_two_sessions_keeps_them():
         ) * 2
 
 
-def test_the_seed_decides_and_more_people_change_nothing(plan):
+def test_the_seed_decides_more_people_change_nothing_and_codes_reveal_nothing(plan):
     assert draw_plan(plan.design) == plan
     assert draw_plan(replace(plan.design, seed=1)).trials != plan.trials
     more = draw_plan(replace(plan.design, participants=12))
     assert more.of(7) == plan.of(7)
     assert more.digest != plan.digest
-
-
-def test_codes_are_unique_and_do_not_reveal_the_condition(plan):
     codes = [trial.code for trial in plan.trials]
     assert len(set(codes)) == len(codes)
     words = {word for trial in plan.trials for word in (trial.stimulus, trial.block, *trial.levels.values())}
     assert not any(word in code for code in codes for word in words)
 
 
-def opened(plan, participant=1):
-    return {
-        "event": "open",
-        "plan": plan.digest,
-        "participant": participant,
-        "simulated": False,
-        "time": "2026-01-01T10:00:00+00:00",
-    }
+WHEN = "2026-01-01T10:00:00+00:00"
+
+
+def opened(plan):
+    return {"event": "open", "plan": plan.digest, "participant": 1, "simulated": False, "time": WHEN}
 
 
 def answered(trial, question, answer="brush"):
-    return {
-        "event": "answer",
-        "trial": trial.code,
-        "question": question,
-        "answer": answer,
-        "reaction_s": 1.0,
-        "time": "2026-01-01T10:00:00+00:00",
-    }
+    told = {"event": "answer", "trial": trial.code, "question": question, "answer": answer}
+    return told | {"reaction_s": 1.0, "time": WHEN}
 
 
 def test_replay_continues_at_the_first_unanswered_trial(plan):
@@ -129,19 +117,18 @@ def test_answers_table_contains_the_conditions(plan):
     assert table["correct"][1] == int(second.levels["object"] == wrong)
 
 
-@pytest.mark.parametrize("count", range(1, 11))
-def test_square_is_balanced(count):
-    square = balanced_latin_square(count)
-    assert len(square) == (2 * count if count % 2 and count > 1 else count)
-    for place in range(count):
-        assert set(Counter(row[place] for row in square).values()) == {len(square) // count}
-    after = Counter(pair for row in square for pair in pairwise(row))
-    assert len(after) == count * (count - 1)
-    assert len(set(after.values())) <= 1
-
-
-def test_square_by_hand():
+def test_square_is_balanced():
     assert balanced_latin_square(4) == [[0, 1, 3, 2], [1, 2, 0, 3], [2, 3, 1, 0], [3, 0, 2, 1]]
+    for count in range(1, 11):
+        square = balanced_latin_square(count)
+        assert len(square) == (2 * count if count % 2 and count > 1 else count)
+        for place in range(count):
+            assert set(Counter(row[place] for row in square).values()) == {len(square) // count}
+        after = Counter(pair for row in square for pair in pairwise(row))
+        assert len(after) == count * (count - 1)
+        assert len(set(after.values())) <= 1
+    with pytest.raises(InputError):
+        balanced_latin_square(0)
 
 
 @given(
@@ -163,6 +150,7 @@ def test_shuffle_keeps_items_and_limit_or_raises(counts, longest, seed):
 
 
 def test_an_order_that_shuffles_do_not_find_is_refused():
+    assert sorted(constrained_shuffle("aaa", rng=np.random.default_rng(0))) == list("aaa")
     with pytest.raises(InputError, match="none of 20000 shuffles has them; allow longer runs"):
         constrained_shuffle([0] * 30 + [1] * 30, rng=np.random.default_rng(0), longest_run=1)
 
@@ -175,24 +163,14 @@ def test_allowed_orders_are_equally_likely():
     assert min(seen.values()) > 0.75 * 6000 / 12
 
 
-def test_without_a_limit():
-    assert sorted(constrained_shuffle("aaa", rng=np.random.default_rng(0))) == list("aaa")
-    with pytest.raises(InputError):
-        balanced_latin_square(0)
-
-
 PLAN = draw_plan(read_design(template_text("paper"), participants=1))
 TRIAL = PLAN.of(1)[0]
-OPEN = {"event": "open", "plan": PLAN.digest, "participant": 1, "simulated": True}
-ANSWER = {
-    **{"event": "answer", "trial": TRIAL.code, "question": TRIAL.questions[0]},
-    **{"answer": "brush", "reaction_s": 0.5, "time": "2026-11-22T00:00:00+00:00"},
-}
+ANSWER = answered(TRIAL, TRIAL.questions[0])
 
 
-@pytest.mark.parametrize(
-    ("event", "why"),
-    [
+def test_a_damaged_event_gives_one_error_line(subtests):
+    begun = {name: value for name, value in opened(PLAN).items() if name != "time"}
+    for event, why in [
         *(
             ({key: value for key, value in ANSWER.items() if key != gone}, f"'{gone}' is missing")
             for gone in list(ANSWER)[1:]
@@ -203,9 +181,7 @@ ANSWER = {
         ({**ANSWER, "reaction_s": True}, "reaction_s is 'True'"),
         ({"event": "present", "trial": {}, "stimulus": "x"}, "trial is '{}'"),
         ({"event": "open", "plan": PLAN.digest}, "'participant' is missing"),
-    ],
-)
-def test_a_damaged_event_gives_one_error_line(event, why):
-    with pytest.raises(BrokenFileError, match=why) as told:
-        replay([OPEN, event], PLAN, 1)
-    assert str(told.value).startswith("log: expected the events of participant 1, got a damaged event")
+    ]:
+        with subtests.test(why=why), pytest.raises(BrokenFileError, match=why) as told:
+            replay([begun, event], PLAN, 1)
+        assert str(told.value).startswith("log: expected the events of participant 1, got a damaged event")

@@ -14,12 +14,9 @@ from midair.study.statistics.confusion import limits_over_people
 from midair.study.tables import columns_of, legend_of, read_csv
 
 
-@pytest.mark.parametrize(("p", "words"), [(0.0004, "p < .001"), (0.05, "p = .050"), (1.0, "p = 1.000")])
-def test_format_of_p_values(p, words):
-    assert p_words(p) == words
+def test_format_of_p_values_and_of_the_reason_of_a_failed_analysis():
+    assert [p_words(p) for p in (0.0004, 0.05, 1.0)] == ["p < .001", "p = .050", "p = 1.000"]
 
-
-def test_a_failed_analysis_gives_its_reason():
     def refuse():
         raise InputError("pairs: expected two, got one")
 
@@ -98,21 +95,13 @@ def test_complete_data_give_all_findings(reports):
     assert (rated.ratings["low"] < rated.ratings["mean"]).all()
 
 
-def test_conditions_that_are_numbers_are_compared_too():
-    table = choices() | {"surface": np.where(choices()["surface"] == "plain", 1.0, 2.0)}
-    report = analyse(data_of_columns(table, **NAMES), draws=200)
+def test_conditions_may_be_numbers_random_answers_are_at_chance_and_the_seed_decides():
+    table = choices(skill=0, seed=5)
+    table |= {"surface": np.where(table["surface"] == "plain", 1.0, 2.0)}
+    report, again = (analyse(data_of_columns(table, **NAMES), seed=3, draws=500) for _ in range(2))
+    assert "no better than chance" in found(report, "Identification: 1").words
     assert "1.0 and 2.0" in found(report, "Effect of the condition over people").words
-
-
-@pytest.mark.long
-def test_the_seed_decides():
-    first, second = (analyse(data_of_columns(choices(), **NAMES), seed=3, draws=200) for _ in range(2))
-    assert [one.words for one in first.findings] == [one.words for one in second.findings]
-
-
-def test_random_answers_are_at_chance():
-    report = analyse(data_of_columns(choices(skill=0, seed=5), **NAMES), draws=500)
-    assert "no better than chance" in found(report, "Identification: plain").words
+    assert [one.words for one in report.findings] == [one.words for one in again.findings]
 
 
 @pytest.mark.long
@@ -178,12 +167,6 @@ def test_answers_that_were_never_presented_are_wrong():
     assert wrong.startswith(f"{100 * right.sum() / plain.sum():.1f} %")
 
 
-def test_trials_without_a_right_answer_are_no_object():
-    table = choices() | {"right": np.where(np.arange(144) % 12 == 5, "n/a", choices()["right"])}
-    report = analyse(data_of_columns(table, **NAMES), draws=200)
-    assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
-
-
 def test_every_column_of_a_table_is_explained(reports):
     report, rated = reports
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
@@ -192,12 +175,14 @@ def test_every_column_of_a_table_is_explained(reports):
         assert {name for name, _ in legend_of(one)} == set(one.table.columns), one.title
 
 
-def test_participants_that_the_plan_excludes_are_named():
+def test_people_that_the_plan_excludes_are_named_and_trials_without_a_right_answer_are_no_object():
     excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
-    data = data_of_columns(choices(people=2), **NAMES)
-    words = found(analyse(replace(data, excluded=excluded), draws=50), "Participants").words
-    assert words.startswith("2 participants, 48 answers analysed")
+    table = choices(people=2) | {"right": np.where(np.arange(48) % 12 == 5, "n/a", choices(people=2)["right"])}
+    report = analyse(replace(data_of_columns(table, **NAMES), excluded=excluded), draws=50)
+    words = found(report, "Participants").words
+    assert words.startswith("2 participants, 44 answers analysed")
     assert "The plan excludes c." in words
+    assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
 
 
 def test_other_questions():
@@ -252,18 +237,16 @@ def test_few_wrong_answers_are_reported():
         assert ("There are fewer wrong answers than people" in words) == warned
 
 
-@pytest.mark.parametrize(
-    ("marked", "by", "words"),
-    [
-        ([True, True], ["model", "model"], "SIMULATED: no person was asked"),
-        ([True, True], ["model", "page"], "SIMULATED array: nothing could be felt"),
-        ([False, False], ["page", "key"], ""),
-    ],
-)
-def test_answers_of_people_on_a_simulated_array_are_not_those_of_a_model(marked, by, words):
-    assert simulation_of(pd.DataFrame({"simulated": marked, "reaction_by": by})) == words
-    assert simulation_of(pd.DataFrame({"simulated": marked})) == (words and "SIMULATED: no person was asked")
-    assert simulation_of(pd.DataFrame({"reaction_by": by})) == ""
+def test_answers_of_people_on_a_simulated_array_are_not_those_of_a_model():
+    for marked, by, words in [
+        (True, ["model", "model"], "SIMULATED: no person was asked"),
+        (True, ["model", "page"], "SIMULATED array: nothing could be felt"),
+        (False, ["page", "key"], ""),
+    ]:
+        assert simulation_of(pd.DataFrame({"simulated": marked, "reaction_by": by})) == words
+        alone = pd.DataFrame({"simulated": [marked, marked]})
+        assert simulation_of(alone) == (words and "SIMULATED: no person was asked")
+        assert simulation_of(pd.DataFrame({"reaction_by": by})) == ""
 
 
 PSYCHOPY = """\
@@ -301,15 +284,16 @@ def test_rows_of_other_programs_that_are_no_trials_are_left_out_and_counted(tmp_
     assert words.startswith("4 participants, 12 answers analysed. 1 of 10 rows are left out, since practice.thisN")
 
 
-@pytest.mark.parametrize("blank", ["null", "nan", "NaN", "undefined", "None", " ", ""])
-def test_rows_whose_fields_say_that_there_is_no_value_are_no_trials(blank, tmp_path):
+def test_rows_whose_fields_say_that_there_is_no_value_are_no_trials(tmp_path):
     """Presented null and answered null was an object that everybody recognised."""
-    rows = "1,low,low\n1,high,low\n" + f"1,{blank},{blank}\n1,low,{blank}\n"
-    (tmp_path / "a.csv").write_text("who,object,answer\n" + rows)
-    data = data_of_columns(read_csv(tmp_path / "a.csv"), participant="who", presented="object", answered="answer")
-    answers = ["low", "low", *(["None"] if blank == "None" else [])]
-    assert data.choices["answered"].tolist() == answers
-    assert f"{4 - len(answers) - (blank != 'None')} of 4 rows are left out, since object is empty there." in data.notes
+    for blank in ("null", "nan", "NaN", "undefined", "None", " ", ""):
+        rows = "1,low,low\n1,high,low\n" + f"1,{blank},{blank}\n1,low,{blank}\n"
+        (tmp_path / "a.csv").write_text("who,object,answer\n" + rows)
+        data = data_of_columns(read_csv(tmp_path / "a.csv"), participant="who", presented="object", answered="answer")
+        answers = ["low", "low", *(["None"] if blank == "None" else [])]
+        assert data.choices["answered"].tolist() == answers
+        left = 4 - len(answers) - (blank != "None")
+        assert f"{left} of 4 rows are left out, since object is empty there." in data.notes
 
 
 def test_usual_columns_of_other_programs_are_found(tmp_path):
@@ -329,14 +313,13 @@ def test_usual_columns_of_other_programs_are_found(tmp_path):
         columns_of(pd.DataFrame({"a.keys": [1], "b.keys": [1]}), "psychopy", {})
 
 
-@pytest.mark.parametrize(
-    ("where", "left"),
-    [(("x", "2"), 2), (("x", "2.0"), 2), (("x", "n/a"), 1), (("s", "true"), 3), (("w", "01"), 1), (("w", ""), 1)],
-)
-def test_rows_are_selected_by_the_value_of_a_column(where, left):
+def test_rows_are_selected_by_the_value_of_a_column():
     table = {"p": ["a", "b", "c", "d"], "o": [1.0, 2, 1, 2], "x": [2.0, 1, np.nan, 2], "s": [True, False, True, True]}
     names = {"participant": "p", "presented": "o", "answered": "o"}
-    assert len(data_of_columns(table | {"w": ["01", "1", "", "x"]}, **names, where=[where]).choices) == left
+    wheres = ("x", "2"), ("x", "2.0"), ("x", "n/a"), ("s", "true"), ("w", "01"), ("w", "")
+    wide = table | {"w": ["01", "1", "", "x"]}
+    left = [len(data_of_columns(wide, **names, where=[where]).choices) for where in wheres]
+    assert left == [2, 2, 1, 3, 1, 1]
     with pytest.raises(InputError, match="expected rows to analyse, got none: in all 4 rows x is not '7'"):
         data_of_columns(table, **names, where=[("x", "7")])
     with pytest.raises(InputError, match="expected a column 'y'"):

@@ -6,19 +6,15 @@ from typing import get_args
 import numpy as np
 import pandas as pd
 import pytest
+from tests.study.simulated import simulate
 
 from midair.errors import InputError
-from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, run
-from midair.study.design.plan import draw_plan
+from midair.study import StudyFolder, analyse, answers_table
 from midair.study.design.question import Question, QuestionKind, Stimulus
-from midair.study.design.session_state import replay
 from midair.study.design.study_design import Analysis, Block, Design, Exclusions, Extra
 from midair.study.findings.analysis import question_findings
 from midair.study.findings.rating_findings import adaptive
 from midair.study.findings.study_data import StudyData, data_of_answers
-from midair.study.session.event_log import read_events
-from midair.study.session.presenters import SilentPresenter
-from midair.study.session.trials import InstantClock, Session
 from midair.study.tables import legend_of
 
 KINDS = get_args(QuestionKind)
@@ -55,15 +51,8 @@ def design(kind, place, **analysis):
 
 
 def report(made, folder):
-    plan = draw_plan(made)
-    sessions = []
-    for number in range(1, made.participants + 1):
-        presenter, log = SilentPresenter(), folder / f"sub-{number:02d}.jsonl"
-        screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter, number=number)
-        with Session(plan, number, log, presenter, simulated=True, clock=InstantClock()) as session:
-            run(session, screen)
-        sessions.append(replay(read_events(log), plan, number))
-    table = answers_table(plan, sessions)
+    study = StudyFolder.create(folder / "s", "", made)
+    table = answers_table(simulate(study), study.sessions())
     return analyse(data_of_answers(table, made.analysis, design=made), draws=20), table
 
 
@@ -134,37 +123,24 @@ def test_answers_without_a_correct_one_are_no_false_alarms():
     assert "55 of 60 answered 'yes' when it was correct, 10 of 60 when it was wrong" in found.words
 
 
-def threshold_words(values, strongest=100.0):
-    table = pd.DataFrame(
-        {
-            "participant": range(len(values)),
-            "block": "x",
-            "method": "quest+",
-            "threshold": values,
-            "strongest": strongest,
-        }
-    )
+def threshold_words(values, strongest=100.0, block="x"):
+    about = {"participant": range(len(values)), "block": block, "method": "quest+", "strongest": strongest}
+    table = pd.DataFrame(about | {"threshold": values})
     (found,) = adaptive(StudyData(thresholds=table))
     assert found.table is table
     return found.words
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
+def test_the_median_of_thresholds_counts_people_beyond_the_levels_which_are_named():
+    for values, words in [
         ([0.5, 2, np.nan], "Median of 2 thresholds: 1 (no limits with fewer than six people, got 2). 1 missing"),
         ([4, 8, 2, 16, 3, 9], "Median of 6 thresholds: 5.66 (95 % limits over people 2 to 16). Each"),
         ([np.inf, 8, 2, 16, 3, 9], "Median of 6 thresholds: 8.49 (95 % limits over people 2 to above the levels)."),
         ([np.inf] * 4 + [-np.inf, 9], "Median of 6 thresholds: above the levels (95 % limits over people below the"),
         ([40, 50, 60, 70, 80, 90], "Median of 6 thresholds: 64.8 (no limits, since thresholds close to the strongest"),
         ([np.nan] * 2, "No threshold could be estimated. 2 missing: the notes give the reasons."),
-    ],
-)
-def test_the_median_of_thresholds_counts_people_beyond_the_levels(values, words):
-    assert threshold_words(values).startswith(words)
-
-
-def test_people_beyond_the_levels_are_named():
+    ]:
+        assert threshold_words(values).startswith(words)
     words = threshold_words([np.inf, np.inf, 8, 2, 16, -np.inf])
     assert "The median includes people beyond the levels: 2 above and 1 below." in words
 
@@ -185,19 +161,7 @@ LIMITS = re.compile(r"thresholds: (.+?) \(95 % limits over people (.+?) to (.+?)
 
 
 def test_blocks_are_not_people():
-    table = pd.DataFrame(
-        {
-            "participant": ["a", "b"] * 2,
-            "block": ["x", "x", "y", "y"],
-            "method": "quest+",
-            "threshold": [0.5, 2.0, 40, 10],
-            "strongest": 50,
-        }
-    )
-    (found,) = adaptive(StudyData(thresholds=table))
-    assert "Block x: median of 2 thresholds: 1 (no limits" in found.words
-    assert "Block y: median of 2 thresholds: 20 (no limits" in found.words
-
-
-def test_no_findings_without_thresholds():
+    words = threshold_words([0.5, 2.0, 40, 10], 50, ["x", "x", "y", "y"])
+    assert "Block x: median of 2 thresholds: 1 (no limits" in words
+    assert "Block y: median of 2 thresholds: 20 (no limits" in words
     assert adaptive(StudyData()) == []

@@ -82,7 +82,7 @@ def interrupted(plan, path, after):
     return screen
 
 
-def test_a_whole_session(plan, tmp_path):
+def test_a_whole_session_whose_steps_do_not_reveal_the_condition(plan, tmp_path):
     presenter, screen = Recorder(), Script(plan)
     with session(plan, tmp_path / "log.jsonl", presenter) as one:
         assert run(one, screen).kind == "done"
@@ -98,12 +98,6 @@ def test_a_whole_session(plan, tmp_path):
     assert plan.design.consent in screen.seen
     assert not any("Ctrl" in text for text in screen.seen), "the browser shows the same texts"
     assert "rest 60" in screen.seen
-
-
-def test_no_step_reveals_the_condition(plan, tmp_path):
-    screen = Script(plan)
-    with session(plan, tmp_path / "log.jsonl") as one:
-        run(one, screen)
     hidden = {trial.stimulus for trial in plan.trials} | {"plain", "grooved", "reproduced"}
     said = "\n".join(screen.seen) + (tmp_path / "log.jsonl").read_text()
     assert not [word for word in hidden if word in said]
@@ -183,13 +177,16 @@ def test_repeated_failures_end_a_session_that_can_be_resumed(plan, tmp_path):
     assert presenter.done[0] == plan.of(1)[2].stimulus
 
 
-def test_an_array_that_is_lost_ends_the_session_and_the_trial_is_marked(plan, tmp_path):
-    with pytest.raises(LinkLostError):  # noqa: SIM117
-        with session(plan, tmp_path / "log.jsonl", Faulty(silent=(1,), error=LinkLostError)) as one:
-            run(one, Script(plan))
-    assert [event["trial"] for event in read_events(tmp_path / "log.jsonl") if event["event"] == "silent"] == [
-        plan.of(1)[1].code
-    ]
+@pytest.mark.parametrize("error", [LinkLostError, OSError])
+def test_a_lost_array_or_another_error_ends_the_session_in_silence_and_the_trial_is_marked(plan, tmp_path, error):
+    presenter = Faulty(silent=(1,), error=error)
+    with pytest.raises(error), session(plan, tmp_path / "log.jsonl", presenter) as one:
+        run(one, Script(plan))
+    events = read_events(tmp_path / "log.jsonl")
+    marked = [plan.of(1)[1].code] if error is LinkLostError else []
+    assert [event["trial"] for event in events if event["event"] == "silent"] == marked
+    assert presenter.silenced >= 1
+    assert events[-1]["reason"] == error.__name__
 
 
 def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
@@ -230,29 +227,13 @@ def test_stop_silences_first_and_ends_the_session(plan, tmp_path):
         assert run(one, Script(plan)).kind == "done"
 
 
-def test_an_error_of_the_presenter_silences_it(plan, tmp_path):
-    class Broken(Recorder):
-        def present(self, stimulus, begins=bool):
-            raise OSError("link lost")
-
-    presenter = Broken()
-    with pytest.raises(OSError, match="link lost"), session(plan, tmp_path / "log.jsonl", presenter) as one:
-        run(one, Script(plan))
-    assert presenter.silenced >= 1
-    assert read_events(tmp_path / "log.jsonl")[-1]["reason"] == "OSError"
-
-
-def test_another_plan_or_another_program_is_refused(plan, tmp_path):
+def test_another_plan_and_another_program_are_refused(plan, tmp_path):
     interrupted(plan, tmp_path / "log.jsonl", after=3)
     other = draw_plan(read_design(template_text("paper"), seed=9))
     with pytest.raises(MismatchError, match="changed"), session(other, tmp_path / "log.jsonl"):
         pass
-    pytest.importorskip("fcntl")
-    with (
-        session(plan, tmp_path / "log.jsonl"),
-        pytest.raises(DeviceStateError, match="another program"),
-        session(plan, tmp_path / "log.jsonl"),
-    ):
+    again = session(plan, tmp_path / "log.jsonl")
+    with session(plan, tmp_path / "log.jsonl"), pytest.raises(DeviceStateError, match="another program"), again:
         pass
 
 

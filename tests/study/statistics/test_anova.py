@@ -107,18 +107,11 @@ def test_contrasts_of_all_effects_are_one_orthonormal_basis_less_the_mean(shape)
     np.testing.assert_allclose(rows.sum(axis=1), 0, atol=1e-12)
 
 
-def small(**changes):
-    table = {"y": [1.0, 2, 3, 4, 6, 5], "who": list("aabbcc"), "x": list("ststst")} | changes
-    return rm_anova(table, value="y", participant="who", within=["x"])
-
-
-def test_an_effect_without_error_has_a_note_and_no_number():
-    row = small(y=[1.0, 2, 3, 4, 5, 6]).iloc[0]
+def test_an_effect_without_error_and_too_few_people_for_mauchly_have_notes():
+    table = {"y": [1.0, 2, 3, 4, 5, 6], "who": list("aabbcc"), "x": list("ststst")}
+    row = rm_anova(table, value="y", participant="who", within=["x"]).iloc[0]
     assert np.isnan(row["F"])
     assert "no error" in row["note"]
-
-
-def test_too_few_people_for_mauchly_has_a_note():
     rng = np.random.default_rng(0)
     table = {"y": rng.normal(size=15), "who": np.repeat([0, 1, 2], 5), "x": [*range(5)] * 3}
     row = rm_anova(table, value="y", participant="who", within=["x"]).iloc[0]

@@ -21,24 +21,17 @@ NAMES = {"value": "y", "participant": "who", "within": ["x"]}
     ids=["frame", "with an index of its own", "categories", "arrays", "rows of a larger one"],
 )
 def test_a_frame_and_a_dict_are_the_same(table):
+    before = table.copy()
     pd.testing.assert_frame_equal(rm_anova(table, **NAMES), rm_anova(RATINGS, **NAMES))
+    pd.testing.assert_frame_equal(pd.DataFrame(table), pd.DataFrame(before))
 
 
-def test_the_input_table_is_unchanged():
-    table = pd.DataFrame(RATINGS)
-    rm_anova(table, **NAMES)
-    pd.testing.assert_frame_equal(table, pd.DataFrame(RATINGS))
-
-
-def test_levels_are_numbered_in_the_order_of_appearance():
+def test_numbers_are_floats_and_levels_are_numbered_in_the_order_of_appearance():
+    for values in ([1, 2], ["1", "2.0"], [True, 2], pd.array([1, 2], dtype="Int64")):
+        found = numbers(frame_of({"n": values}), "n")
+        assert (found.dtype, found.tolist()) == (np.float64, [1.0, 2.0])
     order, number = levels(np.array(["t", "s", "t", "b"]))
     assert (order, number.tolist()) == (["t", "s", "b"], [0, 1, 0, 2])
-
-
-@pytest.mark.parametrize("values", [[1, 2], ["1", "2.0"], [True, 2], pd.array([1, 2], dtype="Int64")], ids=str)
-def test_numbers_are_floats(values):
-    found = numbers(frame_of({"n": values}), "n")
-    assert (found.dtype, found.tolist()) == (np.float64, [1.0, 2.0])
 
 
 def test_trials_are_averaged():

@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,17 +11,14 @@ from midair.study import d_prime_choice, d_prime_same_different, d_prime_yes_no,
 from midair.study.statistics.detection import d_prime_limits, f_limits, macro_f_limits, share_limits, two_answers_limits
 
 
-def test_three_alternatives():
-    found = proportion_correct([0.5, 1, 1.5, 2, 3], alternatives=3)
-    assert np.round(found, 3).tolist() == [0.483, 0.634, 0.766, 0.866, 0.969]
-
-
-@pytest.mark.parametrize("alternatives", [2, 3, 5, 10])
-def test_chance_and_two_alternatives(alternatives):
+def test_chance_two_and_three_alternatives():
     from scipy.stats import norm
 
-    assert proportion_correct(0, alternatives=alternatives) == pytest.approx(1 / alternatives)
+    for alternatives in (2, 3, 5, 10):
+        assert proportion_correct(0, alternatives=alternatives) == pytest.approx(1 / alternatives)
     assert proportion_correct(1.3, alternatives=2) == pytest.approx(norm.cdf(1.3 / np.sqrt(2)))
+    found = proportion_correct([0.5, 1, 1.5, 2, 3], alternatives=3)
+    assert np.round(found, 3).tolist() == [0.483, 0.634, 0.766, 0.866, 0.969]
 
 
 @given(d=st.floats(0.05, 3.5), alternatives=st.integers(2, 8))
@@ -32,19 +31,15 @@ def test_d_prime_of_share_inverts_proportion_correct(d, alternatives):
     assert not found.corrected
 
 
-def test_perfect_answers_stay_finite():
+def test_perfect_answers_stay_finite_and_their_limits_do_not():
     found = d_prime_choice(12, 12, alternatives=3)
     assert found.corrected
     assert np.isfinite(found.d_prime)
     assert found.low < found.d_prime
     assert d_prime_choice(0, 12, alternatives=3).d_prime < 0
-
-
-@pytest.mark.parametrize("total", [12, 40, 41])
-@pytest.mark.parametrize("alternatives", [2, 3, 8])
-def test_limits_are_infinite_where_all_or_no_answers_are_correct(total, alternatives):
-    assert d_prime_choice(total, total, alternatives=alternatives).high == np.inf
-    assert d_prime_choice(0, total, alternatives=alternatives).low == -np.inf
+    for total, alternatives in product([12, 40, 41], [2, 3, 8]):
+        assert d_prime_choice(total, total, alternatives=alternatives).high == np.inf
+        assert d_prime_choice(0, total, alternatives=alternatives).low == -np.inf
 
 
 def test_yes_no_by_hand():
@@ -55,6 +50,10 @@ def test_yes_no_by_hand():
     assert found.d_prime == pytest.approx(norm.ppf(hit) - norm.ppf(alarm))
     assert found.criterion == pytest.approx(-(norm.ppf(hit) + norm.ppf(alarm)) / 2)
     assert np.isfinite(d_prime_yes_no(20, 20, 0, 20).d_prime)
+    # At 8 signals and 8 blanks the limits would cover up to .987 of a 95 % interval.
+    few, enough = d_prime_yes_no(15, 19, 3, 40), d_prime_yes_no(16, 20, 3, 40)
+    assert np.isnan([few.low, few.high]).all()
+    assert enough.low < enough.d_prime < enough.high
 
 
 def test_same_different_of_a_simulated_observer():
@@ -65,13 +64,6 @@ def test_same_different_of_a_simulated_observer():
     assert found.d_prime == pytest.approx(d, abs=0.02)
     assert found.criterion == pytest.approx(k, abs=0.02)
     assert d_prime_same_different(10, 20, 12, 20).d_prime == 0
-
-
-def test_few_signals_or_blanks_set_no_limits():
-    # At 8 signals and 8 blanks the limits would cover up to .987 of a 95 % interval.
-    few, enough = d_prime_yes_no(15, 19, 3, 40), d_prime_yes_no(16, 20, 3, 40)
-    assert np.isnan([few.low, few.high]).all()
-    assert enough.low < enough.d_prime < enough.high
 
 
 FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'": d_prime_limits}
@@ -88,10 +80,10 @@ def counts():
 
 
 def test_the_share_by_hand(counts):
-    right = np.trace(counts, axis1=1, axis2=2)
-    without = logit((right.sum() - right + 1) / (60 + 2))
     from scipy.stats import t
 
+    right = np.trace(counts, axis1=1, axis2=2)
+    without = logit((right.sum() - right + 1) / (60 + 2))
     half = t.ppf(0.975, 5) * np.sqrt(5 / 6 * ((without - without.mean()) ** 2).sum())
     found = share_limits(counts)
     assert float(found.value) == right.sum() / 72
@@ -99,16 +91,13 @@ def test_the_share_by_hand(counts):
     assert [float(found.low), float(found.high)] == pytest.approx(known.tolist())
 
 
-def test_d_prime_has_the_limits_of_the_share(counts):
+def test_d_prime_has_the_limits_of_the_share_and_f_those_of_each_object(counts):
     share, sense = share_limits(counts), d_prime_limits(counts)
     assert proportion_correct([sense.low, sense.high], alternatives=3) == pytest.approx(
         [float(share.low), float(share.high)]
     )
     right = int(np.trace(counts.sum(axis=0)))
     assert float(sense.value) == pytest.approx(d_prime_choice(right, 72, alternatives=3).d_prime)
-
-
-def test_f_of_each_object_and_foils(counts):
     found = f_limits(counts)
     assert found.value.tolist() == f_measure(counts.sum(axis=0)).tolist()
     assert ((found.low < found.value) & (found.value < found.high)).all()

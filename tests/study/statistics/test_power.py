@@ -3,6 +3,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.detection import proportion_correct
 from midair.study.statistics.paired import equivalence
 from midair.study.statistics.power import (
     POWER,
@@ -43,20 +44,10 @@ def test_simulated_tests_have_the_power_of_the_formulas():
     rng, runs = np.random.default_rng(3), 300
     equal = [equivalence(rng.normal(size=12), np.zeros(12), margin=1.0).p < 0.05 for _ in range(runs)]
     assert np.mean(equal) == pytest.approx(power_equivalence(12, effect=1.0), abs=0.08)
-    right = POWER["identification"](8, effect=0.4)
-    from midair.study.statistics.detection import proportion_correct
-
-    found = [
-        binomtest(
-            int(rng.binomial(12, proportion_correct(rng.normal(0.4, 0.3, 8), alternatives=3)).sum()),
-            96,
-            1 / 3,
-            alternative="greater",
-        ).pvalue
-        < 0.05
-        for _ in range(runs)
-    ]
-    assert np.mean(found) == pytest.approx(right, abs=0.08)
+    share = [proportion_correct(rng.normal(0.4, 0.3, 8), alternatives=3) for _ in range(runs)]
+    told = [int(rng.binomial(12, each).sum()) for each in share]
+    found = [binomtest(right, 96, 1 / 3, alternative="greater").pvalue < 0.05 for right in told]
+    assert np.mean(found) == pytest.approx(POWER["identification"](8, effect=0.4), abs=0.08)
 
 
 def test_a_rating_of_two_levels_is_a_paired_t():

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.special import ndtr, ndtri
 
 from midair.study import fit_psychometric
 from midair.study.statistics.psychometric import Psychometric, next_level
@@ -112,8 +113,6 @@ def test_limits_after_quest_cover(slope, lapse):
 
 
 def test_a_preferred_side_makes_thresholds_too_high_as_the_documentation_states():
-    from scipy.special import ndtr, ndtri
-
     levels, ratios = np.geomspace(1, 100, 13), []
     for bias in (0.5, 1.0):  # the preferred side is chosen in 69 and 84 % of empty trials
         for slope in (1.5, 3):

@@ -2,18 +2,15 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import limits_over_people, sign_flip
+from midair.study import f_measure, limits_over_people, sign_flip
 
 
-def test_sign_flip_by_hand():
+def test_sign_flip_by_hand_and_by_scipy():
+    from scipy.stats import permutation_test
+
     # Three differences of one sign: only all plus and all minus are as large, 2 of 8.
     assert sign_flip(np.array([1.0, 2, 3]), rng=np.random.default_rng(0)) == pytest.approx(0.25)
     assert sign_flip(np.zeros(4), rng=np.random.default_rng(0)) == 1
-
-
-def test_sign_flip_agrees_with_scipy():
-    from scipy.stats import permutation_test
-
     d = np.random.default_rng(5).normal(0.4, 1, 9)
     exact = permutation_test((d,), np.mean, permutation_type="samples", n_resamples=np.inf)
     assert sign_flip(d, rng=np.random.default_rng(0)) == pytest.approx(exact.pvalue)
@@ -51,14 +48,11 @@ def test_limits_cover_with_five_people():
     assert 0.93 < inside / 600 < 0.97
 
 
-@pytest.mark.parametrize("scale", ["plain", "share", "positive"])
-def test_no_limits_without_differences_between_people(scale):
-    found = limits_over_people(lambda x: x.mean(axis=0), np.ones((5, 2)), scale=scale)
-    assert found.value.tolist() == [1, 1]
-    assert np.isnan([found.low, found.high]).all()
-
-
-def test_too_few_people_are_refused():
+def test_people_without_differences_have_no_limits_and_too_few_are_refused():
+    for scale in ("plain", "share", "positive"):
+        found = limits_over_people(lambda x: x.mean(axis=0), np.ones((5, 2)), scale=scale)
+        assert found.value.tolist() == [1, 1]
+        assert np.isnan([found.low, found.high]).all()
     with pytest.raises(InputError, match="got 4"):
         limits_over_people(np.mean, np.ones(4))
     with pytest.raises(InputError, match="got 1"):
@@ -71,8 +65,6 @@ def test_too_few_people_are_refused():
 @pytest.mark.parametrize("people", [5, 10])
 def test_limits_of_macro_f_cover(people):
     # People with individual d' and bias; BCa limits of five people cover .83 to .86.
-    from midair.study import f_measure
-
     rng = np.random.default_rng(people)
 
     def answers(many):
