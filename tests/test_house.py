@@ -23,7 +23,7 @@ LEFT_OUT_OF_ALL = {
 LINES = {
     "model": 1917,
     "settings streaming .": 2808,
-    "physics": 3403,
+    "physics": 3413,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
     "solvers": 4427,

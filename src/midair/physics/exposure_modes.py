@@ -124,12 +124,15 @@ def slow_field(
     field = np.empty((len(points), array.count), np.complex64)
     turns_per_metre = wavenumber(array, acoustics.medium) / (2 * np.pi)
     own = np.linalg.norm(points - middle(array), axis=1)
+    # Points of a lattice share coordinates: squares of their distances along each axis, and the row of each point.
+    axes = [np.unique(along, return_inverse=True) for along in points.T]
+    away = (np.subtract.outer(at, array.position[:, axis]) for axis, (at, _) in enumerate(axes))
+    (x, y, z), (i, j, k) = (np.square(each.astype(np.float32)) for each in away), (row for _, row in axes)
     for first in range(0, len(points), 32):
         part = slice(first, first + 32)
-        path = np.zeros((len(points[part]), array.count), np.float32)
-        for axis in range(3):
-            away = np.subtract.outer(points[part, axis], array.position[:, axis]).astype(np.float32)
-            path += np.multiply(away, away, out=away)
+        path = x[i[part]]
+        path += y[j[part]]
+        path += z[k[part]]
         turns = np.sqrt(path, out=path)
         turns -= own[part, None]
         turns *= turns_per_metre

@@ -84,13 +84,14 @@ class PlaceSearch:
             return self.field.at_points()
         return np.eye(len(self.modes), dtype=np.complex64).reshape(len(self.airs), -1, len(self.modes))
 
-    def late(self, points: Array) -> Array:
+    def late(self, points: Array) -> Single:
         """Arrival of each transducer after the first one, (point, transducer), in s to 1 ns, in the middle air."""
         places, position = points.astype(np.float32), self.array.position.astype(np.float32)
         squares = np.square(places).sum(axis=1)[:, None] + np.square(position).sum(axis=1)
         path = np.sqrt(np.abs(squares - 2 * places @ position.T))
-        speed = self.airs[len(self.airs) // 2].medium.speed
-        return np.asarray((path - path.min(axis=1, keepdims=True)) / speed, np.float64)
+        path -= path.min(axis=1, keepdims=True)
+        path /= np.float32(self.airs[len(self.airs) // 2].medium.speed)
+        return path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,7 +153,7 @@ def _cube_search(place: Place, key: ArrayKey, airs: Airs) -> PlaceSearch:
     # Far below silence there are no modes, since single precision would underflow.
     if alone.sum() < 1e-9:
         return point_search(place.points, array, airs)
-    wide = np.max([bands(place, array, air) for air in airs], axis=0)
+    wide = bands(place, array, min(airs, key=lambda air: air.medium.speed))
     fields = tuple(
         partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
         for air, magnitude in zip(airs, magnitudes, strict=True)

@@ -156,6 +156,8 @@ class Octant:
     points: Single
     """From parts of modes to parts of the pressure in Pa, shape (parts x air x point, parts x mode)."""
     airs: int
+    squares: Single
+    """Those of `PlaceInTime`."""
     rough: float
     """Longest time in s by which sound arrives before or after that of the middle."""
     left_out: float
@@ -169,8 +171,7 @@ class Octant:
         each = self.arrivals.moments(parts, reach, space)
         ends = self._amplitude(np.concatenate([each[0][0][:, :1], each[-1][0]], axis=1))
         found, most = ends[:, 1:].copy(), np.stack([ends[:, :-1].max(axis=0), ends[:, 1:].max(axis=0)])
-        squares = np.full(self.points.shape[1], np.square(self.points).sum(axis=1).max())
-        _louder_between(found, each, most, np.full(found.shape[1], above), squares, self._amplitude)
+        _louder_between(found, each, most, np.full(found.shape[1], above), self.squares, self._amplitude)
         return found
 
     def _amplitude(self, modes: Single) -> Array:
@@ -228,9 +229,9 @@ def _weights(field: Complex, modes: Complex) -> Array:
     multiplicative steps for the share of each point (Silvey, Titterington & Torsney 1978, Communications in Statistics
     7, 1379).
     """
-    power = np.square(np.abs(field.reshape(-1, field.shape[2]).T)).astype(np.float64)
+    power = np.square(np.abs(field.reshape(-1, field.shape[2]))).T
     strength = np.square(np.abs(modes)).sum(axis=1)
-    squares, at_points = np.ones(len(modes)), np.ones(power.shape[1])
+    squares, at_points = np.ones(len(modes), np.float32), np.ones(power.shape[1], np.float32)
     share = at_points / len(at_points)
     for _ in range(30):
         squares = np.sqrt(power @ share / strength)
@@ -264,10 +265,12 @@ def octants_of(search: PlaceSearch, rate: float) -> tuple[Octant, ...]:
         points = search.points[number == each]
         shapes, modes, left_out = _modes_at(field[:, number == each].reshape(-1, field.shape[2]), search)
         late = search.late((points.min(axis=0, keepdims=True) + points.max(axis=0)) / 2)
+        points_of = in_parts(np.complex64(search.allowed) * shapes)
         octant = Octant(
             arrivals=Arrivals.of(modes, late[0], rate, FINE),
-            points=in_parts(np.complex64(search.allowed) * shapes),
+            points=points_of,
             airs=len(search.airs),
+            squares=np.full(points_of.shape[1], np.square(points_of).sum(axis=1).max()),
             rough=float(np.abs(search.late(points) - late).max()),
             left_out=left_out,
         )
@@ -372,11 +375,14 @@ class SoundInTime:
             keep(own, timed.other_moments(parts_of(own), self._reach, ends[:, own], hidden[own], loudest, space), 0.0)
             loudest = max(loudest, found[own].max())
             some = own.start + np.flatnonzero(np.maximum(pairs, found)[own] + hidden[own] > loudest)
-            for octant in octants_of(search, rate) if len(some) else ():
-                own = slice(some[0], some[-1] + 1)
+            if not len(some):
+                continue
+            own = slice(some[0], some[-1] + 1)
+            parts = parts_of(own)
+            for octant in octants_of(search, rate):
                 added = octant.rough * rough[own] + octant.left_out * level[own]
                 above = max(0.0, loudest - float(added.max()))
-                keep(own, octant.loudest(parts_of(own), self._reach, above, space), added)
+                keep(own, octant.loudest(parts, self._reach, above, space), added)
                 loudest = max(loudest, found[own].max())
         return found, air
 
