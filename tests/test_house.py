@@ -22,11 +22,11 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1917,
-    "settings streaming .": 2808,
+    "settings streaming .": 2813,
     "physics": 3413,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
-    "solvers": 4427,
+    "solvers": 4430,
     "files": 4446,
     "devices": 7859,
     "rig": 8720,

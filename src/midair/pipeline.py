@@ -289,18 +289,23 @@ def check_size(frames: int, array: TransducerArray, settings: Settings, *, parts
 
 
 def reproduce_stream(
-    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+    pressure: PressureFrames,
+    array: TransducerArray,
+    settings: Settings,
+    *,
+    early: bool = True,
+    progress: Progress | None = None,
 ) -> tuple[AmplitudeFrames, Iterator[Solution]]:
     """`reproduce` for a pressure of any length: the target, and an iterator over the blocks of its solution.
 
-    Raises RateError if the array cannot take frames at the pressure's rate.
+    `early` is that of `solve_parts`. Raises RateError if the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
     check_size(pressure.frames, array, settings, parts=True)
     settings = with_fitted_gain(pressure, array, settings, streamed=True)
     noted = replace(pressure, provenance=settings.noted(pressure.provenance))
     target = target_amplitude(noted, settings, streamed=True)
-    parts = solve_parts(target, array, settings.solver, acoustics=settings.acoustics, progress=progress)
+    parts = solve_parts(target, array, settings.solver, early=early, acoustics=settings.acoustics, progress=progress)
     return target, compensate_envelope(parts, target, array, settings)
 
 

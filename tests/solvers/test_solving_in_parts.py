@@ -62,3 +62,13 @@ def test_a_later_part_uses_the_matrices_of_the_first():
     (_, before), (_, after) = first.known, later.known
     assert after.field is before.field
     assert len(after.operators.problem.amplitude) == 3
+
+
+def test_a_target_of_two_parts_is_solved_at_once_unless_its_first_part_is_early():
+    amplitude = 100 + 20 * np.sin(np.arange(100)[:, None] / 20 + np.arange(36))
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=ControlGrid(rows=6, columns=6, pitch=10e-3))
+    parts = list(solve_parts(target, UNIT, method=Glide(block=64)))
+    (whole,) = solve_parts(target, UNIT, early=False, method=Glide(block=64))
+    assert [part.drive.frames for part in parts] == [65, 35]
+    np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), whole.drive.phase)
+    assert len(list(solve_parts(target, UNIT, early=False, method=Glide(block=32)))) == 4

@@ -76,7 +76,7 @@ def solve_to_file(
     fresh = path.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:
         while True:
-            target, parts = reproduce_stream(pressure, array, settings, progress=progress)
+            target, parts = reproduce_stream(pressure, array, settings, early=False, progress=progress)
             save_solutions(parts, fresh, frames=target.frames, target=target)
             drive = load_solution(fresh, streamed=True).drive
             # Those of the drive have the gain that was found.

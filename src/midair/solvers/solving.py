@@ -9,7 +9,7 @@ import numpy as np
 
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
 from midair.solvers.methods import SolverSettings
-from midair.solvers.solve_plan import SolvePlan
+from midair.solvers.solve_plan import SolvePlan, frames_per_part
 from midair.streaming import blocks
 from midair.validation import checked_call
 
@@ -69,26 +69,29 @@ def solve_parts(
     array: TransducerArray,
     settings: SolverSettings | None = None,
     *,
+    early: bool = True,
     progress: Progress | None = None,
     **changes: Any,
 ) -> Iterator[Solution]:
     """Yield the solution of `solve` part by part, with memory that does not grow with the recording.
 
     Each part continues from the end of the previous one. Parts end where the method ends a batch or a block, so all
-    parts together equal the result of `solve`, except for rounding.
+    parts together equal the result of `solve`, except for rounding. Unless the first part has to be there `early`, a
+    target of at most two parts is solved at once, which leaves fewer cores idle.
 
     The target's amplitude may be lazy frames, which are read once, and once more for the level "auto". The parameters
     are those of `solve`.
     """
-    return _parts(SolvePlan.of(target, array, settings, **changes), target, progress)
+    return _parts(SolvePlan.of(target, array, settings, **changes), target, progress, early)
 
 
-def _parts(order: SolvePlan, target: AmplitudeFrames, progress: Progress | None) -> Iterator[Solution]:
+def _parts(order: SolvePlan, target: AmplitudeFrames, progress: Progress | None, early: bool) -> Iterator[Solution]:
+    whole = not early and target.frames <= 2 * frames_per_part(order.solver)
     lead = rest = np.zeros((0, target.grid.count))
     done, after = 0, None
     for block in chain(blocks(target.amplitude, _READ), [None]):
         rest = rest if block is None else np.concatenate([rest, block])
-        while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
+        while cut := (not whole and order.joint(rest, first=after is None)) or (len(rest) if block is None else 0):
             known = len(lead)
             part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
             shifted = None if progress is None else _shifted_progress(progress, done - known, target.frames)
