@@ -26,7 +26,7 @@ LINES = {
     "physics": 3413,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
-    "solvers": 4430,
+    "solvers": 4431,
     "files": 4446,
     "devices": 7859,
     "rig": 8720,

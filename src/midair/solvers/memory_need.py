@@ -24,7 +24,8 @@ def memory_of(
     """
     settings = (settings or SolverSettings()).but(**changes)
     grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
-    frames = min(frames, 2 * frames_per_part(settings.solver())) if parts else frames
+    size = frames_per_part(settings.solver())
+    frames = size if parts and frames > 2 * size else frames  # see `solve_parts`
     airs = len(settings.airs(acoustics or Acoustics()))
     around = [*settings.quiet] if settings.ring is None else [settings.ring, *settings.quiet]
     M, N = airs * grid.count, array.count * (2 if settings.amplitudes == "bounded" else 1)
