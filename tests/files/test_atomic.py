@@ -15,7 +15,7 @@ from midair.files.atomic import atomic_file, atomic_folder, collect_written_file
 from midair.model import Recording
 
 
-def test_a_file_appears_when_the_block_ends_with_the_rights_of_any_new_one(tmp_path):
+def test_a_file_appears_when_the_block_ends_with_the_rights_of_any_new_one_or_behind_a_link(tmp_path):
     with atomic_file(tmp_path / "a.txt") as partial:
         partial.write_text("new")
         assert not (tmp_path / "a.txt").exists()
@@ -23,6 +23,12 @@ def test_a_file_appears_when_the_block_ends_with_the_rights_of_any_new_one(tmp_p
     assert list(tmp_path.iterdir()) == [tmp_path / "a.txt"]
     (tmp_path / "other").touch()
     assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "other").stat().st_mode
+    (tmp_path / "real.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
+    with atomic_file(tmp_path / "link.txt") as partial:
+        partial.write_text("new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "new"
 
 
 @pytest.mark.parametrize("wrong", [ValueError, KeyboardInterrupt, OSError, NonFiniteError])
@@ -39,15 +45,6 @@ def test_nothing_is_left_of_a_block_that_fails(wrong, tmp_path):
         fail()
     assert (tmp_path / "a.txt").read_text() == "old"
     assert list(tmp_path.iterdir()) == [tmp_path / "a.txt"]
-
-
-def test_follows_a_link(tmp_path):
-    (tmp_path / "real.txt").write_text("old")
-    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
-    with atomic_file(tmp_path / "link.txt") as partial:
-        partial.write_text("new")
-    assert (tmp_path / "link.txt").is_symlink()
-    assert (tmp_path / "real.txt").read_text() == "new"
 
 
 @pytest.mark.parametrize("name", ["a\0b.h5", "x" * 300])
@@ -75,22 +72,19 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         open_take(tmp_path / "a.csv")
 
 
-@pytest.mark.parametrize(
-    ("wrong", "kind", "says"),
-    [
+def test_the_actual_reason_is_reported(tmp_path, subtests):
+    for wrong, kind, says in [
         (MemoryError("Unable to allocate 8 TiB"), FileError, "more memory than available (Unable to allocate 8 TiB)"),
         (OSError(errno.ENOLCK, "No locks available"), BrokenFileError, "cannot be read: No locks available"),
         (OSError(errno.EIO, "Input/output error"), BrokenFileError, "cannot be read: Input/output error"),
         (OSError("bad object header version number"), BrokenFileError, "damaged or foreign file"),
         (RecursionError("too deep"), BrokenFileError, "damaged or foreign file"),
-    ],
-)
-def test_the_actual_reason_is_reported(wrong, kind, says, tmp_path):
-    with pytest.raises(kind) as told, parse_errors(tmp_path / "a.h5", "a file"):
-        raise wrong
-    assert type(told.value) is kind
-    assert str(told.value).startswith(f"{tmp_path / 'a.h5'}: ")
-    assert says in str(told.value)
+    ]:
+        with subtests.test(says=says), pytest.raises(kind) as told, parse_errors(tmp_path / "a.h5", "a file"):
+            raise wrong
+        assert type(told.value) is kind
+        assert str(told.value).startswith(f"{tmp_path / 'a.h5'}: ")
+        assert says in str(told.value)
 
 
 READ_ONLY = """

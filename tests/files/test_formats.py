@@ -279,15 +279,12 @@ def test_keeps_a_long_provenance(recording, tmp_path):
     assert load(tmp_path / "a.h5").provenance == life
 
 
-def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):
+def test_lists_the_parts_of_a_recording_and_refuses_files_of_others(recording, calibration, tmp_path):
     save(recording, tmp_path / "a.h5", calibration=calibration)
     seen = contents(tmp_path / "a.h5")
     assert (seen.kind, seen.frames, seen.parts) == ("recording", 40, ("calibration",))
     assert seen.created_by == f"midair {__version__}"
     assert seen.created.endswith("+00:00")
-
-
-def test_refuses_files_of_others(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["x"] = [1, 2]
     with pytest.raises(BrokenFileError, match="an HDF5 file of another program"):

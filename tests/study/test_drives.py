@@ -89,12 +89,7 @@ def test_recordings_and_virtual_strokes_are_solved(tmp_path):
     assert virtual.duration > 1.28
 
 
-def test_all_missing_drives_are_named(tmp_path):
-    with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 in a folder"):
-        prepare_drives(design(A, B), tmp_path, found_in=None)
-
-
-def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
+def test_silent_and_missing_drives_and_those_of_another_array_are_refused(tmp_path):
     (tmp_path / "to").mkdir()
     save_solution(solution(level=0.0, status="silent"), tmp_path / "a.drive.h5")
     with pytest.raises(BrokenFileError, match=r"a\.drive\.h5: expected a drive with sound"):
@@ -104,6 +99,8 @@ def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
     save_solution(solution(array=TransducerArray.autd3(columns=1, rows=1)), tmp_path / "b.drive.h5")
     with pytest.raises(MismatchError, match=r"b\.drive\.h5: expected a drive for AUTD3 2 x 2 .* got one for .* 249"):
         prepare_drives(design(A, B), tmp_path / "to", found_in=tmp_path)
+    with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 in a folder"):
+        prepare_drives(design(A, B), tmp_path, found_in=None)
 
 
 def test_a_changed_drive_is_refused(tmp_path):

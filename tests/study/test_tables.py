@@ -90,14 +90,16 @@ def test_csv_round_trip(tmp_path):
         write_csv(table, tmp_path / "t.csv")
 
 
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [(b"a,b\n1\n", "2 fields per line, got 1 in line 2"), (b"a,a\n1,2\n", "different names"), (b"", "got 0 lines")],
-)
-def test_invalid_tables_are_refused(tmp_path, content, why):
-    (tmp_path / "t.csv").write_bytes(content)
-    with pytest.raises(BrokenFileError, match=why):
-        read_csv(tmp_path / "t.csv")
+def test_invalid_tables_are_refused(tmp_path, subtests):
+    for content, why in [
+        (b"a,b\n1\n", "2 fields per line, got 1 in line 2"),
+        (b"a,a\n1,2\n", "different names"),
+        (b"", "got 0 lines"),
+    ]:
+        with subtests.test(why=why):
+            (tmp_path / "t.csv").write_bytes(content)
+            with pytest.raises(BrokenFileError, match=why):
+                read_csv(tmp_path / "t.csv")
 
 
 def test_missing_files_are_an_error(small_study, tmp_path):

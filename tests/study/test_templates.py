@@ -46,10 +46,14 @@ def test_every_template_goes_from_plan_to_report(done):
     assert found == pytest.approx(middle * 0.95 / 1.2, rel=0.4)
 
 
-def test_who_feels_nothing_has_a_threshold_above_the_levels():
+def test_every_template_drive_has_a_virtual_source_and_who_feels_nothing_a_threshold():
     """Rules on right answers left out the insensitive: of six people the median of three."""
     design = read_design(template_text("detection"))
     assert (design.exclusions.attention, design.exclusions.training) == (0.0, False)
+    for template in get_args(Template):
+        design = read_design(template_text(template))
+        sources = {one.source for one in design.stimuli if one.kind == "drive"}
+        assert {one.source for one in design.stimuli if one.made_from} == sources
 
 
 @pytest.mark.parametrize("template", ["detection", "intervals", "paired"])
@@ -62,13 +66,6 @@ def test_all_orders_of_a_pair_come_equally_often(template):
             assert first.count("first") == first.count("second") == 12
         else:
             assert sum(trial.variant for trial in tests) == len(tests) / 2
-
-
-@pytest.mark.parametrize("template", get_args(Template))
-def test_every_template_drive_has_a_virtual_source(template):
-    design = read_design(template_text(template))
-    sources = {one.source for one in design.stimuli if one.kind == "drive"}
-    assert {one.source for one in design.stimuli if one.made_from} == sources
 
 
 @pytest.mark.long

@@ -194,7 +194,7 @@ def test_two_arrays_of_one_program_are_both_silenced():
     assert sorted(silenced) == [1, 2]
 
 
-def test_a_stop_before_the_line_is_open_counts():
+def test_a_stop_before_the_line_is_open_counts_and_one_in_the_future_is_ignored():
     ordered = uptime()
     assert stop_playing() == []
     with (
@@ -205,10 +205,7 @@ def test_a_stop_before_the_line_is_open_counts():
         pass
     with open_stop_channel("a device", lambda: None):
         assert playing_now()
-
-
-def test_a_stop_in_the_future_is_ignored():
-    """The computer was restarted, and its clock with it."""
+    # The computer was restarted, and its clock with it.
     make_state_folder()
     (state_folder() / "stopped-at").write_text(repr(uptime() + 1e6), encoding="ascii")
     with ordered_at(0.0), open_stop_channel("a device", lambda: None):

@@ -132,38 +132,34 @@ def test_a_late_reader_loses_only_excess_frames_and_they_are_counted():
     assert (last.first, last.overflow) == (400, True)
 
 
-@pytest.mark.parametrize(
-    ("stream", "wiring", "error", "words"),
-    [
+def test_a_wiring_that_contradicts_the_source_is_refused_and_the_source_let_go(subtests):
+    for stream, wiring, error, words in [
         ({"channels": 3}, {}, MismatchError, "expected 4 channels for 2 x 2 cells, got 3"),
         ({"unit": "V"}, {"unit": "Pa"}, MismatchError, "expected samples in Pa, the source states V; set unit=V"),
         ({"full_scale": 1.0}, {"unit": "V"}, InputError, "expected full_scale for a unit of V"),
-    ],
-)
-def test_a_wiring_that_contradicts_the_source_is_refused_and_the_source_let_go(stream, wiring, error, words):
-    source = Script(**stream)
-    with pytest.raises(error, match=words):
-        StreamedSensor(source, name="s", wire=wired(**wiring)).open()
-    assert source.calls == ["open", "close"]
+    ]:
+        with subtests.test(words=words):
+            source = Script(**stream)
+            with pytest.raises(error, match=words):
+                StreamedSensor(source, name="s", wire=wired(**wiring)).open()
+            assert source.calls == ["open", "close"]
 
 
-@pytest.mark.parametrize(
-    ("stream", "wiring", "factor", "full_scale"),
-    [
+def test_units_and_full_scale(subtests):
+    for stream, wiring, factor, full_scale in [
         ({"full_scale": 32768.0}, {}, 1.0, 32768.0),
         ({"full_scale": 32768.0}, {"unit": "V", "full_scale": 3.3}, 3.3 / 32768, 3.3),
         ({"full_scale": 32768.0}, {"full_scale": 2048.0}, 1.0, 2048.0),
         ({"unit": "V", "scale": 1e-6}, {"unit": "V"}, 1e-6, None),
         ({"unit": "V", "full_scale": 10.0}, {"unit": "V"}, 1.0, 10.0),
         ({}, {"unit": "Pa"}, 1.0, None),
-    ],
-)
-def test_units_and_full_scale(stream, wiring, factor, full_scale):
-    with StreamedSensor(Script([chunk(0, 2)], **stream), name="s", wire=wired(**wiring)) as sensor:
-        sensor.start()
-        np.testing.assert_allclose(sensor.read(2).samples[1, 0], [10 * factor, 11 * factor], rtol=1e-12)
-        assert sensor.unit == wiring.get("unit", "count")
-        assert sensor.full_scale == sensor.wiring.full_scale == full_scale
+    ]:
+        sensor = StreamedSensor(Script([chunk(0, 2)], **stream), name="s", wire=wired(**wiring))
+        with subtests.test(stream=stream), sensor:
+            sensor.start()
+            np.testing.assert_allclose(sensor.read(2).samples[1, 0], [10 * factor, 11 * factor], rtol=1e-12)
+            assert sensor.unit == wiring.get("unit", "count")
+            assert sensor.full_scale == sensor.wiring.full_scale == full_scale
 
 
 def test_a_stated_sensitivity_is_a_nominal_calibration():

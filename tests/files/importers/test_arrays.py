@@ -105,9 +105,8 @@ def test_rate_stamps_and_unit_beside_the_array_count(ending, facts, tmp_path):
         load(write(path, {"data": TONE, "fs": 1e3, "rate": 500}), unit="V")
 
 
-@pytest.mark.parametrize(
-    ("shape", "sensor", "turned"),
-    [
+def test_the_axis_of_time_follows_from_layout_or_length(tmp_path, subtests):
+    for shape, sensor, turned in [
         ((20, 6), SensorGrid(rows=2, columns=3), False),
         ((6, 20), SensorGrid(rows=2, columns=3), True),
         ((4, 6), SensorGrid(rows=2, columns=3), False),
@@ -115,15 +114,14 @@ def test_rate_stamps_and_unit_beside_the_array_count(ending, facts, tmp_path):
         ((2, 3, 20), SensorGrid(rows=2, columns=3), True),
         ((16, 40), None, True),
         ((3, 16), None, False),
-    ],
-)
-def test_the_axis_of_time_follows_from_layout_or_length(shape, sensor, turned, tmp_path):
-    data = np.random.default_rng(0).normal(size=shape)
-    np.save(tmp_path / "a.npy", data)
-    taken = open_take(tmp_path / "a.npy", **SAID, sensor=sensor)
-    frames = np.moveaxis(data, -1, 0) if turned else data
-    np.testing.assert_array_equal(taken.recording.samples.reshape(frames.shape), frames)
-    assert ("was turned: its last axis is time" in " ".join(taken.report)) == turned
+    ]:
+        with subtests.test(shape=shape):
+            data = np.random.default_rng(0).normal(size=shape)
+            np.save(tmp_path / "a.npy", data)
+            taken = open_take(tmp_path / "a.npy", **SAID, sensor=sensor)
+            frames = np.moveaxis(data, -1, 0) if turned else data
+            np.testing.assert_array_equal(taken.recording.samples.reshape(frames.shape), frames)
+            assert ("was turned: its last axis is time" in " ".join(taken.report)) == turned
 
 
 def test_a_square_array_needs_an_option(tmp_path):

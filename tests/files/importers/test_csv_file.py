@@ -69,17 +69,14 @@ def test_keeps_the_source(write):
     assert len(life.steps[0].settings["sha256"]) == 64
 
 
-@pytest.mark.parametrize(
-    ("text", "said", "error", "message"),
-    [
+def test_names_contradicting_facts(write, subtests):
+    for text, said, error, message in [
         ("1,2\n3,4\n", {"rate": 10, "unit": "V", "sensor": SensorGrid()}, MismatchError, "got a sensor of 4 x 4"),
         ("t [s],a\n0,1\n1,2\n", {"rate": 10, "unit": "V"}, RateError, "expected about 1 Hz"),
         ("a [V]\n1\n2\n", {"rate": 10, "unit": "Pa"}, MismatchError, "the file states V"),
-    ],
-)
-def test_names_contradicting_facts(text, said, error, message, write):
-    with pytest.raises(error, match=message):
-        load(write(text), **said)
+    ]:
+        with subtests.test(message=message), pytest.raises(error, match=message):
+            load(write(text), **said)
 
 
 @pytest.fixture

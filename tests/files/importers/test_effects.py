@@ -79,6 +79,8 @@ def test_attack_and_release_are_lines(pattern):
     assert len(made) == 4800
     loud = [made[round(8000 * at) - 60 : round(8000 * at) + 60].max() for at in (0.1, 0.3, 0.5)]
     assert loud == pytest.approx([0.5, 1.0, 0.5], abs=0.05)
+    found = load(pattern(event("HapticContinuous", 0.0, duration=0.5)), scale=1.0, rate=1000.0)
+    assert (found.rate, found.frames) == (1000.0, 500)
 
 
 def test_a_transient_is_a_click_at_its_time(pattern):
@@ -95,11 +97,6 @@ def test_ignored_and_overlapping_events_are_reported(pattern):
     assert any("80 to 230 Hz" in line for line in told)
     both = pattern(*[event("HapticContinuous", 0, duration=0.1, HapticIntensity=0.8)] * 2)
     assert any("together they reach 1.6 of full intensity" in text for text in open_take(both, scale=10.0).report)
-
-
-def test_the_rate_can_be_chosen(pattern):
-    found = load(pattern(event("HapticContinuous", 0.0, duration=0.5)), scale=1.0, rate=1000.0)
-    assert (found.rate, found.frames) == (1000.0, 500)
 
 
 def test_a_file_without_haptic_events_or_of_a_very_long_one_is_refused_before_rendering(pattern):

@@ -19,17 +19,15 @@ def test_hatt_has_rate_axes_and_medians(inner, names, tmp_path):
     assert recording.provenance.notes["median speed"] == "100"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
+def test_hatt_refuses_other_xml(tmp_path, subtests):
+    for text, said in [
         ('<!DOCTYPE x [<!ENTITY a "b">]><x/>', "without declarations"),
         ("<x><SampleRate>1</SampleRate></x>", "elements Accel and SampleRate, got samplerate, x"),
         ("<x>", "expected a HaTT file, got"),
         (XML.format("1 b"), "could not convert string to float: 'b'"),
         (XML.format("<x>1 2</x><y>1</y>"), "must have the same shape"),
-    ],
-)
-def test_hatt_refuses_other_xml(text, said, tmp_path):
-    (tmp_path / "a.xml").write_text(text)
-    with pytest.raises(BrokenFileError, match=said):
-        load(tmp_path / "a.xml", scale=1.0)
+    ]:
+        with subtests.test(said=said):
+            (tmp_path / "a.xml").write_text(text)
+            with pytest.raises(BrokenFileError, match=said):
+                load(tmp_path / "a.xml", scale=1.0)

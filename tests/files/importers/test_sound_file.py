@@ -47,18 +47,17 @@ def test_a_flac_is_exact_within_its_bits(recording, unit, tmp_path):
         np.testing.assert_array_equal(taken.samples.reshape(back.shape), back)
 
 
-@pytest.mark.parametrize(
-    ("subtype", "full"), [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("DOUBLE", 1)]
-)
-def test_every_subtype_is_read_to_full_scale_one_and_to_counts(subtype, full, foreign):
-    seen = open_take(foreign(subtype), unit="V")
-    np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
-    assert seen.recording.rate == 8000
-    assert seen.recording.sensor.shape == (1, 1)
-    assert seen.report == (f"Full scale of the WAV ({subtype}) was taken as 1 V.",)
-    np.testing.assert_array_equal(
-        load(foreign(subtype), unit="count").samples.ravel(), np.array([0.5, -0.25, 0]) * full
-    )
+def test_every_subtype_is_read_to_full_scale_one_and_to_counts(foreign, subtests):
+    for subtype, full in [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("DOUBLE", 1)]:
+        with subtests.test(subtype=subtype):
+            seen = open_take(foreign(subtype), unit="V")
+            np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
+            assert seen.recording.rate == 8000
+            assert seen.recording.sensor.shape == (1, 1)
+            assert seen.report == (f"Full scale of the WAV ({subtype}) was taken as 1 V.",)
+            np.testing.assert_array_equal(
+                load(foreign(subtype), unit="count").samples.ravel(), np.array([0.5, -0.25, 0]) * full
+            )
 
 
 def test_reads_mu_law_by_its_table(foreign):
@@ -81,6 +80,11 @@ def test_takes_the_exact_rate_behind_a_whole_one_and_refuses_other_subtypes(fore
         load(foreign("FLOAT"), unit="V", rate=1000)
     with pytest.raises(BrokenFileError, match="got WAV with ALAW"):
         load(foreign("ALAW"), unit="V")
+    seen = open_take(foreign("PCM_16"), scale=30.0)
+    np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
+    assert seen.recording.unit == "Pa"
+    assert seen.report == ("Full scale of the WAV (PCM_16) was taken as 30 Pa.",)
+    assert seen.recording.provenance.steps[0].settings["scale_pa"] == 30
 
 
 @pytest.mark.parametrize("size", [0xFFFFFFFF, 0x80000000, 0x7FFFFFFF - 36, 0])
@@ -114,14 +118,6 @@ def test_reads_the_forms_for_long_files_and_refuses_cut_ones(form, ending, subty
         (tmp_path / f"b{ending}").write_bytes(data[: int(kept * len(data))])
         with pytest.raises(BrokenFileError):
             load(tmp_path / f"b{ending}", unit="V", sensor=sensor)
-
-
-def test_full_scale_can_be_a_pressure(foreign):
-    seen = open_take(foreign("PCM_16"), scale=30.0)
-    np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
-    assert seen.recording.unit == "Pa"
-    assert seen.report == ("Full scale of the WAV (PCM_16) was taken as 30 Pa.",)
-    assert seen.recording.provenance.steps[0].settings["scale_pa"] == 30
 
 
 def tone(seconds=0.5, rate=8000):

@@ -44,6 +44,11 @@ def test_later_segments_without_metadata_go_on(columns, file):
     recording = load(file(tdms(columns) + tdms(more, meta=False)), sensor=PAIR)
     assert recording.frames == 120
     np.testing.assert_array_equal(recording.samples[60:, 0, 0], columns["a"] + 1)
+    data = tdms(columns, chunks=6)
+    unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
+    seen = open_take(file(unfinished), sensor=PAIR)
+    assert seen.recording.frames == 50
+    assert seen.report == ("The file was not closed: complete records were read.",)
 
 
 def test_whole_numbers_stay_whole_and_the_stated_unit_and_rate_count(columns, file):
@@ -61,14 +66,6 @@ def test_several_groups_need_a_name(columns, file):
     assert load(path, sensor=PAIR, field="arm").frames == 60
     with pytest.raises(MismatchError, match="expected a group 'leg'"):
         load(path, field="leg")
-
-
-def test_an_unclosed_file_gives_its_complete_records(columns, file):
-    data = tdms(columns, chunks=6)
-    unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
-    seen = open_take(file(unfinished), sensor=PAIR)
-    assert seen.recording.frames == 50
-    assert seen.report == ("The file was not closed: complete records were read.",)
 
 
 SCALES = {

@@ -70,6 +70,10 @@ def test_a_sensor_written_by_hand(path):
     )
     path.write_text("")
     assert load_sensor(path) == SensorWiring(grid=SensorGrid(name="skin"))
+    save_sensor(SensorWiring(grid=SensorGrid(rows=2, columns=2), order=(3, 1, 0, 2)), path)
+    assert path.read_text().endswith("order = [\n  3, 1,\n  0, 2,\n]\n")
+    with pytest.raises(FileError):
+        save_sensor(SensorWiring(), path / "no folder" / "s.toml")
 
 
 @pytest.mark.long
@@ -95,13 +99,6 @@ def test_a_written_sensor_is_read_back(data, size, pitch, name, unit, numbers, t
     assert back.grid.pitch == pytest.approx(wiring.grid.pitch, rel=1e-12)
     assert (back.grid.shape, back.grid.name) == (wiring.grid.shape, name)
     assert (back.order, back.unit, back.full_scale, back.sensitivity) == (wiring.order, unit, *numbers)
-
-
-def test_the_order_of_a_sensor_is_written_as_a_grid(path):
-    save_sensor(SensorWiring(grid=SensorGrid(rows=2, columns=2), order=(3, 1, 0, 2)), path)
-    assert path.read_text().endswith("order = [\n  3, 1,\n  0, 2,\n]\n")
-    with pytest.raises(FileError):
-        save_sensor(SensorWiring(), path / "no folder" / "s.toml")
 
 
 def test_a_stage_is_read_in_metres():

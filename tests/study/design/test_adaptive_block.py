@@ -90,21 +90,19 @@ def test_an_interrupted_staircase_continues_unchanged(tmp_path):
     assert set(answers_table(plan, [whole])["correct"].tolist()) == {0, 1}
 
 
-@pytest.mark.parametrize(
-    ("how", "drop", "why"),
-    [
+def test_levels_that_do_not_do_or_reveal_the_answer_are_refused(subtests):
+    for how, drop, why in [
         ({"strengths": [0, 1, 2]}, "", "strengths above 0"),
         ({"strengths": [1, 2]}, "", "three strengths or more"),
         ({"sides": ("left",)}, "", "'left' in all"),
         ({}, "s1.0left", "same correct answers at every strength"),
-    ],
-)
-def test_levels_that_do_not_do_or_reveal_the_answer_are_refused(how, drop, why):
-    made = design("quest+", **how)
-    (block,) = made.blocks
-    kept = tuple(name for name in block.stimuli if name != drop)
-    with pytest.raises(InputError, match=why):
-        draw_plan(replace(made, blocks=(replace(block, stimuli=kept),)))
+    ]:
+        with subtests.test(why=why):
+            made = design("quest+", **how)
+            (block,) = made.blocks
+            kept = tuple(name for name in block.stimuli if name != drop)
+            with pytest.raises(InputError, match=why):
+                draw_plan(replace(made, blocks=(replace(block, stimuli=kept),)))
 
 
 @pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
@@ -151,7 +149,7 @@ def test_catch_trials_do_not_change_the_threshold(tmp_path):
     assert table["scored"].all(), "of d' they are the half in which nothing is felt"
 
 
-def test_levels_of_constant_stimuli_have_thresholds_too(tmp_path):
+def test_levels_of_constant_stimuli_have_thresholds_and_a_short_staircase_has_none(tmp_path):
     made = design("", trials=12)
     plan = draw_plan(made)
     assert all(trial.stimulus for trial in plan.trials)
@@ -159,11 +157,8 @@ def test_levels_of_constant_stimuli_have_thresholds_too(tmp_path):
     assert table["method"].tolist() == ["constant"]
     assert table["trials"][0] == 12 * 18
     assert STRENGTHS[0] < table["threshold"][0] < STRENGTHS[-1]
-
-
-def test_a_short_staircase_is_refused(tmp_path):
     plan = draw_plan(design("staircase", trials=4))
-    table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
+    table = thresholds_of(plan, [session(plan, 1, tmp_path / "short")])
     assert np.isnan(table["threshold"][0])
     assert table["note"][0].startswith("refused: ")
 

@@ -16,7 +16,7 @@ def choices(seed, trials=60, people=4, skill=0.5):
     return truth, answer, np.arange(trials) % people
 
 
-def test_by_hand():
+def test_by_hand_and_foils_count_as_wrong():
     truth = ["a", "a", "a", "b", "b", "c"]
     answer = ["a", "a", "b", "b", "c", "c"]
     found = confusion_matrix(truth, answer)
@@ -26,6 +26,13 @@ def test_by_hand():
     assert table["recall"].tolist() == pytest.approx([2 / 3, 1 / 2, 1])
     assert table["F"].tolist() == pytest.approx([4 / 5, 1 / 2, 2 / 3])
     assert found.accuracy == pytest.approx(4 / 6)
+    found = confusion_matrix(["a", "a", "b", "b"], ["a", "x", "b", "b"], foils=["x"])
+    assert found.counts.tolist() == [[1, 0, 1], [0, 2, 0]]
+    assert found.accuracy == pytest.approx(0.75)
+    assert found.f_measure.tolist() == pytest.approx([2 / 3, 1])
+    assert scores(found)["answered"].tolist() == [1, 2]
+    chance = chance_macro_f(found, rng=np.random.default_rng(0), draws=200)
+    assert chance.distribution.max() <= 1
 
 
 @pytest.mark.long
@@ -91,13 +98,3 @@ def test_invalid_answers_are_refused():
         confusion_matrix(["a", "a"], ["a", "a"])
     table = scores(confusion_matrix(["a", "b"], ["a", "a"]))
     assert table["note"][1] == "never answered: precision is undefined"
-
-
-def test_foils_count_as_wrong():
-    found = confusion_matrix(["a", "a", "b", "b"], ["a", "x", "b", "b"], foils=["x"])
-    assert found.counts.tolist() == [[1, 0, 1], [0, 2, 0]]
-    assert found.accuracy == pytest.approx(0.75)
-    assert found.f_measure.tolist() == pytest.approx([2 / 3, 1])
-    assert scores(found)["answered"].tolist() == [1, 2]
-    chance = chance_macro_f(found, rng=np.random.default_rng(0), draws=200)
-    assert chance.distribution.max() <= 1

@@ -27,12 +27,9 @@ def test_paired_t_agrees_with_scipy_and_the_paper():
 
 
 # R 4.2.2, BayesFactor 0.9.12: ttest.tstat(t, n, rscale = sqrt(2) / 2)
-@pytest.mark.parametrize(
-    ("t", "n", "factor"),
-    [(1.6, 3, 0.919932039498), (2.5, 10, 2.37359280415), (0.3, 20, 0.241966490623), (6, 10, 156.628707386)],
-)
-def test_bayes_factor_equals_r(t, n, factor):
-    assert bayes_factor(t, n) == pytest.approx(factor, rel=1e-8)
+def test_bayes_factor_equals_r():
+    found = [bayes_factor(t, n) for t, n in ((1.6, 3), (2.5, 10), (0.3, 20), (6, 10))]
+    assert found == pytest.approx([0.919932039498, 2.37359280415, 0.241966490623, 156.628707386], rel=1e-8)
 
 
 def test_equivalence_is_two_one_sided_tests():
