@@ -6,7 +6,16 @@ import pytest
 import xarray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files import load, load_calibration, load_solution, save, save_calibration, save_solution
+from midair.files import (
+    load,
+    load_calibration,
+    load_prediction,
+    load_solution,
+    save,
+    save_calibration,
+    save_solution,
+    store_prediction,
+)
 from midair.files.native.schema import TABLE
 from midair.model import PressureFrames, Recording, SensorGrid
 
@@ -149,6 +158,8 @@ def test_files_hold_exactly_what_the_table_says(recording, calibration, solution
     save(recording, tmp_path / "a.h5", calibration=calibration, pressure=pressure)
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
+    store_prediction(tmp_path / "a.drive.h5", {"felt": 8})
+    assert load_prediction(tmp_path / "a.drive.h5") == {"felt": 8}
     with h5py.File(tmp_path / "a.h5") as file:
         journal = {entry.name for entry in TABLE["recording"] if entry.name.startswith(("event", "stage"))}
         check(file, "recording", extra={"calibration", "pressure"}, without=journal)
