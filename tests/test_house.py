@@ -27,7 +27,7 @@ LINES = {
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
     "solvers": 4431,
-    "files": 4446,
+    "files": 4448,
     "devices": 7859,
     "rig": 8720,
     "patterns datasets": 1776,

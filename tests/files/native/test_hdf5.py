@@ -160,6 +160,10 @@ def test_files_hold_exactly_what_the_table_says(recording, calibration, solution
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
     store_prediction(tmp_path / "a.drive.h5", {"felt": 8})
     assert load_prediction(tmp_path / "a.drive.h5") == {"felt": 8}
+    for text in ("[8]", "{"):
+        edit(tmp_path / "a.drive.h5", lambda file, text=text: file.attrs.__setitem__("predicted", text))
+        with pytest.raises(BrokenFileError, match=r"a\.drive\.h5"):
+            load_prediction(tmp_path / "a.drive.h5")
     with h5py.File(tmp_path / "a.h5") as file:
         journal = {entry.name for entry in TABLE["recording"] if entry.name.startswith(("event", "stage"))}
         check(file, "recording", extra={"calibration", "pressure"}, without=journal)

@@ -128,8 +128,10 @@ def store_prediction(path: Path, values: Mapping[str, object]) -> None:
 def load_prediction(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Values of `store_prediction`, none if it has none; errors are those of `load_solution`."""
     with open_file(path) as file:
-        text = plain_text(file.attrs.get("predicted"))
-        return json_of(text) if text else {}
+        held = json_of(plain_text(file.attrs.get("predicted")) or "{}")
+        if not isinstance(held, dict):
+            raise BrokenFileError(f"expected predicted to be an object in JSON, got {held!r}")
+        return held
 
 
 @contextmanager
