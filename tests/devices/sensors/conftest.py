@@ -217,14 +217,14 @@ def _started_jack(rate):
 
 
 @contextlib.contextmanager
-def _pulse_server(folder, *, rate, what):
+def _pulse_server(folder, *, rate, what, channel_map=PULSE_MAP):
     """PulseAudio with a source of 16 channels from a pipe; yields the server's process."""
     _needs("pulseaudio", "pulseaudio libasound2-plugins")
     _imported("sounddevice", "libportaudio2")
     folder = Path(folder)
     own = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "PULSE_STATE_PATH"), str(folder))
     own["PULSE_RUNTIME_PATH"] = str(folder / "run")
-    mapped = f"channel_map={PULSE_MAP}"
+    mapped = f"channel_map={channel_map}" if channel_map else ""
     source = f"module-pipe-source source_name=skin file={folder}/pipe format=s16le rate={rate} channels=16 {mapped}"
     options = ["--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "--high-priority=no"]
     native = f"module-native-protocol-unix socket={folder}/native auth-anonymous=1"

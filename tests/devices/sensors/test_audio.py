@@ -179,3 +179,15 @@ def test_without_portaudio_the_debian_package_is_named(monkeypatch):
         source_sensor("audio:x")
     with pytest.raises(InputError, match="option channels"):
         source_sensor("audio:x?channels=none")
+
+
+@pytest.mark.slow
+def test_pulseaudio_with_its_own_channel_names_permutes_and_one_tone_a_channel_shows_it(pulse_server, tmp_path):
+    with (
+        pulse_server(tmp_path, rate=8000, what="tones", channel_map=""),
+        source_sensor("audio:pulse?channels=16&native=8000&rate=1000") as sensor,
+    ):
+        sensor.start()
+        _, samples = record(sensor, 1)
+    loudest, _ = tones(samples, 1000)
+    assert (np.abs(loudest - (60 + 25 * np.arange(16))) > 1).any()
