@@ -22,7 +22,7 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1917,
-    "settings streaming .": 2813,
+    "settings streaming .": 2829,
     "physics": 3413,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 46_973, "benchmarks": 4_500}
+BESIDE = {"tests": 46_980, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

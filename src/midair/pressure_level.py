@@ -5,11 +5,12 @@ Up to some level the produced pressure follows the requested one; beyond it, it 
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from midair.array_types import Array, Complex
 from midair.evaluate import Felt, felt, in_band
 from midair.files import load_prediction, load_solution, load_target, store_prediction
 from midair.model import BAND, AmplitudeFrames, ControlGrid, Drive, Palm, Solution, frames_without_lead
-from midair.physics import SkinMotion, radiation_pressure, transfer_matrix
+from midair.physics import SKINS, SkinMotion, radiation_pressure, transfer_matrix
 from midair.settings import Settings
 from midair.streaming import blocks, read_frames
 from midair.version import __version__
@@ -118,7 +119,7 @@ def predicted(path: Path, solution: Solution, target: AmplitudeFrames) -> tuple[
     From its file if this code stored them there, otherwise computed.
     """
     held = load_prediction(path)
-    if held.get("code") != _digest_of_code():
+    if not _stored_by_this_code(held):
         level = level_of(solution, target, band=band_of(target))
         return level, felt_of_drive(solution, target, level)
     levels = {name: float("-inf") if level is None else level for name, level in held["felt"].items()}
@@ -132,9 +133,23 @@ def store_predicted(path: Path) -> None:
     if target is None or not solution.plays.any():
         return
     level, feeling = predicted(path, solution, target)
-    own = {name: getattr(level, name) for name in ("strength", "asked", "steady", "vibration", "comes")}
+    own = {name: getattr(level, name) for name in _STORED}
     plain = {"felt": feeling.plain()["over_threshold_db"], "shares": feeling.shares, "level": own}
     store_prediction(path, {"code": _digest_of_code(), **plain})
+
+
+_STORED = ("strength", "asked", "steady", "vibration", "comes")
+"""Values of a pressure level in a file."""
+
+
+def _stored_by_this_code(held: Mapping[str, Any]) -> bool:
+    """Whether values of a file have the digest, names and finite numbers that `store_predicted` writes."""
+    own, levels, shares = held.get("level"), held.get("felt"), held.get("shares")
+    if not (isinstance(own, dict) and isinstance(levels, dict) and isinstance(shares, list)):
+        return False
+    numbers = [*own.values(), *shares, *(each for each in levels.values() if each is not None)]
+    known = held.get("code") == _digest_of_code() and own.keys() == set(_STORED) and levels.keys() == SKINS.keys()
+    return known and all(isinstance(each, float) and np.isfinite(each) for each in numbers)
 
 
 @cache

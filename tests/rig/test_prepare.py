@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.files import load_solution, load_target, open_take, save_solution
+from midair.files import load_prediction, load_solution, load_target, open_take, save_solution, store_prediction
 from midair.model import ControlGrid, TransducerArray
 from midair.pipeline import target_amplitude
 from midair.pressure_level import predicted
@@ -59,3 +59,10 @@ def test_what_the_model_predicts_is_stored_and_computed_anew_by_other_code(take_
     found = [predicted(each, solution, target)[1] for each in (path, bare)]
     monkeypatch.setattr("midair.pressure_level._digest_of_code", lambda: "another skin")
     assert [*found, predicted(path, solution, target)[1]] == [felt, "computed", "computed"]
+    monkeypatch.undo()
+    held = load_prediction(path)
+    infinite, text = ({**held["level"], "asked": each} for each in (float("inf"), "8 Pa"))
+    broken = [{"level": infinite}, {"level": text}, {"level": {}}, {"felt": {}}, {"felt": [1.0]}, {"shares": [None]}]
+    for each in [{"code": held["code"]}, *({**held, **one} for one in broken)]:
+        store_prediction(path, each)
+        assert predicted(path, solution, target)[1] == felt, "of no use, so computed"
