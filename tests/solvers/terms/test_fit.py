@@ -130,3 +130,10 @@ def test_a_sensor_that_is_moved_reads_the_same():
     assert max(worst["windows"]) < 2 * min(worst["windows"])
     assert worst["cells"][0] < min(worst["windows"])
     assert worst["cells"][-1] > 10 * worst["windows"][-1]
+
+
+def test_weights_are_kept_for_the_next_part_but_not_those_of_a_large_grid():
+    for grid, kept in ((ControlGrid(height=0.21), True), (ControlGrid(rows=60, columns=60, pitch=2e-3), False)):
+        one, again = (Windows().target(np.ones((1, grid.count)), grid, 1.0).weights for _ in range(2))
+        assert (one is again) == kept
+        np.testing.assert_array_equal(one, again)

@@ -77,9 +77,12 @@ class Windows:
 
     def target(self, amplitude: Array, grid: ControlGrid, unit: float, at: ControlGrid | None = None) -> CellTarget:  # noqa: ARG002
         """As `Cells.target`."""
+        # Kept up to 16 MB, since those of a large grid would fill the memory.
+        small = self.places(grid).grid.count * grid.count <= 2**21
+        weights = _window_weights if small else _window_weights.__wrapped__
         # Radiation pressure is proportional to the squared amplitude.
-        wanted = amplitude**2 @ _window_weights(self, grid, grid, "lines").T
-        return CellTarget(weights=_window_weights(self, grid, at or grid, "waves"), wanted=wanted, faint=self.faint)
+        wanted = amplitude**2 @ weights(self, grid, grid, "lines").T
+        return CellTarget(weights=weights(self, grid, at or grid, "waves"), wanted=wanted, faint=self.faint)
 
     def _count(self, points: int, pitch: float) -> int:
         """Number of windows along an axis with this many control points."""
