@@ -22,11 +22,14 @@ def test_one_thread_within_and_as_before_after():
 
 
 @pytest.mark.long
-def test_a_blas_that_would_be_loaded_within_is_limited_too():
+@pytest.mark.parametrize("elsewhere", ["", "scipy.__path__.insert(0, '/nowhere')"], ids=["a file", "not found"])
+def test_a_blas_that_would_be_loaded_within_is_limited_too(elsewhere):
     """NumPy and SciPy have one BLAS each, and Numba loads SciPy's when the first kernel compiles."""
-    program = """
+    program = f"""
+import scipy
 from threadpoolctl import threadpool_info
 from midair.solvers import one_blas_thread
+{elsewhere}
 with one_blas_thread():
     import scipy.linalg
     print([pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"])

@@ -191,9 +191,11 @@ def one_blas_thread() -> Generator[None]:
 def _load_scipy_blas() -> None:
     """Load the library without importing scipy.linalg, which takes .1 s."""
     for suffix in EXTENSION_SUFFIXES:
-        # One of these names exists.
         with suppress(OSError):
             ctypes.CDLL(f"{scipy.__path__[0]}/linalg/cython_blas{suffix}")
+            return
+    # Installed in another way, such as in place from its sources.
+    import_module("scipy.linalg.cython_blas")
 
 
 def backend(name: str, *, precision: Literal["single", "double"] = "single") -> Backend:
