@@ -89,7 +89,8 @@ def _parts(order: SolvePlan, target: AmplitudeFrames, progress: Progress | None,
     whole = not early and target.frames <= 2 * frames_per_part(order.solver)
     lead = rest = np.zeros((0, target.grid.count))
     done, after = 0, None
-    for block in chain(blocks(target.amplitude, _READ), [None]):
+    read = blocks(target.amplitude, _READ)
+    for block in chain([np.concatenate([*read])] if whole else read, [None]):
         rest = rest if block is None else np.concatenate([rest, block])
         while cut := (not whole and order.joint(rest, first=after is None)) or (len(rest) if block is None else 0):
             known = len(lead)
