@@ -155,7 +155,8 @@ class Glide(StepSettings):
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on(), opening=opening))
         if before is not None:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
-        with ThreadPoolExecutor(self.jobs) as pool:
+        pool = ThreadPoolExecutor(self.jobs)
+        try:
             marks = deque(
                 pool.submit(_without_warnings, solve_marks, self, bisection, audible[block.marks]) for block in every
             )
@@ -171,6 +172,9 @@ class Glide(StepSettings):
                 walks.append(pool.submit(_without_warnings, frames.solve, index))
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
+        finally:
+            # An error or Ctrl-C waits for the blocks at work alone.
+            pool.shutdown(cancel_futures=True)
 
 
 def solve_marks(settings: Glide, bisection: BisectionStep, frames: Indices) -> SolvedFrames:

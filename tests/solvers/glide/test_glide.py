@@ -8,6 +8,7 @@ import pytest
 from midair.errors import InputError
 from midair.solvers import Fast, Glide, error_of
 from midair.solvers.field_operators import evenly_spread
+from midair.solvers.glide import FrameBlock
 from midair.solvers.problem import GuardField
 
 
@@ -132,3 +133,15 @@ def test_sampled_transducers_are_spread_over_the_array(array):
 def test_less_than_one_job_is_refused(spot):
     with pytest.raises(InputError, match="jobs: expected 1 or more, got 0"):
         Glide(jobs=0).solve(spot)
+
+
+def test_blocks_that_have_not_begun_are_dropped_by_ctrl_c(spot, monkeypatch):
+    begun, solve = [], FrameBlock.solve
+    monkeypatch.setattr(FrameBlock, "solve", lambda block, marks: begun.append(marks) or solve(block, marks))
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Glide(coarse=8, block=8, cold=(2, 2, 2)).solve(spot, progress=stop)
+    assert 1 <= len(begun) < 17 == (140 - 1) // 8
