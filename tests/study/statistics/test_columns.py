@@ -21,9 +21,9 @@ NAMES = {"value": "y", "participant": "who", "within": ["x"]}
     ids=["frame", "with an index of its own", "categories", "arrays", "rows of a larger one"],
 )
 def test_a_frame_and_a_dict_are_the_same(table):
-    before = table.copy()
+    before = pd.DataFrame(table).copy()
     pd.testing.assert_frame_equal(rm_anova(table, **NAMES), rm_anova(RATINGS, **NAMES))
-    pd.testing.assert_frame_equal(pd.DataFrame(table), pd.DataFrame(before))
+    pd.testing.assert_frame_equal(pd.DataFrame(table), before)
 
 
 def test_numbers_are_floats_and_levels_are_numbered_in_the_order_of_appearance():
