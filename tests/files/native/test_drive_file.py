@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from midair.devices import intensity_bytes, phase_bytes
-from midair.errors import BrokenFileError, MismatchError, NonFiniteError
-from midair.files import load_solution, load_target, save_solution, save_solutions
+from midair.errors import BrokenFileError, FileError, MismatchError, NonFiniteError
+from midair.files import load_prediction, load_solution, load_target, save_solution, save_solutions, store_prediction
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
 from midair.streaming import LazyFrames
 
@@ -167,3 +167,19 @@ def test_a_drive_whose_parts_end_too_early_leaves_nothing(tmp_path):
     with pytest.raises(MismatchError, match="a drive of 10 frames, got 5"):
         save_solutions(parts(), tmp_path / "a.drive.h5", frames=10)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_prediction_needs_no_lock_and_an_error_of_the_disk_is_that_of_the_file(path, monkeypatch):
+    fcntl, resource = pytest.importorskip("fcntl"), pytest.importorskip("resource")
+    with path.open() as file:
+        fcntl.flock(file, fcntl.LOCK_SH)  # on disks without locks HDF5's own fails as it does now
+        store_prediction(path, {"felt": 8})
+    assert load_prediction(path) == {"felt": 8}
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, before[1]))
+    try:
+        with pytest.raises(FileError, match=r"towel\.drive\.h5: cannot be written: File too large"):
+            store_prediction(path, {"felt": "8" * 20_000})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

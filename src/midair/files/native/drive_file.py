@@ -16,8 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files.atomic import disk_errors, sync
-from midair.files.native.hdf5 import fixed_text, new_file, plain_text, read_group, write_frames, write_group
+from midair.files.native.hdf5 import (
+    changed_file,
+    fixed_text,
+    new_file,
+    plain_text,
+    read_group,
+    write_frames,
+    write_group,
+)
 from midair.files.native.raw_recording import open_file
 from midair.files.native.schema import built, stored_values
 from midair.files.text_files import json_of
@@ -117,12 +124,8 @@ def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> Ampl
 
 def store_prediction(path: Path, values: Mapping[str, object]) -> None:
     """Add what the model predicts for a drive to its file, which nothing else has open; FileError if it fails."""
-    import h5py
-
-    with disk_errors(path, "written"):
-        with h5py.File(path, "r+") as file:
-            file.attrs["predicted"] = fixed_text(json.dumps(values))
-        sync(path)
+    with changed_file(path) as file:
+        file.attrs["predicted"] = fixed_text(json.dumps(values))
 
 
 def load_prediction(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -9,14 +9,14 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from io import FileIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from rich.filesize import decimal
 
 from midair import ram
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files.atomic import atomic_file, check_disk_space, parse_errors
+from midair.files.atomic import atomic_file, check_disk_space, disk_errors, parse_errors, sync
 from midair.files.native.schema import BLOCK, FLAGS, FORMAT, PACKED, TABLE, Entry, Kind, Made, built
 from midair.streaming import LazyFrames
 from midair.validation import check_finite
@@ -34,17 +34,32 @@ LAYOUT = ("v110", "v110")
 @contextmanager
 def new_file(path: "str | os.PathLike[str]", *, room: int = 0, recording: bool = False) -> "Generator[h5py.File]":
     """Create an HDF5 file of about `room` bytes atomically, as `atomic_file` with `recording`."""
-    import h5py
-
     with atomic_file(path, recording=recording) as partial:
         check_disk_space(partial.parent, room, path)
-        with _RetryingFile(partial) as output:
-            try:
-                with h5py.File(output, "w", libver=LAYOUT) as file:
-                    yield file
-            finally:
-                if output.refused is not None:
-                    raise output.refused  # the error of the disk, not that of HDF5
+        with _written(partial, "w") as file:
+            yield file
+
+
+@contextmanager
+def changed_file(path: Path) -> "Generator[h5py.File]":
+    """Open an HDF5 file that nothing else has open, to add to it, without a lock; FileError if it fails."""
+    with disk_errors(path, "written"):
+        with _written(path, "r+") as file:
+            yield file
+        sync(path)
+
+
+@contextmanager
+def _written(path: Path, mode: Literal["w", "r+"]) -> "Generator[h5py.File]":
+    import h5py
+
+    with _RetryingFile(path, mode) as output:
+        try:
+            with h5py.File(output, mode, libver=LAYOUT) as file:
+                yield file
+        finally:
+            if output.refused is not None:
+                raise output.refused  # the error of the disk, not that of HDF5
 
 
 @contextmanager
@@ -331,11 +346,11 @@ def _check_lengths(entries: list[Entry], values: Mapping[str, Any]) -> None:
 
 
 class _RetryingFile(FileIO):
-    """A new file that accepts all data but writes nothing after the first disk error, which is `refused`."""
+    """A file that accepts all data but writes nothing after the first disk error, which is `refused`."""
 
     # HDF5 crashes when a write fails.
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "w+")
+    def __init__(self, path: Path, mode: Literal["w", "r+"]) -> None:
+        super().__init__(path, "w+" if mode == "w" else mode)
         self.refused: OSError | None = None
 
     def write(self, data: "Buffer", /) -> int:
