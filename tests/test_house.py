@@ -22,12 +22,12 @@ LEFT_OUT_OF_ALL = {
 
 LINES = {
     "model": 1917,
-    "settings streaming .": 2829,
+    "settings streaming .": 2828,
     "physics": 3413,
     "recordings targets correct evaluate": 4061,
     "calibration": 2940,
     "solvers": 4441,
-    "files": 4466,
+    "files": 4468,
     "devices": 7859,
     "rig": 8720,
     "patterns datasets": 1776,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_019, "benchmarks": 4_500}
+BESIDE = {"tests": 47_020, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

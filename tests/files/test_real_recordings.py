@@ -35,8 +35,9 @@ def test_fabricslide():
         assert recording.unit == "count"
         assert 35.4 < recording.rate < 35.8
         rows = np.loadtxt(path, delimiter=",", skiprows=1)
-        assert recording.samples.min() >= rows[:, 3:].min()
-        assert recording.samples.max() <= rows[:, 3:].max()
+        # Cubic splines between the rows may pass the highest one, by less than the step of the converter.
+        assert recording.samples.min() > rows[:, 3:].min() - 1
+        assert recording.samples.max() < rows[:, 3:].max() + 1
         np.testing.assert_array_equal(recording.samples[0].ravel(), rows[0, 3:])
 
 
@@ -57,7 +58,7 @@ def test_hapmat():
 def test_audio_to_tactile():
     for path in files("audio-to-tactile", ".wav"):
         if path.name == "wav_bad_fact.wav":
-            with pytest.raises(BrokenFileError, match="chunk 'fact', got 2"):
+            with pytest.raises(BrokenFileError, match="expected samples, got a file that ends in chunk 'fact'"):
                 open_take(path, unit="V")
             continue
         recording = open_take(path, unit="V", channels=["0"]).recording

@@ -79,6 +79,8 @@ def read_wav(path: Path, given: ImportOptions) -> ImportedData:
         raise BrokenFileError(f"expected a WAV file, got one that begins with {data[:12].decode('latin-1')!r}")
     place, letters, length = 12, b"", 0
     while letters != b"data":
+        if len(data) < place + 8:
+            raise BrokenFileError(f"expected samples, got a file that ends in chunk {letters.decode('latin-1')!r}")
         letters, length = struct.unpack_from("<4sI", data, place)
         place += 8 + (0 if letters == b"data" else length + length % 2)
     if length == _LONG and data[:4] == b"RF64":
