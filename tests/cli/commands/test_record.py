@@ -187,7 +187,7 @@ def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, an
     here = Path(__file__).parents[2] / "devices" / "sensors"
     monkeypatch.setenv("LSLAPICFG", str(here / "lsl_api.cfg"))
     name = f"record {os.getpid()}"
-    command = [sys.executable, here / "lsl_sender.py", name, "1000", "3600", "-", "7"]
+    command = [sys.executable, here / "lsl_sender.py", name, "-", "7", "0", "0", "cast"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
         try:
             assert sender.stdout.readline().strip() == "ready"
