@@ -9,7 +9,6 @@ import contextlib
 import os
 import re
 import select
-import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.simulators.pty_device import BehindPty
 
 Vector = NDArray[np.float64]
 
@@ -90,8 +90,8 @@ class PlannedMove:
         return speed <= 1e-9 and now > self.begun and (self.stopped is not None or now >= self.begun + self.duration)
 
 
-class GrblSimulator:
-    """A simulated Grbl machine behind a pseudo-terminal; a driver opens `port`, and `close` ends it.
+class GrblSimulator(BehindPty):
+    """A simulated Grbl machine; a driver opens `port`, and `close` ends it.
 
     If homing is enabled and not done (`homed`), the machine is locked. `settings` differ from `USUAL`; `lines` and
     `moves` hold what was received and started, `lost` the bytes that did not fit into the receive buffer. `switch` may
@@ -104,12 +104,7 @@ class GrblSimulator:
     """Bytes in a second, in both directions."""
 
     def __init__(self, *, homed: bool = True, settings: Mapping[int, float] | None = None) -> None:
-        import tty  # not on Windows
-
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
+        super().__init__()
         self.settings = {**USUAL, **(settings or {})}
         self.lines: list[str] = []
         self.moves: list[PlannedMove] = []
@@ -130,25 +125,7 @@ class GrblSimulator:
         self._homing: float | None = None
         self._reports = 0
         self._clock = time.monotonic()
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._halt()
-        for end in (self._master, self._slave):
-            if end >= 0:
-                os.close(end)
-
-    def unplug(self) -> None:
-        """Disconnect the cable: the driver can no longer write; the device keeps its state."""
-        self._halt()
-        os.close(self._master)
-        self._master = -1
-
-    def _halt(self) -> None:
-        self._over.set()
-        self._thread.join()
+        self.switch_on()
 
     @property
     def place(self) -> Vector:

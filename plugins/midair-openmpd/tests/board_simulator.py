@@ -6,13 +6,13 @@ bytes, output are the pulses of each pin. POSIX only.
 
 import os
 import select
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.simulators.pty_device import BehindPty
 
 from midair_openmpd import Board
 
@@ -45,7 +45,7 @@ class PinFrame:
         return np.asarray(wave @ np.exp(2j * np.pi * count / 128) / full, np.complex128)
 
 
-class OpenMpdSimulator:
+class OpenMpdSimulator(BehindPty):
     """A simulated OpenMPD board; a driver opens `port`, and `close` ends it.
 
     `frames` are all since the start, of which the first is silence, and `begins` their times by the board's clock,
@@ -53,14 +53,7 @@ class OpenMpdSimulator:
     """
 
     def __init__(self) -> None:
-        import tty  # not on Windows
-
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="OpenMPD", daemon=True)
+        super().__init__()
         silence = PinFrame(start=np.zeros(256, np.uint8), length=np.zeros(256, np.uint8), divider=4)
         self.frames = [silence]
         self.stalled = False
@@ -70,24 +63,7 @@ class OpenMpdSimulator:
         self._due: float | None = None
         self._begin = self.begins[0]
         self._full_since = time.monotonic()
-        self._thread.start()
-
-    def close(self) -> None:
-        """End the device."""
-        self._halt()
-        for end in (self._master, self._slave):
-            if end >= 0:
-                os.close(end)
-
-    def unplug(self) -> None:
-        """Disconnect the cable: the driver can no longer write; the device keeps its state."""
-        self._halt()
-        os.close(self._master)
-        self._master = -1
-
-    def _halt(self) -> None:
-        self._over.set()
-        self._thread.join()
+        self.switch_on()
 
     @property
     def held(self) -> PinFrame:
