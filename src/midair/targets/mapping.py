@@ -89,7 +89,7 @@ class SlowBias:
     def lift(self, surrounded: Array, rate: float) -> Array:
         """The mapping of all frames except the first and last `reach`, shape (frame - 2 reach, ...), in Pa."""
         reach, hann = self.reach(rate), self.hann(rate)
-        pulls = _sliding_maximum(np.maximum(-surrounded, 0.0), reach + 1)
+        pulls = np.lib.stride_tricks.sliding_window_view(np.maximum(-surrounded, 0.0), reach + 1, axis=0).max(axis=-1)
         bias = np.apply_along_axis(lambda cell: np.convolve(cell, hann, "valid"), 0, pulls)
         return np.maximum(surrounded[reach : len(surrounded) - reach] + bias, 0.0)
 
@@ -98,17 +98,6 @@ class SlowBias:
         reach = self.reach(rate)
         ends = [np.repeat(end, reach, axis=0) for end in (pressure[:1], pressure[-1:])]
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
-
-
-def _sliding_maximum(x: Array, length: int) -> Array:
-    """Maximum of each `length` successive frames, shape (frame - length + 1, ...); the import of SciPy's takes .1 s.
-
-    Of those to the end of a block of `length` frames, and of those from the begin of the next (van Herk, 1992).
-    """
-    blocks = np.pad(x, ((0, -len(x) % length), *[(0, 0)] * (x.ndim - 1))).reshape(-1, length, *x.shape[1:])
-    upwards = np.maximum.accumulate(blocks, axis=1).reshape(-1, *x.shape[1:])
-    downwards = np.maximum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].reshape(-1, *x.shape[1:])
-    return np.maximum(downwards[: len(x) - length + 1], upwards[length - 1 : len(x)])
 
 
 class _BiasStream:
