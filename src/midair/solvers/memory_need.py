@@ -5,7 +5,7 @@ from typing import Any
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers.methods import SolverSettings
-from midair.solvers.solve_plan import folds, frames_per_part
+from midair.solvers.solve_plan import fits_at_once, folds, frames_per_part
 
 
 def memory_of(
@@ -24,8 +24,8 @@ def memory_of(
     """
     settings = (settings or SolverSettings()).but(**changes)
     grid, frames = target if isinstance(target, tuple) else (target.grid, target.frames)
-    size = frames_per_part(settings.solver())
-    frames = size if parts and frames > 2 * size else frames  # see `solve_parts`
+    if parts and not fits_at_once(frames, settings.solver()):
+        frames = frames_per_part(settings.solver())
     airs = len(settings.airs(acoustics or Acoustics()))
     around = [*settings.quiet] if settings.ring is None else [settings.ring, *settings.quiet]
     M, N = airs * grid.count, array.count * (2 if settings.amplitudes == "bounded" else 1)

@@ -47,6 +47,11 @@ def frames_per_part(solver: Method) -> int:
     return TOGETHER
 
 
+def fits_at_once(frames: int, solver: Method) -> bool:
+    """Whether a target of this length, at most two parts, is solved at once where nobody waits for the first part."""
+    return frames <= 2 * frames_per_part(solver)
+
+
 def _whole_batches(solver: Fast) -> int:
     batch = solver.batch or backend_of(solver.backend).rows
     return batch * max(1, TOGETHER // batch)

@@ -9,7 +9,7 @@ import numpy as np
 
 from midair.model import Acoustics, AmplitudeFrames, Progress, Solution, TransducerArray
 from midair.solvers.methods import SolverSettings
-from midair.solvers.solve_plan import SolvePlan, frames_per_part
+from midair.solvers.solve_plan import SolvePlan, fits_at_once
 from midair.streaming import blocks
 from midair.validation import checked_call
 
@@ -86,7 +86,7 @@ def solve_parts(
 
 
 def _parts(order: SolvePlan, target: AmplitudeFrames, progress: Progress | None, early: bool) -> Iterator[Solution]:
-    whole = not early and target.frames <= 2 * frames_per_part(order.solver)
+    whole = not early and fits_at_once(target.frames, order.solver)
     lead = rest = np.zeros((0, target.grid.count))
     done, after = 0, None
     read = blocks(target.amplitude, _READ)
