@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from midair.model import ControlGrid, Placement, SensorGrid, TransducerArray
 
@@ -92,6 +93,15 @@ def test_transducers_are_where_both_sdks_say(units):
     normal = np.concatenate([geometry.device(index).directions() for index in range(len(units))])
     np.testing.assert_allclose(array.position, position, atol=1e-6)
     np.testing.assert_allclose(array.normal, normal, atol=1e-6)
+
+
+def test_units_turn_as_scipy_turns_them_also_by_quarter_turns():
+    quarters = np.pi / 2 * np.stack(np.meshgrid(*[np.arange(-2, 3)] * 3), axis=-1).reshape(-1, 3)
+    angles = np.concatenate([quarters, np.random.default_rng(0).uniform(-7, 7, (200, 3))])
+    placement, turns = Placement(position=np.zeros_like(angles), rotation=angles), Rotation.from_euler("xyz", angles)
+    np.testing.assert_allclose(placement.quaternion, np.roll(turns.as_quat(), 1, axis=1), atol=1e-12)
+    along = placement.array().normal.reshape(len(angles), -1, 3)[:, 0]
+    np.testing.assert_allclose(along, turns.apply([0, 0, 1]), atol=1e-12)
 
 
 def test_older_sdk_s_geometry_agrees():
