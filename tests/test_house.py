@@ -24,9 +24,9 @@ LINES = {
     "model": 1917,
     "settings streaming .": 2828,
     "physics": 3413,
-    "recordings targets correct evaluate": 4061,
+    "recordings targets correct evaluate": 4050,
     "calibration": 2940,
-    "solvers": 4441,
+    "solvers": 4446,
     "files": 4468,
     "devices": 7859,
     "rig": 8720,
@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 47_020, "benchmarks": 4_500}
+BESIDE = {"tests": 47_050, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

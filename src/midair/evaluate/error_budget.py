@@ -159,7 +159,7 @@ ALL, ALL_MEASURED, ALL_FOLLOWED = "all together", "all, array measured", "all, p
 
 ADVICE: Mapping[str, str] = {
     "palm sideways": "support the hand and mark its place",
-    "palm height": "support the hand at the height of the solve, or hold and solve it higher, --height 300mm",
+    "palm height": "support the hand at the height of the solve, or solve for a greater one with --height",
     "palm tilt": "support wrist and fingers at the same height",
     "palm rotation": "mark the direction of the fingers, or solve for the rotated palm",
     "temperature": "measure it and solve with --temperature, or play with --correct-air",
