@@ -18,6 +18,7 @@ from midair.physics import (
     TransducerDynamics,
     cell_weights,
     envelope,
+    focus_amplitude,
     focus_phase,
     off_axis,
     radiation_pressure,
@@ -211,3 +212,6 @@ def test_a_palm_held_higher_loses_less_by_its_height(tmp_path, monkeypatch, caps
     assert each[1]["median_db"] > each[0]["median_db"] + 1
     assert measured[1]["median_db"] > measured[0]["median_db"] + 1.5
     assert measured[1]["low_db"] > measured[0]["low_db"] + 3
+    grids = (ControlGrid(rows=16, columns=16, pitch=11e-3 / 3, height=height) for height in (0.2, 0.3))
+    low, high = (focus_amplitude(grid, TransducerArray.autd3(), acoustics=Acoustics()) for grid in grids)
+    assert (high / low) ** 2 == pytest.approx(2 / 3, abs=0.02), "the greatest pressure"
