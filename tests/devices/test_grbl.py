@@ -101,6 +101,7 @@ def test_soft_limits_of_grbl_are_reported(machine):
 
 
 @pytest.mark.long
+@pytest.mark.clock
 def test_a_machine_that_falls_silent_is_held_and_given_up_until_it_answers_again(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)

@@ -120,6 +120,7 @@ def test_a_too_loud_drive_is_refused():
 
 
 @pytest.mark.long
+@pytest.mark.clock
 def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sounds():
     pytest.importorskip("autd3")
     from autd3 import Duration
