@@ -33,9 +33,9 @@ HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
 
 
-@pytest.mark.parametrize(
-    "prints",
-    [
+def test_text_is_neither_markup_nor_an_escape_sequence(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    prints = [
         lambda: out().print(HOSTILE),
         lambda: err().print(HOSTILE, style="bold red"),
         lambda: print_rows([(HOSTILE, "value")]),
@@ -44,14 +44,11 @@ SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
         lambda: print_grid(("", "a"), [("b", "1")], title=HOSTILE),
         lambda: print_grid(("", HOSTILE), [("b", "1")]),
         lambda: print_grid(("", "a"), [("b", HOSTILE)]),
-    ],
-)
-def test_text_is_neither_markup_nor_an_escape_sequence(prints, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    prints()
-    said = capsys.readouterr()
-    assert SHOWN in said.out + said.err
-    assert "\x1b" not in said.out + said.err
+    ]
+    for number, each in enumerate(prints):
+        each()
+        said = "".join(capsys.readouterr())
+        assert (SHOWN in said, "\x1b" in said) == (True, False), number
 
 
 def test_a_terminal_gets_our_styles_and_not_those_of_a_file(capsys, monkeypatch):
@@ -81,35 +78,26 @@ def test_finished_work_shows_its_mean_speed():
 
 def test_verbosity_flags_are_removed_at_any_position():
     how, rest = parse_flags(["-q", "solve", "-v", "a b.h5"])
-    assert (how.quiet, how.verbose, rest) == (True, True, ["solve", "a b.h5"])
-    assert how.line == "midair solve 'a b.h5'"
+    assert (how.quiet, how.verbose, how.line, rest) == (True, True, "midair solve 'a b.h5'", ["solve", "a b.h5"])
     assert parse_flags(["solve", "--verbose"])[0].verbose
     how, rest = parse_flags(["info", "--", "-q"])
     assert (how.quiet, rest) == (False, ["info", "--", "-q"])
 
 
-@pytest.fixture
-def working():
+def test_quiet_shows_results_and_no_bars_and_verbose_the_run_time(capsys):
     def works() -> None:
         with progress_bars() as stage:
             stage("work")(1, 1)
         print("done", verbosity().quiet)
 
     app.command(works, name="works")
-    yield
-    del app["works"]
-
-
-def test_quiet_shows_results_and_no_bars(working, capsys):
     assert run(["works"]) == 0
     assert "work " in capsys.readouterr().err
     assert run(["works", "-q"]) == 0
     assert capsys.readouterr() == ("done True\n", "")
-
-
-def test_verbose_prints_the_run_time(working, capsys):
     assert run(["works", "-v"]) == 0
     assert "took 0." in capsys.readouterr().err
+    del app["works"]
 
 
 def test_elapsed_time_appears_late_and_ends_with_the_first_output(capsys, monkeypatch):

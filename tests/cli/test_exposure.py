@@ -50,29 +50,28 @@ def test_exposure_and_play_take_the_room_s_air_only_if_it_was_typed(answer, monk
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("words", "expected"), [([], UNKNOWN), (["--temperature", "40C"], TYPED)])
-def test_a_study(words, expected, capsys):
+def test_a_study(capsys):
     pytest.importorskip("autd3")
     loud()
     Path("plan.toml").write_text(plan_of("loud.drive.h5"), encoding="utf-8")
     assert run(["study", "new", "s", "--source", "plan.toml"]) == 0
-    capsys.readouterr()
-    assert run(["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", *words]) == 1
-    assert "too loud" in capsys.readouterr().err
+    for words in ([], ["--temperature", "40C"]):
+        capsys.readouterr()
+        assert run(["study", "run", "s", "--participant", "1", "--array", "autd3:emulator", *words]) == 1
+        assert "too loud" in capsys.readouterr().err, words
 
 
-@pytest.mark.parametrize(("words", "expected"), [([], None), (["--temperature", "40C"], 40.0)])
-def test_a_loop(words, expected, take, monkeypatch):
+def test_a_loop(take, monkeypatch):
     found = []
 
     def stop_before_solving(*, settings):
-        room = settings.exposure.room
-        found.append(None if room is None else room.temperature)
+        found.append(settings.exposure.room)
         raise InputError("enough")
 
     monkeypatch.setattr("midair.cli.commands.loop.open_rig", stop_before_solving)
-    assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
-    assert found == [expected]
+    for words in ([], ["--temperature", "40C"]):
+        assert run(["loop", "take.h5", "--mode", "paper", "--duration", "0.08s", *words]) == 1
+    assert [room and room.temperature for room in found] == [None, 40.0]
 
 
 @pytest.mark.long
@@ -99,15 +98,14 @@ def test_a_drive_that_is_quiet_in_the_papers_air_alone_is_refused(capsys):
     assert "dB too loud" in refused
 
 
-@pytest.mark.parametrize("words", [["exposure"], ["play"], ["play", "--device", NOWHERE]])
-def test_a_file_of_no_air_is_refused(words, capsys, monkeypatch):
+def test_a_file_of_no_air_is_refused(capsys, monkeypatch):
     phase = np.zeros((2, ARRAY.count))
     save_drive("slow.drive.h5", phase, 1.0, acoustics=Acoustics(medium=Medium(speed=100.0)))
     # The search around the ears must not begin.
     monkeypatch.delattr("midair.physics.exposure_level.searches_of")
-    command, *rest = words
-    assert run([command, "slow.drive.h5", *rest]) == 1
-    assert "expected a speed of sound of 300 to 370 m/s, as in air, got 100 m/s" in capsys.readouterr().err
+    for line in ("exposure slow.drive.h5", "play slow.drive.h5", f"play slow.drive.h5 --device {NOWHERE}"):
+        assert run(line.split()) == 1, line
+        assert "expected a speed of sound of 300 to 370 m/s, as in air, got 100 m/s" in capsys.readouterr().err, line
 
 
 def test_ear_protection_raises_the_limits_outside_it_and_is_named():
@@ -119,15 +117,15 @@ def test_ear_protection_raises_the_limits_outside_it_and_is_named():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", ["play", "loop", "study run", "calibrate beam"])
-def test_every_command_accepts_the_options_that_its_refusal_advises(command, capsys):
+def test_every_command_accepts_the_options_that_its_refusal_advises(capsys):
     array = VirtualRig().array
     loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
     device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)
     with pytest.raises(ExposureError) as refused:
         check_exposure(loud, device, ExposureChoices(profile=profile_named("occupational-110")))
-    advised = re.findall(r"--[a-z-]+", str(refused.value))
-    assert {"--attenuate", "--override-exposure"} <= set(advised)
-    assert run([*command.split(), "--help"]) == 0
-    page = capsys.readouterr().out
-    assert all(option in page for option in advised)
+    advised = set(re.findall(r"--[a-z-]+", str(refused.value)))
+    assert {"--attenuate", "--override-exposure"} <= advised
+    for command in ("play", "loop", "study run", "calibrate beam"):
+        assert run([*command.split(), "--help"]) == 0
+        page = capsys.readouterr().out
+        assert [option for option in advised if option not in page] == [], command

@@ -18,20 +18,14 @@ def terminal():
     os.close(master)
 
 
-def test_keys_come_without_enter(terminal):
+def test_keys_come_without_enter_and_the_terminal_is_as_before_also_after_an_error(terminal):
     master, stream = terminal
-    with Keys(stream) as keys:
-        assert keys.active
-        assert keys.pressed() == ""
-        os.write(master, "qä ".encode())
-        assert keys.pressed() == "qä "
-        assert keys.pressed() == ""
-    assert not keys.active
-
-
-def test_the_terminal_is_as_before_also_after_an_error(terminal):
-    _, stream = terminal
     before = termios.tcgetattr(stream)
+    with Keys(stream) as keys:
+        assert (keys.active, keys.pressed()) == (True, "")
+        os.write(master, "qä ".encode())
+        assert (keys.pressed(), keys.pressed()) == ("qä ", "")
+    assert not keys.active
 
     def fail():
         with Keys(stream):
@@ -43,24 +37,20 @@ def test_the_terminal_is_as_before_also_after_an_error(terminal):
     assert termios.tcgetattr(stream) == before
 
 
-@pytest.mark.parametrize("stream", [io.StringIO("q"), open(os.devnull)], ids=["text", "null"])  # noqa: SIM115
-def test_without_a_terminal_there_are_no_keys(stream):
-    with stream, Keys(stream) as keys:
-        assert not keys.active
-        assert keys.pressed() == ""
+def test_without_a_terminal_there_are_no_keys():
+    for stream in (io.StringIO("q"), open(os.devnull)):  # noqa: SIM115
+        with stream, Keys(stream) as keys:
+            assert (keys.active, keys.pressed()) == (False, "")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_is_noted_and_ends_nothing(number):
-    before = signal.getsignal(number)
-    with signals_noted() as signals:
-        assert signals.came == ""
-        os.kill(os.getpid(), number)
-        assert signals.came == number.name
-    assert signal.getsignal(number) is before
-
-
-def test_a_second_ctrl_c_is_not_waited_for():
+def test_a_signal_is_noted_and_ends_nothing_but_a_second_ctrl_c_is_not_waited_for():
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        before = signal.getsignal(number)
+        with signals_noted() as signals:
+            assert signals.came == ""
+            os.kill(os.getpid(), number)
+            assert signals.came == number.name
+        assert signal.getsignal(number) is before
     with pytest.raises(KeyboardInterrupt), signals_noted():
         os.kill(os.getpid(), signal.SIGTERM)
         os.kill(os.getpid(), signal.SIGINT)

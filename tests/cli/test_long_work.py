@@ -3,6 +3,7 @@
 Ctrl-C comes at the first step of a bar, and when the file is whole and has not got its name.
 """
 
+import re
 import shutil
 from contextlib import chdir
 from pathlib import Path
@@ -25,30 +26,20 @@ for name, options in OPTIONS.items():
 LINES = dict(row.split(" | ") for row in ROWS.splitlines() if row and not row.startswith("#"))
 """Command lines, and their message after Ctrl-C at the first progress bar."""
 
-SLOW = ("paper figures --figure 4", "calibrate beam", "calibrate array")
+SLOW = "paper figures --figure 4|calibrate beam|calibrate array"
 """Beginnings of those whose whole run takes minutes."""
 
-FAST = ("import song.csv", "info take.drive.h5")
+FAST = "import song.csv|info take.drive.h5"
 """Beginnings of a reader and an inspection, which are fast tests."""
 
-AT_ONCE = ("import song.wav", "cut", "trim", "join", "gain", "mask", "resample", "export take.h5 take.mat")
+AT_ONCE = "import song.wav|cut|trim|join|gain|mask|resample|export take.h5 take.mat"
 """Beginnings of those without a bar, since a recording is read at once."""
 
-OWN_BARS = (
-    "calibrate b",
-    "calibrate array",
-    "draw",
-    "solve",
-    "play",
-    "loop",
-    "budget",
-    "compare",
-    "demo",
-    "paper",
-    "sweep p",
-    "sweep rec",
-)
+OWN_BARS = "calibrate (b|array)|draw|solve|play|loop|budget|compare|demo|paper|sweep (p|rec)"
 """Beginnings of those that show bars, which have an end; the others show the elapsed time."""
+
+WRITING = "import song.wav|export take.h5 take.csv|trim|join|gain|mask|resample|solve|expo"
+"""Beginnings of some that write a file, beside `cut`."""
 
 
 @pytest.fixture(scope="module")
@@ -73,31 +64,24 @@ def desk(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def folder(desk, tmp_path):
-    shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
-    return tmp_path
-
-
-def made_now(line):
-    """What only one of the lines needs."""
-    if line.startswith("sweep report"):
-        done = ["sweep", "patterns", "done.sweep", "--count", "4", "--workers", "1"]
-        assert run([*done, "--strength", "0.1"]) == 0
-
-
 def files_here():
     return {path: path.stat().st_mtime_ns for path in Path().rglob("*") if path.is_file()}
 
 
-def lines(begin, *slow):
-    marks = {each: pytest.mark.slow if each.startswith(slow) else pytest.mark.long for each in LINES if begin(each)}
-    return [pytest.param(each, marks=() if each.startswith(FAST) else mark) for each, mark in marks.items()]
+def check_stopped(line, capsys):
+    """Run a command that Ctrl-C stops: one line, and nothing but the files that it names is new or changed."""
+    before = files_here()
+    assert run(line.split()) == 130
+    said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
+    assert said == [f"midair: stopped; {LINES[line]}"]
+    kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
+    # A sweep keeps its results.
+    ours = {path for path in files_here() if not {".sweep", ".report"} & {each.suffix for each in path.parents}}
+    assert ours - set(before) == kept
+    assert {path: when for path, when in files_here().items() if path in before} == before
 
 
-@pytest.mark.parametrize("line", lines(lambda each: not each.startswith(AT_ONCE)))
-def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, capsys, monkeypatch):
-    made_now(line)
+def ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, capsys, patch):
     begin, begun = Progress.add_task, []
 
     def add_task(self, description, **more):
@@ -111,58 +95,21 @@ def test_ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files(line, folder, c
         begun.append(total)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Progress, "add_task", add_task)
+    patch.setattr(Progress, "add_task", add_task)
     with report_to(report):
         check_stopped(line, capsys)
     assert begun
 
 
-def check_stopped(line, capsys):
-    """Run a command that Ctrl-C stops: one line, and nothing but the files that it names is new or changed."""
-    before = files_here()
-    capsys.readouterr()
-    assert run(line.split()) == 130
-    said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
-    assert said == [f"midair: stopped; {LINES[line]}"]
-    kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
-    # A sweep keeps its results.
-    ours = {path for path in files_here() if not {".sweep", ".report"} & {each.suffix for each in path.parents}}
-    assert ours - set(before) == kept
-    assert {path: when for path, when in files_here().items() if path in before} == before
-
-
-WRITING = (
-    "import song.wav",
-    "export take.h5 take.csv",
-    "cut",
-    "trim",
-    "join",
-    "gain",
-    "mask",
-    "resample",
-    "solve",
-    "expo",
-)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        pytest.param(each, marks=() if each.startswith("cut") else pytest.mark.long)
-        for each in LINES
-        if each.startswith(WRITING)
-    ],
-)
-def test_ctrl_c_at_the_last_moment_leaves_nothing(line, folder, capsys, monkeypatch):
+def ctrl_c_at_the_last_moment_leaves_nothing(line, capsys, patch):
     def stop(old, new):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(atomic.os, "replace", stop)
+    patch.setattr(atomic.os, "replace", stop)
     check_stopped(line, capsys)
 
 
-@pytest.mark.parametrize("line", lines(lambda each: each.startswith(OWN_BARS), *SLOW))
-def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
+def a_bar_has_an_end(line, capsys, patch):
     """So that it shows the time left: every task of every bar states how much there is in all."""
     ends, finish = [], Progress.stop
 
@@ -170,7 +117,32 @@ def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
         ends.extend((task.description, task.total) for task in self.tasks)
         finish(self)
 
-    monkeypatch.setattr(Progress, "stop", stop)
+    patch.setattr(Progress, "stop", stop)
     assert run(line.split()) == 0, capsys.readouterr().err
     assert ends
     assert [name for name, total in ends if total is None] == []
+
+
+def begin(these, but="$"):
+    return [line for line in LINES if re.match(these, line) and not re.match(but, line)]
+
+
+CASES = [
+    (ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files, begin(FAST), ()),
+    (ctrl_c_at_the_first_step_of_a_bar_prints_the_kept_files, begin("", f"{FAST}|{AT_ONCE}"), pytest.mark.long),
+    (ctrl_c_at_the_last_moment_leaves_nothing, begin("cut"), ()),
+    (ctrl_c_at_the_last_moment_leaves_nothing, begin(WRITING), pytest.mark.long),
+    *((a_bar_has_an_end, begin(OWN_BARS, SLOW)[part::2], pytest.mark.long) for part in range(2)),
+    (a_bar_has_an_end, begin(SLOW), pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize(("holds", "lines"), [pytest.param(*case, marks=mark) for *case, mark in CASES])
+def test_each_line(holds, lines, desk, tmp_path, capsys, monkeypatch, subtests):
+    for number, line in enumerate(lines):
+        monkeypatch.chdir(shutil.copytree(desk, tmp_path / str(number)))
+        if line.startswith("sweep report"):
+            assert run(["sweep", "patterns", "done.sweep", "--count", "4", "--workers", "1", "--strength", "0.1"]) == 0
+        capsys.readouterr()
+        with subtests.test(line), monkeypatch.context() as patch:
+            holds(line, capsys, patch)

@@ -129,18 +129,14 @@ def test_a_locked_machine_is_not_moved_but_by_home(capsys):
         machine.close()
 
 
-@pytest.mark.parametrize(
-    ("more", "stroke", "speed", "words"),
-    [
+def test_impossible_strokes_are_refused_before_anything_moves(machine, capsys):
+    for more, stroke, speed, words in (
         ([], "181mm", "50mm/s", "reaches x 1 mm: expected -240 to 0 mm"),
         ([], "120mm", "300mm/s", "up to 200 mm/s"),
         (["--duration", "1s"], "30mm", "50mm/s", "neither --duration nor --trigger"),
         (["--trigger", "50mV"], "30mm", "50mm/s", "neither --duration nor --trigger"),
         (["--stage-file", "other.toml"], "30mm", "50mm/s", "describes a motion stage"),
-    ],
-)
-def test_impossible_strokes_are_refused_before_anything_moves(machine, capsys, more, stroke, speed, words):
-    assert run(command(machine, *more, stroke=stroke, speed=speed)) in (1, 2)
-    assert words in capsys.readouterr().err
-    assert machine.moves == []
-    assert list(Path().glob("*.h5")) == []
+    ):
+        assert run(command(machine, *more, stroke=stroke, speed=speed)) in (1, 2), words
+        assert words in capsys.readouterr().err
+        assert (machine.moves, list(Path().glob("*.h5"))) == ([], []), words

@@ -45,7 +45,8 @@ def asked(terminal, question, *typed, width=100):
         return reply, console.export_text()
 
 
-def test_a_single_key_answers_with_its_reaction_time(terminal):
+def test_a_single_key_answers_with_its_reaction_time_and_the_terminal_is_restored(terminal):
+    before = termios.tcgetattr(terminal[1])
     os.write(terminal[0], b"1")  # before the question: discarded
     begin = time.monotonic()
     reply, shown = asked(terminal, CHOICE, (0.5, b"x"), (0.3, b"2"))
@@ -53,6 +54,7 @@ def test_a_single_key_answers_with_its_reaction_time(terminal):
     assert 0.3 < reply.reaction_s < time.monotonic() - begin
     assert "1  brush" in shown
     assert "Press 1, 2" in shown
+    assert termios.tcgetattr(terminal[1]) == before
 
 
 @pytest.mark.long
@@ -61,14 +63,14 @@ def test_no_key_within_the_time_limit_is_late(terminal):
     assert (reply.late, reply.text, reply.reaction_s) == (True, "", 0.1)
 
 
-@pytest.mark.parametrize(("typed", "said", "late"), [(b"12\n", "12", False), (b"12", "", True)])
-def test_lines_have_a_time_limit(terminal, monkeypatch, typed, said, late):
+def test_lines_have_a_time_limit(terminal, monkeypatch):
     number = Question(name="m", kind="magnitude", text="How strong?", timeout_s=0.5)
     with os.fdopen(os.dup(terminal[1])) as lines:
         monkeypatch.setattr("sys.stdin", lines)
-        reply, shown = asked(terminal, number, (0.1, typed))
-    assert (reply.text, reply.late, reply.by) == (said, late, "line")
-    assert "any number of 0 or more" in shown
+        for typed, said, late in ((b"12\n", "12", False), (b"12", "", True)):
+            reply, shown = asked(terminal, number, (0.1, typed))
+            assert (reply.text, reply.late, reply.by) == (said, late, "line")
+            assert "any number of 0 or more" in shown
 
 
 def test_options_that_are_numbers_are_not_numbered(terminal):
@@ -76,9 +78,3 @@ def test_options_that_are_numbers_are_not_numbered(terminal):
     reply, shown = asked(terminal, count, (0.2, b"2"))
     assert reply.text == "2"
     assert "1  2" not in shown
-
-
-def test_terminal_settings_are_restored(terminal):
-    before = termios.tcgetattr(terminal[1])
-    asked(terminal, CHOICE, (0.2, b"1"))
-    assert termios.tcgetattr(terminal[1]) == before

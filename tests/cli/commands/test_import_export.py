@@ -32,20 +32,28 @@ def test_mend_fills_gaps_that_import_refuses_and_reports_them(answer, capsys):
     assert steps["events"]["mended"] == ((6, 100, 4),)
     kept = np.isfinite(samples)
     np.testing.assert_array_equal(take.recording.samples[kept], samples[kept])
+    # A gap of 30 ms is refused, and leaves nothing.
+    samples[100:130, 0, 3] = np.nan
+    np.save("b.npy", samples)
+    assert run(["import", "b.npy", "b.h5", *said, "--mend", "20ms"]) == 1
+    assert "got 30 frames (30 ms) from 0.1 s on in channel 3" in capsys.readouterr().err
+    assert not Path("b.h5").exists()
+    assert run(["import", "b.npy", "b.h5", *said, "--mend", "30ms", "--fill", "line"]) == 0
+    assert run(["import", "b.h5", "c.h5", "--mend", "20ms"]) == 1
+    assert "has no gaps" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["a.npz", "a.json"])
-def test_a_drive_is_exported_with_phases_and_levels(answer, name):
+def test_a_drive_is_exported_with_phases_and_levels(answer):
     array, drive = TransducerArray.autd3(columns=1, rows=1), Path("a.drive.h5")
-    phase, level = RNG.uniform(0, 6.28, (3, array.count)), RNG.uniform(0, 1, (3, array.count))
-    save_drive(drive, phase, level, array=array)
-    assert answer("export", str(drive), name)["written"] == name
+    save_drive(drive, RNG.uniform(0, 6.28, (3, array.count)), RNG.uniform(0, 1, (3, array.count)), array=array)
     known = load_solution(drive).drive
-    made = dict(np.load(name)) if name.endswith("z") else json.loads(Path(name).read_text())
-    np.testing.assert_allclose(made["phase_rad"], known.phase, atol=1e-4)
-    np.testing.assert_allclose(made["level"], known.level, atol=1e-4)
-    np.testing.assert_allclose(made["position_m"], known.array.position)
-    assert (float(made["rate_hz"]), bool(made["simulated"])) == (known.rate, known.provenance.simulated)
+    for name in ("a.npz", "a.json"):
+        assert answer("export", str(drive), name)["written"] == name
+        made = dict(np.load(name)) if name.endswith("z") else json.loads(Path(name).read_text())
+        np.testing.assert_allclose(made["phase_rad"], known.phase, atol=1e-4)
+        np.testing.assert_allclose(made["level"], known.level, atol=1e-4)
+        np.testing.assert_allclose(made["position_m"], known.array.position)
+        assert (float(made["rate_hz"]), bool(made["simulated"])) == (known.rate, known.provenance.simulated)
 
 
 def test_chosen_channels_are_exported_as_flac(answer):
@@ -58,32 +66,16 @@ def test_chosen_channels_are_exported_as_flac(answer):
     np.testing.assert_allclose(full * back, wanted, atol=2**-21)
 
 
-def test_a_stated_peak_needs_no_unit(answer):
+def test_a_stated_peak_needs_no_unit_and_what_is_too_short_to_feel_is_noted(answer):
     np.savetxt("a.csv", np.sin(np.arange(400) / 3), header="skin")
     answer("import", "a.csv", "a.h5", "--rate", "1kHz", "--peak", "40Pa", "--footprint", "circle:20mm")
     take = open_take("a.h5")
     assert take.recording.unit == "count"
     pressure = calibrate(take.recording, take.calibration, band=(0, 500)).pressure
     assert np.abs(pressure).max() == pytest.approx(40, rel=0.05)
-
-
-def test_a_very_short_file_is_imported_with_a_note(answer):
-    soundfile.write("a.wav", RNG.normal(size=10) / 9, 4000)
-    told = answer("import", "a.wav", "a.h5", "--scale", "30Pa", "--footprint", "circle:20mm")
+    soundfile.write("b.wav", RNG.normal(size=10) / 9, 4000)
+    told = answer("import", "b.wav", "b.h5", "--scale", "30Pa", "--footprint", "circle:20mm")
     assert "It lasts 2.5 ms: too short to be felt; is the file complete?" in told["notes"]
-
-
-def test_mend_refuses_a_long_gap_and_leaves_nothing(capsys):
-    samples = RNG.normal(size=(300, 16))
-    samples[100:130, 3] = np.nan
-    np.save("a.npy", samples)
-    said = ("--unit", "V", "--rate", "1kHz")
-    assert run(["import", "a.npy", "a.h5", *said, "--mend", "20ms"]) == 1
-    assert "got 30 frames (30 ms) from 0.1 s on in channel 3" in capsys.readouterr().err
-    assert not Path("a.h5").exists()
-    assert run(["import", "a.npy", "a.h5", *said, "--mend", "30ms", "--fill", "line"]) == 0
-    assert run(["import", "a.h5", "b.h5", "--mend", "20ms"]) == 1
-    assert "has no gaps" in capsys.readouterr().err
 
 
 def test_empty_fields_of_a_table_are_mended(capsys):

@@ -23,39 +23,30 @@ def files(tmp_path):
     return tmp_path
 
 
-def title(page):
-    return re.search(r"<p class=\"lead\">(.*?)</p>", page.read_text(encoding="utf-8"))[1]
-
-
-@pytest.mark.parametrize(
-    ("line", "page", "held"),
-    [
+def test_each_kind_of_file_becomes_a_page(files, capsys):
+    for line, page, held in (
         ("take.h5", "take.show.html", {"samples"}),
         ("raw.h5", "raw.show.html", {"samples"}),
         ("take.drive.h5", "take.drive.show.html", {"wanted", "played", "phases"}),
         ("take.h5 again.h5 --save both.html", "both.html", {"samples", "again"}),
         ("take.h5 --target -o asked.html", "asked.html", {"wanted"}),
-    ],
-)
-def test_each_kind_of_file_becomes_a_page(files, line, page, held, capsys):
-    assert run(["show", *line.split()]) == 0
-    text = (files / page).read_text(encoding="utf-8")
-    assert set(re.findall(r'data-name="(\w+)"', text)) == held | {"about"}
-    said = capsys.readouterr().out
-    assert page in said
-    assert re.search(r"(kB|MB), in \d+\.\d s", said)
-
-
-@pytest.mark.long
-def test_a_part_is_cut_out(files):
-    assert run(["show", "take.h5", "--start-at", "0.05s", "--duration", "0.1s"]) == 0
-    assert title(files / "take.show.html") == "100 frames at 1000 Hz, 0.1 s"
+    ):
+        assert run(["show", *line.split()]) == 0
+        text = (files / page).read_text(encoding="utf-8")
+        assert set(re.findall(r'data-name="(\w+)"', text)) == held | {"about"}, line
+        said = capsys.readouterr().out
+        assert page in said
+        assert re.search(r"(kB|MB), in \d+\.\d s", said), line
 
 
 @pytest.mark.long
 def test_its_own_page_is_made_again_and_others_are_kept(files, capsys):
-    for _ in range(2):
-        assert run(["show", "take.h5"]) == 0
+    for line, text in (
+        ("show take.h5", "200 frames at 1000 Hz, 0.2 s"),
+        ("show take.h5 --start-at 0.05s --duration 0.1s", "100 frames at 1000 Hz, 0.1 s"),
+    ):
+        assert run(line.split()) == 0
+        assert f'<p class="lead">{text}</p>' in (files / "take.show.html").read_text(encoding="utf-8")
     (files / "mine.html").write_text("a page of mine")
     assert run(["show", "take.h5", "--save", "mine.html"]) == 1
     assert "--force" in capsys.readouterr().err

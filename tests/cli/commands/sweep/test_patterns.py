@@ -39,20 +39,18 @@ def test_from_patterns_to_a_report(capsys, one_line, answer):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("words", "medium"),
-    [
+def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one():
+    small = ["--strength", "0.1", "--count", "2", "--iterations", "1", "--workers", "1"]
+    for words, medium in (
         ("", Medium(attenuation=0.0)),
         ("--attenuation 0.1", Medium(attenuation=0.1)),
         ("--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3)),
         ("--temperature 25C --attenuation 0", replace(Medium.at(temperature=25.0), attenuation=0.0)),
-    ],
-)
-def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
-    small = ["--strength", "0.1", "--count", "2", "--iterations", "1", "--workers", "1"]
-    assert run(["sweep", "patterns", "s.sweep", *small, *words.split()]) == 0
-    sweep = from_plain(PatternSweep, load_sweep(Path("s.sweep")).settings)
-    assert sweep.acoustics == Acoustics(medium=medium, directivity="point")
+    ):
+        assert run(["sweep", "patterns", f"{medium.speed}-{medium.attenuation}.sweep", *small, *words.split()]) == 0
+        folder = Path(f"{medium.speed}-{medium.attenuation}.sweep")
+        sweep = from_plain(PatternSweep, load_sweep(folder).settings)
+        assert sweep.acoustics == Acoustics(medium=medium, directivity="point"), words
 
 
 @pytest.mark.long
