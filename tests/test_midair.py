@@ -23,38 +23,26 @@ NAMES = {
 }
 
 
-def names(kind):
-    return NAMES[kind].split()
-
-
 def test_the_package_has_these_names_and_no_others():
-    expected = sorted(["__version__", *names("classes"), *names("functions"), *names("modules")])
+    expected = sorted(["__version__", *" ".join(NAMES.values()).split()])
     assert sorted(midair.__all__) == dir(midair) == expected
 
 
 def test_functions_have_help():
-    functions = {name: getattr(midair, name) for name in names("functions")}
+    functions = {name: getattr(midair, name) for name in NAMES["functions"].split()}
     assert all(map(inspect.isfunction, functions.values()))
     assert [name for name, one in functions.items() if "Parameters" not in (inspect.getdoc(one) or "")] == []
 
 
+def modules_after(code):
+    """Names of the modules that a fresh Python has loaded after some code."""
+    command = [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+
+
 def test_import_loads_nothing_heavy():
-    heavy = {
-        "scipy",
-        "scipy.signal",
-        "h5py",
-        "matplotlib",
-        "pandas",
-        "soundfile",
-        "rich",
-        "pydantic",
-        "cyclopts",
-        "numba",
-        "numpy",
-    }
-    code = "import sys, midair; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert heavy.isdisjoint(loaded)
+    heavy = "scipy h5py matplotlib pandas soundfile rich pydantic cyclopts numba numpy"
+    assert set(heavy.split()).isdisjoint(modules_after("import midair"))
 
 
 SOLVED = """
@@ -77,16 +65,7 @@ midair.solve(midair.prepare(midair.calibrate(take.recording, take.calibration), 
 def test_a_command_starts_without_the_large_parts_of_others(use, without):
     """They take a quarter of the time in which a command starts."""
     names = "from midair.cli.commands import solve_app; from midair.files import load_profiles"
-    code = f"import sys; {names}; from midair.settings import Settings; {use}\nprint(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert without.isdisjoint(loaded)
-
-
-def test_the_command_that_newcomers_type_works(capsys):
-    help(midair.record)
-    said = capsys.readouterr().out
-    assert "record" in dir(midair)
-    assert "Record a sensor for some time" in said
+    assert without.isdisjoint(modules_after(f"{names}; from midair.settings import Settings; {use}"))
 
 
 @pytest.fixture(scope="module")
@@ -101,27 +80,27 @@ def stages():
     }
 
 
-TABLE = Path(__file__).with_name("mistakes_python.txt").read_text(encoding="utf-8")
-MISTAKES = {name: rows for name, _, rows in (part.partition("\n") for part in TABLE.split("\n\n# ")[1:])}
+MISTAKES = Path(__file__).with_name("mistakes_python.txt").read_text(encoding="utf-8").split("\n\n# ")[1:]
 
 
-@pytest.mark.parametrize("part", MISTAKES)
-def test_a_mistake_names_what_came_and_the_next_step(part, stages):
-    names, wrong = dict(stages), []
-    for row in MISTAKES[part].splitlines():
-        if not re.match(r"\w+Error \| ", row):
-            exec(row, names)
-            continue
-        error, _, rest = row.partition(" | ")
-        call, _, words = rest.rpartition(" | ")
-        kind = getattr(midair.errors, error, None) or getattr(builtins, error)
-        try:
-            eval(call, names)
-        except kind as refused:
-            if not re.search(".*".join(map(re.escape, words.split(" ... "))), str(refused)):
-                wrong.append((call, str(refused)))
-        else:
-            wrong.append((call, "not refused"))
+def test_a_mistake_names_what_came_and_the_next_step(stages):
+    wrong = []
+    for rows in MISTAKES:
+        names = dict(stages)
+        for row in rows.splitlines()[1:]:
+            if not re.match(r"\w+Error \| ", row):
+                exec(row, names)
+                continue
+            error, _, rest = row.partition(" | ")
+            call, _, words = rest.rpartition(" | ")
+            kind = getattr(midair.errors, error, None) or getattr(builtins, error)
+            try:
+                eval(call, names)
+            except kind as refused:
+                if not re.search(".*".join(map(re.escape, words.split(" ... "))), str(refused)):
+                    wrong.append((call, str(refused)))
+            else:
+                wrong.append((call, "not refused"))
     assert wrong == []
 
 

@@ -1,8 +1,5 @@
 from dataclasses import replace
 
-import pytest
-
-from midair.errors import InputError
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
 from midair.study.design.session_state import answers_table, excluded_participants, replay
@@ -81,26 +78,23 @@ def test_the_form_is_asked_once_and_a_private_answer_stays_in_the_log(tmp_path):
     assert "Ada07" not in table.to_csv()
 
 
-@pytest.mark.parametrize(("wrong_until", "trials"), [(0, 4), (3, 7)])
-def test_training_ends_with_its_criterion(tmp_path, wrong_until, trials):
+def test_training_ends_with_its_criterion(tmp_path):
     training = block(name="train", criterion=Criterion(right=1.0, last=4), feedback=True, scored=False, repetitions=10)
     plan = plan_of(training, block())
-    flip = {"a": "b", "b": "a"}
+    for wrong_until, trials in ((0, 4), (3, 7)):
 
-    def answer(trial, _question):
-        wrong = trial.block == "train" and trial.number <= wrong_until
-        return flip[trial.levels["object"]] if wrong else trial.levels["object"]
+        def answer(trial, _question, until=wrong_until):
+            wrong = trial.block == "train" and trial.number <= until
+            return {"a": "b", "b": "a"}[trial.levels["object"]] if wrong else trial.levels["object"]
 
-    seen = go(plan, tmp_path / "log", answer)
-    first = [step for step in seen if step.kind == "present" and step.number <= 20]
-    assert len(first) == trials
-    told = [step.text for step in seen if step.kind == "show"]
-    assert len([text for text in told if text.startswith("Wrong. The correct answer is ")]) == wrong_until
-    assert told.count("Correct.") == trials - wrong_until
-    found = standing(plan, tmp_path / "log")
-    assert len(found.waived) == 20 - trials
-    assert (found.untrained, found.next_trial) == ((), 28)
-    assert len(answers_table(plan, [found])) == trials + 8
+        seen = go(plan, log := tmp_path / f"{trials}", answer)
+        assert len([step for step in seen if step.kind == "present" and step.number <= 20]) == trials
+        told = [step.text for step in seen if step.kind == "show"]
+        assert len([text for text in told if text.startswith("Wrong. The correct answer is ")]) == wrong_until
+        assert told.count("Correct.") == trials - wrong_until
+        found = standing(plan, log)
+        assert (len(found.waived), found.untrained, found.next_trial) == (20 - trials, (), 28)
+        assert len(answers_table(plan, [found])) == trials + 8
 
 
 def test_participants_without_the_criterion_are_excluded_if_planned(tmp_path):
@@ -114,17 +108,10 @@ def test_participants_without_the_criterion_are_excluded_if_planned(tmp_path):
     assert not answers_table(plan, [found])["scored"].any()
 
 
-def test_breaks_within_a_block(tmp_path):
-    seen = go(plan_of(block(break_every=3, rest_s=5.0)), tmp_path / "log")
-    before = [
-        sum(kind == "present" for kind in kinds(seen)[:at]) for at, kind in enumerate(kinds(seen)) if kind == "rest"
-    ]
-    assert before == [3, 6]
-
-
-def test_the_time_before_a_stimulus_is_drawn_and_kept(tmp_path):
-    plan, clock = plan_of(block(jitter_s=(0.5, 1.5))), Slow()
-    go(plan, tmp_path / "log", clock=clock)
+def test_breaks_within_a_block_and_the_time_before_a_stimulus_is_drawn_and_kept(tmp_path):
+    plan, clock = plan_of(block(break_every=3, rest_s=5.0, jitter_s=(0.5, 1.5))), Slow()
+    seen = kinds(go(plan, tmp_path / "log", clock=clock))
+    assert [seen[:at].count("present") for at, kind in enumerate(seen) if kind == "rest"] == [3, 6]
     assert clock.waited == [trial.wait_s for trial in plan.trials]
     assert len(set(clock.waited)) == 8
     assert 0.5 <= min(clock.waited) < max(clock.waited) <= 1.5
@@ -242,5 +229,3 @@ def test_options_and_questions_are_shuffled_by_the_seed_and_logged(tmp_path):
     assert [tuple(event["options"]) for event in logged] == orders
     assert [event["answer"] for event in logged] == [order[1] for order in orders]
     assert orders[0] == asked[0].in_order_of(plan.trials[0].code, seed=3).options
-    with pytest.raises(InputError, match="expected shuffle for a choice only, got a rating"):
-        Question(name="how", kind="rating", text="?", shuffle=True)

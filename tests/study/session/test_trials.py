@@ -177,16 +177,16 @@ def test_repeated_failures_end_a_session_that_can_be_resumed(plan, tmp_path):
     assert presenter.done[0] == plan.of(1)[2].stimulus
 
 
-@pytest.mark.parametrize("error", [LinkLostError, OSError])
-def test_a_lost_array_or_another_error_ends_the_session_in_silence_and_the_trial_is_marked(plan, tmp_path, error):
-    presenter = Faulty(silent=(1,), error=error)
-    with pytest.raises(error), session(plan, tmp_path / "log.jsonl", presenter) as one:
-        run(one, Script(plan))
-    events = read_events(tmp_path / "log.jsonl")
-    marked = [plan.of(1)[1].code] if error is LinkLostError else []
-    assert [event["trial"] for event in events if event["event"] == "silent"] == marked
-    assert presenter.silenced >= 1
-    assert events[-1]["reason"] == error.__name__
+def test_a_lost_array_or_another_error_ends_the_session_in_silence_and_the_trial_is_marked(plan, tmp_path):
+    for error in (LinkLostError, OSError):
+        presenter, log = Faulty(silent=(1,), error=error), tmp_path / f"{error.__name__}.jsonl"
+        with pytest.raises(error), session(plan, log, presenter) as one:
+            run(one, Script(plan))
+        events = read_events(log)
+        marked = [plan.of(1)[1].code] if error is LinkLostError else []
+        assert [event["trial"] for event in events if event["event"] == "silent"] == marked
+        assert presenter.silenced >= 1
+        assert events[-1]["reason"] == error.__name__
 
 
 def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
@@ -227,7 +227,7 @@ def test_stop_silences_first_and_ends_the_session(plan, tmp_path):
         assert run(one, Script(plan)).kind == "done"
 
 
-def test_another_plan_and_another_program_are_refused(plan, tmp_path):
+def test_another_plan_another_program_and_calls_in_the_wrong_order_are_refused(plan, tmp_path):
     interrupted(plan, tmp_path / "log.jsonl", after=3)
     other = draw_plan(read_design(template_text("paper"), seed=9))
     with pytest.raises(MismatchError, match="changed"), session(other, tmp_path / "log.jsonl"):
@@ -235,14 +235,11 @@ def test_another_plan_and_another_program_are_refused(plan, tmp_path):
     again = session(plan, tmp_path / "log.jsonl")
     with session(plan, tmp_path / "log.jsonl"), pytest.raises(DeviceStateError, match="another program"), again:
         pass
-
-
-def test_calls_in_the_wrong_order(plan, tmp_path):
-    one = session(plan, tmp_path / "log.jsonl")
+    # So are calls in the wrong order.
     with pytest.raises(DeviceStateError, match="context manager"):
-        one.present()
-    with one, pytest.raises(DeviceStateError, match="expected the step ask, got show"):
-        one.answer(Reply(text="brush"))
+        again.present()
+    with again, pytest.raises(DeviceStateError, match="expected the step ask, got show"):
+        again.answer(Reply(text="brush"))
 
 
 def test_consent_and_stops_are_logged_and_a_stopped_person_agrees_to_go_on(tmp_path):

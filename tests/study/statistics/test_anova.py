@@ -25,24 +25,23 @@ def read(name):
     return pd.read_csv(HERE / f"{name}.csv", dtype=str, keep_default_na=False).to_dict("list")
 
 
-@pytest.mark.parametrize("name", DESIGNS)
-def test_equals_afex(name):
-    data = read(name)
-    data["score"] = np.array(data["score"], float)
-    within = DESIGNS[name]
-    table = rm_anova(data, value="score", participant="participant", within=within)
-    reference = read(f"{name}_r")
-    assert table["effect"].tolist() == reference["effect"]
-    for column in ("df1", "df2", "F", "p", "np2", "ges", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"):
-        rows = zip(table["effect"], table[column], reference[column], table["df1"], table["p"], strict=True)
-        for effect, mine, text, df1, p in rows:
-            if text == "NA":  # R leaves out what is 1 by definition
-                assert all(len(set(data[name])) == 2 for name in set(effect.split(":")) & set(within))
-                assert mine == (p if column in ("p_GG", "p_HF") else 1)
-            elif column == "p_W" and df1 > 2:  # R's mauchly.test has 3 p for 3 d in Box's second-order term
-                assert mine == pytest.approx(float(text), abs=0.01)
-            else:
-                assert mine == pytest.approx(float(text), rel=1e-9), column
+def test_equals_afex():
+    for design, within in DESIGNS.items():
+        data = read(design)
+        data["score"] = np.array(data["score"], float)
+        table = rm_anova(data, value="score", participant="participant", within=within)
+        reference = read(f"{design}_r")
+        assert table["effect"].tolist() == reference["effect"]
+        for column in ("df1", "df2", "F", "p", "np2", "ges", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"):
+            rows = zip(table["effect"], table[column], reference[column], table["df1"], table["p"], strict=True)
+            for effect, mine, text, df1, p in rows:
+                if text == "NA":  # R leaves out what is 1 by definition
+                    assert all(len(set(data[name])) == 2 for name in set(effect.split(":")) & set(within))
+                    assert mine == (p if column in ("p_GG", "p_HF") else 1)
+                elif column == "p_W" and df1 > 2:  # R's mauchly.test has 3 p for 3 d in Box's second-order term
+                    assert mine == pytest.approx(float(text), abs=0.01)
+                else:
+                    assert mine == pytest.approx(float(text), rel=1e-9), (design, effect, column)
 
 
 def test_equals_the_textbook():

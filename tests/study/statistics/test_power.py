@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.study.statistics.anova import rm_anova
 from midair.study.statistics.detection import proportion_correct
 from midair.study.statistics.paired import equivalence
@@ -22,10 +21,6 @@ def test_participants_for_eighty_percent():
     for test in POWER:
         many = participants_for(test, effect=0.5)
         assert POWER[test](many, effect=0.5) >= 0.8 > POWER[test](many - 1, effect=0.5), test
-    with pytest.raises(InputError, match=r"expected 0\.8 with 100 participants, got less"):
-        participants_for("paired", effect=0.001, most=100)
-    with pytest.raises(InputError):
-        power_paired(1, effect=1)
 
 
 def test_power_without_an_effect_is_the_level():

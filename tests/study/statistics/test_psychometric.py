@@ -13,20 +13,19 @@ def test_values_by_hand():
     assert known.probability([0, 2, 4]) == pytest.approx([0.25, 0.6, 0.25 + 0.7 * 8 / 9])
 
 
-@pytest.mark.parametrize("guess", [0.5, 1 / 3, None])
-def test_a_fit_finds_the_function(guess):
-    true = Psychometric(threshold=6.0, slope=2.5, guess=0.15 if guess is None else guess, lapse=0.03)
-    levels = LEVELS if guess is not None else np.r_[0, LEVELS]
-    total = np.full(len(levels), 2000)
-    right = np.rint(total * true.probability(levels))
-    fit = fit_psychometric(levels, right, total, rng=np.random.default_rng(0), guess=guess)
-    found = fit.function
-    assert [found.threshold, found.slope, found.guess, found.lapse] == pytest.approx(
-        [6, 2.5, true.guess, 0.03], rel=0.02
-    )
-    assert fit.low < 6 < fit.high < 1.2 * fit.low
-    assert (fit.refusal, fit.ranked) == ("", found.threshold)
-    assert fit.p_misfit > 0.5
+def test_a_fit_finds_the_function():
+    for guess in (0.5, 1 / 3, None):
+        true = Psychometric(threshold=6.0, slope=2.5, guess=0.15 if guess is None else guess, lapse=0.03)
+        levels = LEVELS if guess is not None else np.r_[0, LEVELS]
+        total = np.full(len(levels), 2000)
+        right = np.rint(total * true.probability(levels))
+        fit = fit_psychometric(levels, right, total, rng=np.random.default_rng(0), guess=guess)
+        found = fit.function
+        made = [found.threshold, found.slope, found.guess, found.lapse]
+        assert made == pytest.approx([6, 2.5, true.guess, 0.03], rel=0.02)
+        assert fit.low < 6 < fit.high < 1.2 * fit.low
+        assert (fit.refusal, fit.ranked) == ("", found.threshold)
+        assert fit.p_misfit > 0.5
 
 
 def test_single_trials_are_the_same_data():
@@ -70,12 +69,9 @@ def test_a_threshold_that_the_answers_do_not_give_is_refused(subtests):
             fit = fit_psychometric(LEVELS, right, np.full(6, 40), rng=np.random.default_rng(0), guess=0.5)
             assert fit.refusal.startswith(reason)
             assert fit.ranked == pytest.approx(ranked, nan_ok=True)
-
-
-def test_few_answers_determine_nothing():
-    fit = fit_psychometric(LEVELS, [1, 1, 1, 1, 2, 2], np.full(6, 2), rng=np.random.default_rng(0), guess=0.5)
-    assert "more than a factor of 25" in fit.refusal
-    assert np.isnan(fit.ranked)
+    few = fit_psychometric(LEVELS, [1, 1, 1, 1, 2, 2], np.full(6, 2), rng=np.random.default_rng(0), guess=0.5)
+    assert "more than a factor of 25" in few.refusal
+    assert np.isnan(few.ranked)
 
 
 def test_quest_goes_to_where_the_threshold_is_uncertain():

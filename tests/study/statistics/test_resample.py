@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
 from midair.study import f_measure, limits_over_people, sign_flip
 
 
@@ -48,25 +47,16 @@ def test_limits_cover_with_five_people():
     assert 0.93 < inside / 600 < 0.97
 
 
-def test_people_without_differences_have_no_limits_and_too_few_are_refused():
+def test_people_without_differences_have_no_limits():
     for scale in ("plain", "share", "positive"):
         found = limits_over_people(lambda x: x.mean(axis=0), np.ones((5, 2)), scale=scale)
         assert found.value.tolist() == [1, 1]
         assert np.isnan([found.low, found.high]).all()
-    with pytest.raises(InputError, match="got 4"):
-        limits_over_people(np.mean, np.ones(4))
-    with pytest.raises(InputError, match="got 1"):
-        sign_flip(np.ones(1), rng=np.random.default_rng(0))
-    with pytest.raises(InputError, match="scale"):
-        limits_over_people(np.mean, np.ones(5), scale="odds")
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("people", [5, 10])
-def test_limits_of_macro_f_cover(people):
+def test_limits_of_macro_f_cover():
     # People with individual d' and bias; BCa limits of five people cover .83 to .86.
-    rng = np.random.default_rng(people)
-
     def answers(many):
         x = rng.normal(size=(many, 3, 4, 3)) + rng.normal(0, 0.4, (many, 1, 1, 3))
         d = rng.normal(1.2, 0.5, (many, 1))
@@ -77,6 +67,8 @@ def test_limits_of_macro_f_cover(people):
     def macro(counts):
         return float(f_measure(counts.sum(axis=0)).mean())
 
-    true = macro(answers(100_000))
-    found = [limits_over_people(macro, answers(people), scale="share") for _ in range(1000)]
-    assert 0.93 <= np.mean([one.low <= true <= one.high for one in found]) <= 0.97
+    for people in (5, 10):
+        rng = np.random.default_rng(people)
+        true = macro(answers(100_000))
+        found = [limits_over_people(macro, answers(people), scale="share") for _ in range(1000)]
+        assert 0.93 <= np.mean([one.low <= true <= one.high for one in found]) <= 0.97, people

@@ -13,18 +13,6 @@ def paired(rng):
     return paired_t(rng.normal(size=PEOPLE), rng.normal(size=PEOPLE)).p
 
 
-def turned(rng):
-    return sign_flip(rng.standard_t(3, PEOPLE), rng=rng)
-
-
-def turned_at_random(rng):
-    return sign_flip(rng.normal(size=(14, 2)), rng=rng, draws=400)
-
-
-def equivalent_at_the_margin(rng):
-    return equivalence(rng.normal(1.5, 1, PEOPLE), np.zeros(PEOPLE), margin=1.5).p
-
-
 def design(rng, covariance=None):
     """Ratings of 10 people x 2 x 3 with no effect: a person's level, and normal noise."""
     noise = rng.normal(size=(PEOPLE, 2, 3))
@@ -53,9 +41,9 @@ def macro_f(rng):
 # Exact at .05 up to the steps of p: the share must lie in the 99.9 % interval of 2000 throws at .05.
 EXACT = {
     "paired t": paired,
-    "sign turns": turned,
-    "sign turns at random": turned_at_random,
-    "equivalence at the margin": equivalent_at_the_margin,
+    "sign turns": lambda rng: sign_flip(rng.standard_t(3, PEOPLE), rng=rng),
+    "sign turns at random": lambda rng: sign_flip(rng.normal(size=(14, 2)), rng=rng, draws=400),
+    "equivalence at the margin": lambda rng: equivalence(rng.normal(1.5, 1, PEOPLE), np.zeros(PEOPLE), margin=1.5).p,
     "anova, two levels": lambda rng: anova(rng, "p", "surface"),
     "anova, three levels": lambda rng: anova(rng, "p", "object"),
     "anova, interaction": lambda rng: anova(rng, "p", "surface:object"),
@@ -79,20 +67,17 @@ def found(test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", EXACT)
-def test_false_positives_in_five_percent(name):
-    count, low, high = found(EXACT[name])
-    assert low <= count <= high
+def test_false_positives_in_five_percent(subtests):
+    for name, test in EXACT.items():
+        with subtests.test(name):
+            count, low, high = found(test)
+            assert low <= count <= high
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SHY)
-def test_corrections_are_conservative(name):
-    count, _, high = found(SHY[name])
-    assert 2000 * 0.01 <= count <= high
-
-
-@pytest.mark.slow
-def test_sphericity_matters():
+def test_corrections_are_conservative_and_sphericity_matters():
+    for name, test in SHY.items():
+        count, _, high = found(test)
+        assert 2000 * 0.01 <= count <= high, name
     count, _, high = found(lambda rng: anova(rng, "p", "object", UNEVEN))
     assert count > high
