@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from midair.model import Acoustics, ControlGrid, Medium, Palm, TransducerArray
 from midair.physics import echo_matrix, mean_reflection, transfer_matrix, wavenumber
@@ -75,8 +76,7 @@ def _circle(count: int) -> np.ndarray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-@pytest.mark.parametrize(("tilt", "known"), [(0, 0.0822), (5, 0.1124), (10, 0.1057), (15, 0.0552)])
-def test_the_echo_is_that_of_an_independent_program(tilt: float, known: float) -> None:
+def test_the_echo_is_that_of_an_independent_program() -> None:
     """Echo over direct sound, rms on the cells, for drives whose sound is spread over them.
 
     The other program has an own field of the array and sums over points of 3 mm on the palm and 4 mm on the face.
@@ -88,13 +88,13 @@ def test_the_echo_is_that_of_an_independent_program(tilt: float, known: float) -
     for _ in range(12):
         size = np.sqrt(np.clip(1 + 0.5 * rng.standard_normal(16), 0.1, None)).reshape(4, 4)
         drives.append(np.angle((size.repeat(4, 0).repeat(4, 1).ravel() * np.exp(1j * psi)) @ G.conj()))
-    angle = np.radians(tilt)
-    turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
-    line = (np.arange(19) - 9) * 2.5e-3
+    line, q, found = (np.arange(19) - 9) * 2.5e-3, np.exp(1j * np.array(drives)), {}
     flat = np.stack([*(each.ravel() for each in np.meshgrid(line, line)), np.zeros(361)], axis=1)
-    points = flat[np.abs(flat).max(axis=1) <= 22e-3] @ turn.T + HERE
-    skin = Palm.disc(pitch=PITCH).points(np.zeros(3)) @ turn.T + HERE
-    echo = echo_matrix(points, skin, ARRAY, area=PITCH**2 * turn[:, 2], acoustics=air)
-    q = np.exp(1j * np.array(drives))
-    direct = transfer_matrix(points, ARRAY, acoustics=air)
-    assert np.linalg.norm(q @ echo.T) / np.linalg.norm(q @ direct.T) == pytest.approx(known, rel=0.05)
+    for tilt in (0, 5, 10, 15):
+        turn = Rotation.from_euler("x", tilt, degrees=True).as_matrix()
+        points = flat[np.abs(flat).max(axis=1) <= 22e-3] @ turn.T + HERE
+        skin = Palm.disc(pitch=PITCH).points(np.zeros(3)) @ turn.T + HERE
+        echo = echo_matrix(points, skin, ARRAY, area=PITCH**2 * turn[:, 2], acoustics=air)
+        direct = transfer_matrix(points, ARRAY, acoustics=air)
+        found[tilt] = np.linalg.norm(q @ echo.T) / np.linalg.norm(q @ direct.T)
+    assert found == pytest.approx({0: 0.0822, 5: 0.1124, 10: 0.1057, 15: 0.0552}, rel=0.05)

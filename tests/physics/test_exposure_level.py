@@ -25,9 +25,10 @@ from midair.physics.exposure_modes import bands, between, lattice, middle, slow_
 from midair.physics.exposure_places import PUBLISHED_RISE, STRONG_FOCUS, combined
 
 ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
-AIR = Medium(attenuation=0)
+LOSSLESS = Acoustics(medium=Medium(attenuation=0))
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
+EAR = PROFILE.places[0]
 
 
 def profile(*places):
@@ -35,26 +36,27 @@ def profile(*places):
 
 
 def ear(z=2.0, limit=100.0, **options):
-    return Place(name="ear", position=(0.0, 0.0, z), reach=0.0, limit=limit, **options)
+    return Place(**({"name": "ear", "position": (0.0, 0.0, z), "reach": 0.0, "limit": limit} | options))
 
 
 def steady(level, frames=4):
     return Drive(phase=np.zeros((frames, 1)), level=np.full(frames, level), rate=1000.0, array=ONE)
 
 
-def test_level_of_one_pascal_is_94_db():
+def test_sound_levels_and_the_nonlinearity_of_a_plane_wave_by_hand():
     np.testing.assert_allclose(
         sound_level(np.array([np.sqrt(2), 10 * np.sqrt(2), 2e-5 * np.sqrt(2)])), [93.979, 113.979, 0], atol=1e-3
     )
+    # sigma = beta k M x with M = p / (rho c2): 1.2 * 2 pi 40e3 * 1000 * 0.1 / (1.25 * 340^3).
+    path = np.linspace(0, 0.1, 50)
+    sigma = nonlinearity_index(np.full(50, 1000.0), path, Medium(), 40e3)
+    assert sigma == pytest.approx(1.2 * 2 * np.pi * 40e3 * 100 / (1.25 * 340**3), rel=1e-9)
 
 
 def test_one_transducer_by_hand():
     """4 Pa m at 2 m on the axis is 2 Pa peak: 20 lg(2 / sqrt(2) / 20e-6) = 96.99 dB; half the level is 6.02 dB less."""
-    found = exposure(steady(1.0), profile(ear()), acoustics=Acoustics(medium=AIR))
-    assert found.peak[0] == pytest.approx(96.99, abs=0.005)
-    assert exposure(steady(0.5), profile(ear()), acoustics=Acoustics(medium=AIR)).peak[0] == pytest.approx(
-        90.97, abs=0.005
-    )
+    found, half = (exposure(steady(level), profile(ear()), acoustics=LOSSLESS) for level in (1.0, 0.5))
+    assert (found.peak[0], half.peak[0]) == pytest.approx((96.99, 90.97), abs=0.005)
     assert found.excess == pytest.approx(-3.01, abs=0.005)
     assert found.verdict().startswith("within the limit: 97.0 dB")
 
@@ -62,7 +64,7 @@ def test_one_transducer_by_hand():
 def test_mean_energy_dose_and_day():
     """A quarter of the frames at 2 Pa peak, the rest silent: mean square 0.5 Pa2, 93.98 - 3.01 dB."""
     drive = Drive(phase=np.zeros((1000, 1)), level=np.repeat([1.0, 0.0], [250, 750]), rate=1000.0, array=ONE)
-    found = exposure(drive, profile(ear()), acoustics=Acoustics(medium=AIR), repeats=10)
+    found = exposure(drive, profile(ear()), acoustics=LOSSLESS, repeats=10)
     assert found.mean[0] == pytest.approx(90.969, abs=0.005)
     assert found.duration == 10
     assert found.dose[0] == pytest.approx(0.5 * 10, rel=1e-6)
@@ -71,7 +73,7 @@ def test_mean_energy_dose_and_day():
 
 def test_the_loudest_frame_counts():
     array = TransducerArray.autd3(columns=1, rows=1)
-    place = Place(name="ear", position=(0.1, -0.2, 0.4), reach=0.0, limit=100.0)
+    place = ear(position=(0.1, -0.2, 0.4))
     rng = np.random.default_rng(0)
     drive = Drive(phase=rng.uniform(0, 6, (600, 249)), level=rng.random(600), rate=1000.0, array=array)
     found = exposure(drive, profile(place), alone=True)
@@ -85,18 +87,10 @@ def test_the_loudest_frame_counts():
 
 
 def test_places_that_only_advise_do_not_count():
-    found = exposure(
-        steady(1.0), profile(ear(limit=110.0), ear(z=0.1, limit=50.0, enforced=False)), acoustics=Acoustics(medium=AIR)
-    )
+    both = profile(ear(limit=110.0), ear(z=0.1, limit=50.0, enforced=False))
+    found = exposure(steady(1.0), both, acoustics=LOSSLESS)
     assert found.excess < 0
     assert found.worst[0].limit == 110
-
-
-def test_nonlinearity_of_a_plane_wave_in_closed_form():
-    """sigma = beta k M x with M = p / (rho c2): 1.2 * 2 pi 40e3 * 1000 * 0.1 / (1.25 * 340^3)."""
-    path = np.linspace(0, 0.1, 50)
-    sigma = nonlinearity_index(np.full(50, 1000.0), path, Medium(), 40e3)
-    assert sigma == pytest.approx(1.2 * 2 * np.pi * 40e3 * 100 / (1.25 * 340**3), rel=1e-9)
 
 
 @pytest.mark.long
@@ -117,43 +111,36 @@ def test_the_greatest_exposure_is_that_of_all_transducers_in_step_at_the_loudest
     phase = np.stack([focus_phase(array, point) for point in place.points])
     at_each = Drive(phase=phase, level=np.full(27, 0.3), rate=1000.0, array=array)
     assert most.peak[0] == pytest.approx(exposure(at_each, profile(place)).peak[0], abs=1e-3)
-    random = Drive(
-        phase=np.random.default_rng(0).uniform(0, 7, phase.shape), level=np.full(27, 0.3), rate=1000.0, array=array
-    )
+    random = replace(at_each, phase=np.random.default_rng(0).uniform(0, 7, phase.shape))
     assert exposure(random, profile(place)).peak[0] < most.peak[0]
 
 
 def test_duty_and_warming_count_like_a_level_above_its_limit():
     """A minute at full drive is 6.02 dB above a duty of one half; 4 K instead of 1 K are 6.02 dB as well."""
     drive = Drive(phase=np.zeros((60, 1)), level=np.ones(60), rate=1.0, array=ONE)
-    found = exposure(drive, profile(ear(limit=200.0)), acoustics=Acoustics(medium=AIR))
+    found = exposure(drive, profile(ear(limit=200.0)), acoustics=LOSSLESS)
     assert found.duty == pytest.approx([1.0])
     assert found.excess == pytest.approx(6.02, abs=0.005)
     assert "unit 0 at 1 of full drive over a minute, limit 0.5 (midair's own)" in found.verdict()
     warm = replace(profile(ear(limit=200.0)), duty=1.0, warming=found.warming / 4)
-    found = exposure(drive, warm, acoustics=Acoustics(medium=AIR))
+    found = exposure(drive, warm, acoustics=LOSSLESS)
     assert found.excess == pytest.approx(6.02, abs=0.005)
     assert "(estimate)" in found.verdict()
-    short = exposure(steady(1.0), profile(ear()), acoustics=Acoustics(medium=AIR))
+    short = exposure(steady(1.0), profile(ear()), acoustics=LOSSLESS)
     assert "palm" not in short.verdict()
     assert short.duty == pytest.approx([4e-3 / 60])
 
 
-def test_the_cube_of_a_place_is_looked_at_in_its_corners_its_faces_and_its_middle():
-    points = Place(name="ear", position=(0.1, -0.2, 0.4), reach=0.03, limit=100.0).points
+def test_points_of_a_cube_are_its_corners_faces_and_middle_or_closer_together():
+    points = ear(position=(0.1, -0.2, 0.4), reach=0.03).points
     assert points.shape == (27, 3)
     np.testing.assert_allclose(points.min(axis=0), [0.07, -0.23, 0.37])
     np.testing.assert_allclose(points.max(axis=0), [0.13, -0.17, 0.43])
     np.testing.assert_allclose(points[13], [0.1, -0.2, 0.4])
     assert len(np.unique(points, axis=0)) == 27
-
-
-def test_points_lie_in_the_cube_and_closer_steps_make_more_of_them():
-    ear = PROFILE.places[0]
-    wide, close = (cone_points(ear, ARRAY, Acoustics(), step=step) for step in (1.8, 0.9))
+    wide, close = (cone_points(EAR, ARRAY, Acoustics(), step=step) for step in (1.8, 0.9))
     for points in (wide, close):
-        away = np.abs(points - np.array(ear.position)).max(axis=1)
-        assert away.max() <= ear.reach + 1e-9
+        assert np.abs(points - np.array(EAR.position)).max() <= EAR.reach + 1e-9
         assert len(np.unique(points, axis=0)) == len(points)
     assert 3 * len(wide) < len(close)
 
@@ -162,8 +149,7 @@ def test_the_sound_of_random_errors_is_near_the_loudest_of_many_points():
     rng = np.random.default_rng(5)
     level = rng.uniform(0, 1, (2, ARRAY.count))
     drive = Drive(phase=rng.uniform(0, 6, level.shape), level=level, rate=1e3, array=ARRAY, acoustics=Acoustics())
-    ear = PROFILE.places[0]
-    points = np.array(ear.position) + rng.uniform(-ear.reach, ear.reach, (400, 3))
+    points = np.array(EAR.position) + rng.uniform(-EAR.reach, EAR.reach, (400, 3))
     G = transfer_matrix(points, ARRAY, acoustics=drive.acoustics)
     errors = 0.2 / np.sqrt(2) * (rng.normal(size=(20, 996)) + 1j * rng.normal(size=(20, 996)))
     loudest = [np.abs((drive.q * error) @ G.T).max() for error in errors]
@@ -173,23 +159,17 @@ def test_the_sound_of_random_errors_is_near_the_loudest_of_many_points():
     assert level_if_unlike(shared, PROFILE, 0.2)[0] > found
 
 
-EAR = profile_named("occupational-110").places[0]
-
-
-def test_a_lattice_reaches_the_faces_and_crowds_there():
+def test_a_lattice_reaches_the_faces_crowds_there_and_carries_waves_between_its_nodes():
     axis = lattice(np.array([12.0, 4.0, 2.0]), 1.0)[0]
     assert (axis[0], axis[-1]) == (-1, 1)
     gaps = np.diff(axis)
     assert gaps.max() * 12 < 1.0
     assert gaps[0] < gaps[len(gaps) // 2]
     np.testing.assert_allclose(axis, -axis[::-1], atol=1e-12)
-
-
-@pytest.mark.parametrize("wave", [0.0, 3.3, 8.0])
-def test_waves_between_nodes(wave):
     nodes, at = lattice(np.array([8.0, 2.0, 2.0]), 1.6)[0], np.linspace(-1, 1, 50)
-    found = between(nodes, at, 8.0) @ np.exp(1j * wave * nodes)
-    np.testing.assert_allclose(found, np.exp(1j * wave * at), atol=5e-3)
+    for wave in (0.0, 3.3, 8.0):
+        found = between(nodes, at, 8.0) @ np.exp(1j * wave * nodes)
+        np.testing.assert_allclose(found, np.exp(1j * wave * at), atol=5e-3, err_msg=str(wave))
 
 
 def test_the_slow_field_is_the_transfer_matrix_but_for_a_wave_from_the_middle():
@@ -216,9 +196,8 @@ def test_stacks_are_the_inside_and_all_of_the_surface_each_point_once():
 def test_bands_are_how_far_a_phase_turns_from_the_middle_of_the_cube_to_a_face():
     """Two transducers on the x axis, seen from far above: sin = 0.1 on either side of the middle, k reach 0.1."""
     array = TransducerArray(position=np.array([[-0.1, 0, 0], [0.1, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
-    far = type(EAR)(name="ear", position=(0.0, 0.0, 1.0), reach=0.05, limit=100.0)
     k = 2 * np.pi * array.frequency / Acoustics().medium.speed
-    found = bands(far, array, Acoustics())
+    found = bands(ear(1.0, reach=0.05), array, Acoustics())
     assert found[0] == pytest.approx(k * 0.05 * 0.1, rel=0.06)
     np.testing.assert_allclose(found[1:], 2.0)
 
@@ -227,23 +206,9 @@ PALM = np.array([[0.0, 0.0, 0.2]])
 
 
 def still(seconds, level=1.0, rate=10.0):
-    phase = np.asarray(focus_phase(ARRAY, PALM[0])).reshape(1, -1)
-    return Drive(
-        phase=np.repeat(phase, round(seconds * rate), axis=0),
-        level=np.full(round(seconds * rate), level),
-        rate=rate,
-        array=ARRAY,
-    )
-
-
-def test_a_unit_is_averaged_over_the_busiest_minute():
-    level = np.zeros((90, 2))
-    level[:30, 0], level[40:80, 1] = 1.0, 0.5
-    assert unit_duty(level, 1.0) == pytest.approx([30 / 60, 20 / 60])
-    assert unit_duty(np.ones((10, 1)), 1.0) == pytest.approx([10 / 60]), "silence follows"
-    assert unit_duty(np.ones((10, 1)), 1.0, repeats=3) == pytest.approx([30 / 60])
-    assert unit_duty(np.ones((10, 1)), 1.0, repeats=10**6) == pytest.approx([1.0])
-    assert unit_duty(np.tile([[1.0], [0.0]], (50, 1)), 1.0, repeats=7) == pytest.approx([0.5])
+    frames = round(seconds * rate)
+    phase = np.repeat(focus_phase(ARRAY, PALM[0])[None], frames, axis=0)
+    return Drive(phase=phase, level=np.full(frames, level), rate=rate, array=ARRAY)
 
 
 def test_repeats_follow_each_other_without_silence():
@@ -262,13 +227,20 @@ def test_repeats_follow_each_other_without_silence():
         np.testing.assert_allclose(found, expected, atol=1 / 1200 if frames > 1 else 1e-12)
 
 
-def test_levels_of_units_are_means_of_their_own_transducers():
+def test_a_unit_is_the_mean_of_its_transducers_over_the_busiest_minute():
     level = np.zeros((3, ARRAY.count))
     level[1, ARRAY.unit == 2] = 0.8
     drive = Drive(phase=np.zeros(level.shape), level=level, rate=1.0, array=ARRAY)
     np.testing.assert_allclose(unit_levels(drive), [[0, 0, 0, 0], [0, 0, 0.8, 0], [0, 0, 0, 0]])
     common = Drive(phase=np.zeros(level.shape), level=np.array([0.1, 0.2, 0.3]), rate=1.0, array=ARRAY)
     np.testing.assert_allclose(unit_levels(common), np.repeat([[0.1], [0.2], [0.3]], 4, axis=1))
+    level = np.zeros((90, 2))
+    level[:30, 0], level[40:80, 1] = 1.0, 0.5
+    assert unit_duty(level, 1.0) == pytest.approx([30 / 60, 20 / 60])
+    assert unit_duty(np.ones((10, 1)), 1.0) == pytest.approx([10 / 60]), "silence follows"
+    assert unit_duty(np.ones((10, 1)), 1.0, repeats=3) == pytest.approx([30 / 60])
+    assert unit_duty(np.ones((10, 1)), 1.0, repeats=10**6) == pytest.approx([1.0])
+    assert unit_duty(np.tile([[1.0], [0.0]], (50, 1)), 1.0, repeats=7) == pytest.approx([0.5])
 
 
 def test_constant_and_rising_heat_follow_the_closed_form_of_a_thick_body():
@@ -295,12 +267,12 @@ def test_a_still_focus_warms_as_published_and_a_weaker_one_by_the_square_of_its_
     assert palm_warming(still(70.0), PALM, acoustics=Acoustics()) == pytest.approx(minute, rel=1e-4)
 
 
-@pytest.mark.parametrize(("period", "few"), [(2, 5000), (7, 5000), (7, 1500), (8, 1500), (20, 1500)])
-def test_a_modulated_focus_warms_as_its_mean_intensity_whatever_its_period(period, few, monkeypatch):
+def test_a_modulated_focus_warms_as_its_mean_intensity_whatever_its_period(subtests, monkeypatch):
     """All frames, or some of a long drive."""
-    monkeypatch.setattr("midair.physics.exposure_places._FRAMES", few)
-    drive = still(5.0, rate=1000.0)
-    level = (np.arange(drive.frames) % period < period / 2).astype(float)
-    modulated = Drive(phase=drive.phase, level=level, rate=1000.0, array=ARRAY)
-    mean = level.mean() * palm_warming(still(5.0), PALM, acoustics=Acoustics())
-    assert palm_warming(modulated, PALM, acoustics=Acoustics()) == pytest.approx(mean, rel=0.01 if few == 5000 else 0.1)
+    drive, steady = still(5.0, rate=1000.0), palm_warming(still(5.0), PALM, acoustics=Acoustics())
+    for period, few in [(2, 5000), (7, 5000), (7, 1500), (8, 1500), (20, 1500)]:
+        with subtests.test(period=period, few=few):
+            monkeypatch.setattr("midair.physics.exposure_places._FRAMES", few)
+            modulated = replace(drive, level=(np.arange(drive.frames) % period < period / 2).astype(float))
+            found, mean = palm_warming(modulated, PALM, acoustics=Acoustics()), modulated.level.mean() * steady
+            assert found == pytest.approx(mean, rel=0.01 if few == 5000 else 0.1)

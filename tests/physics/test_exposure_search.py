@@ -77,16 +77,17 @@ def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("place", PROFILE.places[:3], ids=lambda place: place.name)
-def test_foci_anywhere_in_the_cube(place):
-    points = somewhere(place, 200, np.random.default_rng(2))
-    told = drive(np.stack([focus_phase(ARRAY, point) for point in points]))
-    # A distant focus is loudest in front of the point where all waves are in phase.
-    anywhere = np.concatenate([points, grid(place, wavelength=80e-3)])
-    true = sound_level(np.abs(told.q @ transfer_matrix(anywhere, ARRAY).T).max(axis=1))
-    over = exposure(told, alone(place), alone=True).level[:, 0] - true
-    assert over.min() > -MISSED
-    assert over.max() < TOO_MUCH
+def test_foci_anywhere_in_the_cube(subtests):
+    for place in PROFILE.places[:3]:
+        with subtests.test(place=place.name):
+            points = somewhere(place, 200, np.random.default_rng(2))
+            told = drive(np.stack([focus_phase(ARRAY, point) for point in points]))
+            # A distant focus is loudest in front of the point where all waves are in phase.
+            anywhere = np.concatenate([points, grid(place, wavelength=80e-3)])
+            true = sound_level(np.abs(told.q @ transfer_matrix(anywhere, ARRAY).T).max(axis=1))
+            over = exposure(told, alone(place), alone=True).level[:, 0] - true
+            assert over.min() > -MISSED
+            assert over.max() < TOO_MUCH
 
 
 @pytest.mark.long
@@ -194,17 +195,18 @@ def test_turns_of_a_phase_change_nothing():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("change", "loud", "answered", "above"), [(3e-3, -1, 0, 0.6), (3e-3, 9, 10, 0.6), (0.3, -1, 0, 0.0)]
-)
-def test_frames_between_measured_ones_are_bounded_or_measured(change, loud, answered, above):
-    rng = np.random.default_rng(5)
-    told = drive(rng.uniform(0, 6, ARRAY.count) + change * rng.standard_normal((10, ARRAY.count)).cumsum(axis=0))
-    exact = exposure(told, PROFILE, acoustics=AIR, alone=True).level[:, :3].max(axis=1)
-    limit = exact.max() - loud
-    found = exposure_excess(told, PROFILE.under(limit), AIR, stride=4, above=answered) + limit
-    np.testing.assert_allclose(found, exact + above / 2, atol=above / 2 + 1e-3)
-    assert above == 0 or found[1] > exact[1] + 0.01
+def test_frames_between_measured_ones_are_bounded_or_measured(subtests):
+    for change, loud, answered, above in [(3e-3, -1, 0, 0.6), (3e-3, 9, 10, 0.6), (0.3, -1, 0, 0.0)]:
+        with subtests.test(change=change, loud=loud, answered=answered):
+            rng = np.random.default_rng(5)
+            told = drive(
+                rng.uniform(0, 6, ARRAY.count) + change * rng.standard_normal((10, ARRAY.count)).cumsum(axis=0)
+            )
+            exact = exposure(told, PROFILE, acoustics=AIR, alone=True).level[:, :3].max(axis=1)
+            limit = exact.max() - loud
+            found = exposure_excess(told, PROFILE.under(limit), AIR, stride=4, above=answered) + limit
+            np.testing.assert_allclose(found, exact + above / 2, atol=above / 2 + 1e-3)
+            assert above == 0 or found[1] > exact[1] + 0.01
 
 
 def test_places_that_only_advise_are_looked_at_in_27_points():
@@ -215,23 +217,21 @@ def test_places_that_only_advise_are_looked_at_in_27_points():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("array", "acoustics"),
-    [
+def test_other_arrays_and_airs(subtests):
+    for array, acoustics in [
         (TransducerArray.autd3(columns=1, rows=1), Acoustics()),
         (ARRAY, Acoustics(medium=Medium.at(temperature=30.0))),
         (ARRAY, Acoustics(directivity="piston")),
         (TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]])), Acoustics()),
         (MEASURED, Acoustics()),
-    ],
-)
-def test_other_arrays_and_airs(array, acoustics):
-    place, rng = small(), np.random.default_rng(6)
-    told = drive(rng.uniform(0, 2 * np.pi, (40, array.count)), 0.7, array, acoustics)
-    field = np.abs(told.q @ transfer_matrix(grid(place), array, acoustics=acoustics).T)
-    missed = sound_level(field.max(axis=1)) - exposure(told, alone(place), alone=True).level[:, 0]
-    assert missed.max() < MISSED
-    assert np.median(missed) > -TOO_MUCH
+    ]:
+        with subtests.test(array=array, acoustics=acoustics):
+            place, rng = small(), np.random.default_rng(6)
+            told = drive(rng.uniform(0, 2 * np.pi, (40, array.count)), 0.7, array, acoustics)
+            field = np.abs(told.q @ transfer_matrix(grid(place), array, acoustics=acoustics).T)
+            missed = sound_level(field.max(axis=1)) - exposure(told, alone(place), alone=True).level[:, 0]
+            assert missed.max() < MISSED
+            assert np.median(missed) > -TOO_MUCH
 
 
 def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
@@ -254,13 +254,13 @@ def test_silence_is_silent():
     assert exposure(drive(np.zeros((3, ARRAY.count)), 0.0), PROFILE).peak == pytest.approx(-40)
 
 
-@pytest.mark.parametrize("attenuation", [40.0, 1e3])
-def test_an_air_that_swallows_all_sound(attenuation):
-    told = drive(np.zeros((2, ARRAY.count)), acoustics=Acoustics(medium=Medium(attenuation=attenuation)))
-    level = exposure(told, alone(small()), alone=True).level
-    true = np.abs(told.q @ transfer_matrix(small().points, ARRAY, acoustics=told.acoustics).T).max(axis=1)
-    assert np.isfinite(level).all()
-    assert (level[:, 0] > sound_level(true) - MISSED).all()
+def test_an_air_that_swallows_all_sound():
+    for attenuation in (40.0, 1e3):
+        told = drive(np.zeros((2, ARRAY.count)), acoustics=Acoustics(medium=Medium(attenuation=attenuation)))
+        level = exposure(told, alone(small()), alone=True).level
+        true = np.abs(told.q @ transfer_matrix(small().points, ARRAY, acoustics=told.acoustics).T).max(axis=1)
+        assert np.isfinite(level).all(), attenuation
+        assert (level[:, 0] > sound_level(true) - MISSED).all(), attenuation
 
 
 WIDE = np.array([3.0, 5.0, 2.5])

@@ -49,7 +49,7 @@ def test_focus_of_four_units_agrees_with_the_emulator(array):
     assert rounded == pytest.approx(12875.03, abs=0.005)
 
 
-def test_one_transducer_on_its_axis():
+def test_fields_of_one_transducer_tilted_or_not_and_of_two_mirror_images():
     one = sources((0.0, 0.0, 0.0))
     medium = Medium(attenuation=0.15)
     distance = 0.25
@@ -57,6 +57,18 @@ def test_one_transducer_on_its_axis():
     k = 2 * np.pi * 40e3 / 340
     assert wavenumber(one, medium) == pytest.approx(739.198, abs=1e-3)
     assert field == pytest.approx(4.385900 / distance * np.exp((1j * k - 0.15) * distance), rel=1e-6)
+    normal = np.array([0.6, 0.0, 0.8])
+    tilted = sources((0.0, 0.0, 0.0), normal=normal)
+    ahead, aside = transfer_matrix(
+        np.array([0.2 * normal, [0.0, 0.0, 0.2]]), tilted, acoustics=Acoustics(medium=LOSSLESS)
+    )[:, 0]
+    assert abs(ahead) == pytest.approx(tilted.pressure / 0.2)
+    assert abs(aside) < 0.85 * abs(ahead)
+    # positions of two mirror images around x = 0
+    two = sources((-0.03, 0.01, 0.0), (0.03, 0.01, 0.0))
+    left = transfer_matrix(np.array([[-0.02, 0.0, 0.2]]), two)
+    right = transfer_matrix(np.array([[0.02, 0.0, 0.2]]), two)
+    assert left == pytest.approx(right[:, ::-1], rel=1e-12)
 
 
 @given(st.tuples(*[st.floats(-0.2, 0.2)] * 2, st.floats(0.05, 0.4)), st.tuples(*[st.floats(-0.2, 0.2)] * 3))
@@ -65,24 +77,6 @@ def test_a_point_source_and_a_point_change_places(point, source):
     there = transfer_matrix(np.array([point]), sources(source), acoustics=Acoustics(directivity="point"))
     back = transfer_matrix(np.array([source]), sources(point), acoustics=Acoustics(directivity="point"))
     assert there == pytest.approx(back, rel=1e-12)
-
-
-def test_the_array_mirrors_left_and_right():
-    # positions of two mirror images around x = 0
-    two = sources((-0.03, 0.01, 0.0), (0.03, 0.01, 0.0))
-    left = transfer_matrix(np.array([[-0.02, 0.0, 0.2]]), two)
-    right = transfer_matrix(np.array([[0.02, 0.0, 0.2]]), two)
-    assert left == pytest.approx(right[:, ::-1], rel=1e-12)
-
-
-def test_a_tilted_transducer_radiates_along_its_normal():
-    normal = np.array([0.6, 0.0, 0.8])
-    tilted = sources((0.0, 0.0, 0.0), normal=normal)
-    ahead, aside = transfer_matrix(
-        np.array([0.2 * normal, [0.0, 0.0, 0.2]]), tilted, acoustics=Acoustics(medium=LOSSLESS)
-    )[:, 0]
-    assert abs(ahead) == pytest.approx(tilted.pressure / 0.2)
-    assert abs(aside) < 0.85 * abs(ahead)
 
 
 def test_the_field_is_linear_in_the_drive(array):
@@ -132,13 +126,13 @@ def test_a_drive_is_heard_in_the_air_that_it_was_solved_for(array):
     assert np.abs(propagate(drive, FOCUS[None]) / propagate(drive, FOCUS[None], acoustics=Acoustics()) - 1).max() > 0.1
 
 
-@pytest.mark.parametrize("directivity", ["point", "piston", "t4010a1"])
-def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(array, directivity):
-    acoustics = Acoustics(directivity=directivity)
+def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(array):
     places = ControlGrid(rows=13, columns=11).position
-    together = transfer_matrix(places, array, acoustics=acoustics)
-    alone = np.concatenate([transfer_matrix(place[None], array, acoustics=acoustics) for place in places])
-    np.testing.assert_array_equal(together, alone)
+    for kind in KINDS:
+        acoustics = Acoustics(directivity=kind)
+        together = transfer_matrix(places, array, acoustics=acoustics)
+        alone = np.concatenate([transfer_matrix(place[None], array, acoustics=acoustics) for place in places])
+        np.testing.assert_array_equal(together, alone, err_msg=kind)
 
 
 def test_single_precision_keeps_the_phases(array):
@@ -180,18 +174,14 @@ def test_directivities_at_known_angles():
 
 
 @given(st.floats(0, np.pi / 2))
-def test_the_back_of_the_measured_table_mirrors_its_front(angle):
+def test_nothing_is_louder_than_the_axis_and_the_back_of_the_measured_table_mirrors_its_front(angle):
+    for kind in KINDS:
+        assert abs(off_axis(np.array([angle]), kind, wavenumber=K)[0]) <= 1 + 1e-9, kind
     front, back = off_axis(np.array([angle, np.pi - angle]), "t4010a1", wavenumber=K)
     assert back == pytest.approx(front, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@given(angle=st.floats(0, np.pi / 2))
-def test_nothing_is_louder_than_the_axis(kind, angle):
-    assert abs(off_axis(np.array([angle]), kind, wavenumber=K)[0]) <= 1 + 1e-9
-
-
-def test_the_relative_error_by_hand():
+def test_the_relative_error_by_hand_and_that_it_is_the_paper_s_residual_at_the_best_phases():
     assert relative_error(np.array([[3j, 1.0]]), np.array([[3.0, 4.0]])) == pytest.approx([3 / 5])
     amplitude, silent = np.array([[1.0, 2.0, 0.5]]), np.zeros((1, 3))
     turned = amplitude * np.exp(1j * np.array([0.3, -2.0, 1.0]))
@@ -199,10 +189,7 @@ def test_the_relative_error_by_hand():
     assert relative_error(silent, silent) == [0.0]
     assert relative_error(amplitude, silent) == [np.inf]
     assert relative_error(silent, amplitude) == [1.0]
-
-
-def test_best_phases_turn_the_paper_s_residual_into_it():
-    """|| G q - diag(p) u || over || p || at u = the field's own phases, and no other phases do better."""
+    # || G q - diag(p) u || over || p || at u = the field's own phases, and no other phases do better.
     rng = np.random.default_rng(0)
     field = rng.standard_normal(20) + 1j * rng.standard_normal(20)
     p = rng.random(20)
@@ -226,13 +213,8 @@ def test_radiation_pressure_by_hand():
     assert radiation_pressure(np.array(1000 * np.sqrt(2)), medium) == pytest.approx(1.7e6 / (1.2 * 343.0**2))
 
 
-@given(pressures, media)
-def test_there_and_back(pressure, medium):
+@given(pressures, media, st.floats(-np.pi, np.pi))
+def test_pressure_there_and_back_is_that_of_the_magnitude(pressure, medium, phase):
     amplitude = sound_amplitude(np.array([pressure]), medium)
     assert radiation_pressure(amplitude, medium) == pytest.approx([pressure], rel=1e-12)
-
-
-@given(pressures, media, st.floats(-np.pi, np.pi))
-def test_a_complex_amplitude_counts_by_its_magnitude(amplitude, medium, phase):
-    turned = np.array([amplitude * np.exp(1j * phase)])
-    assert radiation_pressure(turned, medium) == pytest.approx(radiation_pressure(np.array([amplitude]), medium))
+    assert radiation_pressure(amplitude * np.exp(1j * phase), medium) == pytest.approx([pressure])

@@ -25,13 +25,10 @@ def test_the_surface_wave_of_a_half_space_is_rayleighs():
     assert fastest / shear == pytest.approx(0.9553, abs=1e-4)
 
 
-def test_a_thick_layer_is_a_half_space():
+def test_a_layer_is_a_half_space_where_it_is_thick_and_squeezes_as_an_oedometer_does():
     k, omega = np.array([100.0, 400.0, 1000.0]), 2 * np.pi * 200
     deep, thick = Tissue(), Tissue(depth=0.2)
     np.testing.assert_allclose(skin_compliance(thick, k, omega), skin_compliance(deep, k, omega), rtol=1e-3)
-
-
-def test_an_even_pressure_on_a_layer_squeezes_it_as_an_oedometer_does():
     # u = p h / (lambda + 2 mu), and nothing where volume stays.
     tissue = Tissue(viscosity=0.0, poisson=0.45, depth=0.01)
     oedometric = 2 * tissue.stiffness * (1 - tissue.poisson) / (1 - 2 * tissue.poisson)
@@ -77,17 +74,10 @@ def test_the_stiffest_skin_is_the_one_that_moves_least():
     assert max(moved, key=moved.__getitem__) == "soft, deep"
 
 
-def test_each_channel_is_whole_where_it_feels_best():
+def test_channels_are_whole_where_they_feel_best_and_fall_by_12_and_9_db_an_octave_away():
     assert TOUCH_CHANNELS["P"].weight(np.array([250.0])) == pytest.approx([1.0])
     assert TOUCH_CHANNELS["NP I"].weight(np.array([10.0, 25.0, 40.0])) == pytest.approx([1.0, 1.0, 1.0])
-
-
-def test_an_octave_away_pacinian_corpuscles_take_up_a_quarter_below_and_a_third_above():
-    # 12 dB and 9 dB.
     assert TOUCH_CHANNELS["P"].weight(np.array([125.0, 500.0])) == pytest.approx([0.2512, 0.3548], abs=1e-4)
-
-
-def test_static_displacement_has_no_weight():
     assert [channel.weight(np.zeros(1))[0] for channel in TOUCH_CHANNELS.values()] == [0.0, 0.0]
 
 
@@ -104,21 +94,22 @@ def motion():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", SKINS)
-def test_a_gaussian_pressure_moves_the_skin_as_the_integral_over_wavenumbers(name):
-    # A Gaussian of pressure has a Gaussian spectrum; by sums on the real axis, far past the grid's finest ripple.
-    from scipy.special import j0
+def test_a_gaussian_pressure_moves_the_skin_as_the_integral_over_wavenumbers(subtests):
+    for name in SKINS:
+        with subtests.test(name=name):
+            # A Gaussian of pressure has a Gaussian spectrum; sums on the real axis, far past the grid's finest ripple.
+            from scipy.special import j0
 
-    tissue, f, width = SKINS[name], 100.0, 5e-3
-    place = (np.arange(SIDE) - SIDE // 2) * PITCH
-    spot = np.exp(-(place**2 + place[:, None] ** 2) / (2 * width**2))
-    time = np.arange(1200) / RATE
-    moved = _motion(tissue).displacement(np.cos(2 * np.pi * f * time)[:, None, None] * spot)[500:700, SIDE // 2]
-    found = 2 * (moved * np.exp(-2j * np.pi * f * time[500:700, None])).mean(axis=0)
-    k = np.arange(0.01, 1500, 0.02)
-    spectrum = skin_compliance(tissue, k, 2 * np.pi * f) * k * width**2 * np.exp(-((k * width) ** 2) / 2)
-    wanted = [0.02 * (spectrum * j0(k * abs(x))).sum() for x in place[12:20]]
-    np.testing.assert_allclose(found[12:20], wanted, rtol=2e-3, atol=2e-3 * abs(wanted[0]))
+            tissue, f, width = SKINS[name], 100.0, 5e-3
+            place = (np.arange(SIDE) - SIDE // 2) * PITCH
+            spot = np.exp(-(place**2 + place[:, None] ** 2) / (2 * width**2))
+            time = np.arange(1200) / RATE
+            moved = _motion(tissue).displacement(np.cos(2 * np.pi * f * time)[:, None, None] * spot)[500:700, SIDE // 2]
+            found = 2 * (moved * np.exp(-2j * np.pi * f * time[500:700, None])).mean(axis=0)
+            k = np.arange(0.01, 1500, 0.02)
+            spectrum = skin_compliance(tissue, k, 2 * np.pi * f) * k * width**2 * np.exp(-((k * width) ** 2) / 2)
+            wanted = [0.02 * (spectrum * j0(k * abs(x))).sum() for x in place[12:20]]
+            np.testing.assert_allclose(found[12:20], wanted, rtol=2e-3, atol=2e-3 * abs(wanted[0]))
 
 
 @pytest.mark.long
