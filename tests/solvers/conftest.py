@@ -6,6 +6,8 @@ import pytest
 from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import one_blas_thread
+from midair.solvers.backend import LIBRARIES
+from midair.solvers.phases import spreading_phase
 from midair.targets import interpolation_matrix
 
 
@@ -32,6 +34,12 @@ def transfer(array, lossless):
 
 
 @pytest.fixture(scope="session")
+def psi(array, lossless):
+    """Phases at the points with which a solver begins."""
+    return spreading_phase(ControlGrid(), array, lossless)
+
+
+@pytest.fixture(scope="session")
 def channels_to_points():
     """(frame, channel) of 0 to 1 -> (frame, point) of the same scale."""
     weights = interpolation_matrix(SensorGrid(), ControlGrid())
@@ -44,6 +52,12 @@ def patterns_to_points(channels_to_points):
     return lambda patterns: channels_to_points([[(bits >> k) & 1 for k in range(16)] for bits in patterns])
 
 
+def random_matrix(points, transducers, seed=0):
+    """A random transfer matrix whose rows have a strongest field of about one."""
+    rng = np.random.default_rng(seed)
+    return (rng.normal(size=(points, transducers)) + 1j * rng.normal(size=(points, transducers))) / transducers
+
+
 @pytest.fixture
 def random_problem():
     """G, p and x of a small problem drawn with a seed: (points, transducers, seed) -> (G, p, x)."""
@@ -54,6 +68,17 @@ def random_problem():
         return G, rng.uniform(0, 0.3, points), rng.uniform(-np.pi, np.pi, transducers + points)
 
     return draw
+
+
+NEEDS = {"numpy": (), "strict": ("array_api_strict",), "torch": ("torch", "array_api_compat"), "cupy": ("cupy",)}
+
+
+@pytest.fixture(params=list(LIBRARIES), ids=str)
+def library(request):
+    """Name of each array library that is installed."""
+    for needed in NEEDS[request.param]:
+        pytest.importorskip(needed)
+    return request.param
 
 
 @pytest.fixture(scope="session")

@@ -12,20 +12,6 @@ from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, backend
 from midair.solvers.problem import CellTarget, GuardField
 
-NEEDS = {"numpy": (), "strict": ("array_api_strict",), "torch": ("torch", "array_api_compat"), "cupy": ("cupy",)}
-
-
-@pytest.fixture(params=list(LIBRARIES), ids=str)
-def name(request):
-    for needed in NEEDS[request.param]:
-        pytest.importorskip(needed)
-    return request.param
-
-
-@pytest.fixture(params=["single", "double"], ids=str)
-def there(request, name):
-    return backend(name, precision=request.param)
-
 
 def draw(*shape, seed=0):
     rng = np.random.default_rng(seed)
@@ -36,20 +22,24 @@ def host(array):
     return np.asarray(array)
 
 
-def test_numbers_go_there_and_back(there):
+def test_numbers_go_there_and_back(library, subtests):
     numbers, z = np.random.default_rng(0).uniform(-7, 7, (3, 4)), draw(3, 4)
-    put = there.put(numbers)
-    np.testing.assert_allclose(there.get(put), numbers, atol=1e-6)
-    assert there.get(put).dtype == np.float64
-    np.testing.assert_allclose(host(there.phasor(put)), np.exp(1j * numbers), atol=1e-6)
-    put += 1
-    np.testing.assert_allclose(there.get(put), numbers + 1, atol=1e-6)
-    real = there.as_real(there.put(z))
-    assert real.shape == (3, 8)
-    np.testing.assert_allclose(host(there.as_complex(real)), z, atol=1e-6)
-    np.testing.assert_allclose(host(there.adjoint(there.put(z))), z.conj().T, atol=1e-6)
-    np.testing.assert_allclose(host(there.angle(there.put(z))), np.angle(z), atol=1e-6)
-    np.testing.assert_allclose(host(there.unit(there.put(np.array([[0, 2j, -3.0]])))), [[1, 1j, -1]], atol=1e-7)
+    for precision in ("single", "double"):
+        with subtests.test(precision=precision):
+            there = backend(library, precision=precision)
+            put = there.put(numbers)
+            np.testing.assert_allclose(there.get(put), numbers, atol=1e-6)
+            assert there.get(put).dtype == np.float64
+            np.testing.assert_allclose(host(there.phasor(put)), np.exp(1j * numbers), atol=1e-6)
+            put += 1
+            np.testing.assert_allclose(there.get(put), numbers + 1, atol=1e-6)
+            real = there.as_real(there.put(z))
+            assert real.shape == (3, 8)
+            np.testing.assert_allclose(host(there.as_complex(real)), z, atol=1e-6)
+            np.testing.assert_allclose(host(there.adjoint(there.put(z))), z.conj().T, atol=1e-6)
+            np.testing.assert_allclose(host(there.angle(there.put(z))), np.angle(z), atol=1e-6)
+            of_zero = host(there.unit(there.put(np.array([[0, 2j, -3.0]]))))
+            np.testing.assert_allclose(of_zero, [[1, 1j, -1]], atol=1e-7)
 
 
 def small(**rest):
@@ -77,24 +67,23 @@ FEW = {
 }
 
 
-@pytest.mark.parametrize("few", list(FEW), ids=str)
-def test_the_same_phases_as_numpy(name, few):
+def test_the_same_phases_as_numpy(library, subtests):
     """In double precision; glide keeps still by itself and has no such term."""
-    few = FEW[few]
-    for problem in TERMS:
-        if problem == "smooth" and isinstance(few, Glide):
-            continue
-        expected = few.solve(TERMS[problem])
-        answer = replace(few, backend=name).solve(TERMS[problem])
-        np.testing.assert_allclose(np.exp(1j * answer.phase), np.exp(1j * expected.phase), atol=1e-6, err_msg=problem)
-        assert answer.status == expected.status, problem
-        np.testing.assert_array_equal(answer.iterations, expected.iterations, err_msg=problem)
+    for name, few in FEW.items():
+        for term, problem in TERMS.items():
+            if term == "smooth" and isinstance(few, Glide):
+                continue
+            with subtests.test(method=name, term=term):
+                expected, answer = few.solve(problem), replace(few, backend=library).solve(problem)
+                np.testing.assert_allclose(np.exp(1j * answer.phase), np.exp(1j * expected.phase), atol=1e-6)
+                assert answer.status == expected.status
+                np.testing.assert_array_equal(answer.iterations, expected.iterations)
 
 
-def test_the_same_error_as_numpy_in_single_precision(name):
+def test_the_same_error_as_numpy_in_single_precision(library):
     problem = TERMS["points"]
     expected = error_of(problem, Fast().solve(problem).phase)
-    np.testing.assert_allclose(error_of(problem, Fast(backend=name).solve(problem).phase), expected, atol=2e-3)
+    np.testing.assert_allclose(error_of(problem, Fast(backend=library).solve(problem).phase), expected, atol=2e-3)
 
 
 def test_torch_gets_its_threads_back():
@@ -108,19 +97,18 @@ def test_a_device_that_is_not_here_is_refused():
     torch = pytest.importorskip("torch")
     if torch.cuda.is_available():
         pytest.skip("there is a GPU here")
-    with pytest.raises(InputError, match="expected an available device, got 'torch:cuda'"):
-        backend("torch:cuda")
-    with pytest.raises(InputError, match="expected an available device, got 'torch:nonsense'"):
-        backend("torch:nonsense")
+    for device in ("torch:cuda", "torch:nonsense"):
+        with pytest.raises(InputError, match=f"expected an available device, got '{device}'"):
+            backend(device)
 
 
-@pytest.mark.parametrize(("library", "extra"), [("torch", "gpu-torch"), ("cupy", "gpu-cupy")])
-def test_a_missing_library_names_the_extra_to_install(monkeypatch, library, extra):
-    monkeypatch.setitem(sys.modules, LIBRARIES[library], None)
-    module._module.cache_clear()
-    with pytest.raises(MissingExtraError, match=rf"pip install 'midair\[{extra}\]'"):
-        backend(library)
-    module._module.cache_clear()
+def test_a_missing_library_names_the_extra_to_install(monkeypatch):
+    for library, extra in (("torch", "gpu-torch"), ("cupy", "gpu-cupy")):
+        monkeypatch.setitem(sys.modules, LIBRARIES[library], None)
+        module._module.cache_clear()
+        with pytest.raises(MissingExtraError, match=rf"pip install 'midair\[{extra}\]'"):
+            backend(library)
+        module._module.cache_clear()
 
 
 def test_other_methods_have_no_backend():

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from midair.solvers import Problem, error_of
 from midair.solvers.backend import backend, taken
@@ -23,26 +22,26 @@ CELLS = CellTarget(weights=np.abs(draw(2, 6, seed=2)), wanted=np.array([[1.0, 2.
 TERMS = {"points": {}, "guard": {"guard": GUARD}, "cells": {"cells": CELLS}, "both": {"guard": GUARD, "cells": CELLS}}
 
 
-@pytest.mark.parametrize("terms", list(TERMS), ids=str)
-def test_the_gradient_by_the_phases_is_the_derivative(terms):
-    operators = machine_of(**TERMS[terms])
-    function = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))
-    theta, h = np.random.default_rng(0).uniform(-3, 3, (2, 9)), 1e-6
-    gradient = function(theta)[1]
-    assert np.abs(gradient).max() > 0.01
-    for n in range(9):
-        step = np.zeros((2, 9))
-        step[:, n] = h
-        slope = (function(theta + step)[0] - function(theta - step)[0]) / (2 * h)
-        np.testing.assert_allclose(gradient[:, n], slope, rtol=1e-5, atol=1e-6)
+def test_the_gradient_by_the_phases_is_the_derivative(subtests):
+    for terms in TERMS:
+        with subtests.test(terms=terms):
+            operators = machine_of(**TERMS[terms])
+            function = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))
+            theta, h = np.random.default_rng(0).uniform(-3, 3, (2, 9)), 1e-6
+            gradient = function(theta)[1]
+            assert np.abs(gradient).max() > 0.01
+            for n in range(9):
+                step = np.zeros((2, 9))
+                step[:, n] = h
+                slope = (function(theta + step)[0] - function(theta - step)[0]) / (2 * h)
+                np.testing.assert_allclose(gradient[:, n], slope, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("terms", [{}, {"cells": CELLS}], ids=["points", "cells"])
-def test_the_cost_is_half_the_square_of_the_error_whatever_the_loudness(terms):
-    operators = machine_of(**terms)
-    theta = np.random.default_rng(1).uniform(-3, 3, (2, 9))
-    cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
-    np.testing.assert_allclose(cost, error_of(operators.problem, theta) ** 2 / 2, rtol=1e-9)
+def test_the_cost_is_half_the_square_of_the_error_whatever_the_loudness():
+    for terms in ("points", "cells"):
+        operators, theta = machine_of(**TERMS[terms]), np.random.default_rng(1).uniform(-3, 3, (2, 9))
+        cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
+        np.testing.assert_allclose(cost, error_of(operators.problem, theta) ** 2 / 2, rtol=1e-9, err_msg=terms)
 
 
 def test_the_guards_ceiling_is_a_part_of_the_frames_own_peak():

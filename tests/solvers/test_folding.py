@@ -1,6 +1,7 @@
 """Recordings solved on an array that is folded by its mirrors; the array as a whole is the reference."""
 
 from dataclasses import replace
+from functools import partialmethod
 
 import numpy as np
 import pytest
@@ -42,26 +43,27 @@ def wave(frames, grid=GRID, array=ARRAY, start=0):
     return AmplitudeFrames(amplitude=0.15 * focus_amplitude(grid, array) * spot, rate=4000.0, grid=grid)
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
-@pytest.mark.parametrize("array", [ARRAY, MEASURED], ids=["alike", "measured"])
-def test_products_by_kind_are_those_of_the_whole_matrix(array, precision):
-    own_backend = backend("numpy", precision=precision)
-    lattice, put = Lattice.of(array), own_backend.put
-    _, V = modes_by_kind(transfer_matrix(GRID, lattice.array), 5e-3)
-    dense = lattice.weight * np.einsum("ki,kmn->kmin", KINDS, V).reshape(V.shape[0] * V.shape[1], -1)
-    product = FoldedProduct.of(own_backend, V / 2, lattice.weight)
-    b, q, theta = rows(3, len(dense)), rows(3, dense.shape[1]), RNG.uniform(-3, 3, (3, dense.shape[1]))
-    close(product.of_modes(put(b)), b @ dense)
-    close(product.to_modes(put(q)), q @ dense.conj().T)
-    held, a = product.phasors(put(theta))
-    close(a, np.exp(1j * theta) @ dense.conj().T)
-    close(product.slope(held, put(b)), np.imag(np.exp(-1j * theta) * (b @ dense)))
-    root, some = RNG.uniform(1, 2, len(dense)), np.array([3, 8, 100])
-    every = (np.arange(4)[:, None] * V.shape[2] + some).reshape(-1)
-    sampled = product.sampled(some, put(root))
-    close(sampled.of_modes(put(b)), (b / root) @ dense[:, every])
-    whole = Product(backend=own_backend, matrix=put(dense), back=put(dense.conj().T))
-    close(whole.sampled(every, put(root)).to_modes(put(q[:, every])), sampled.to_modes(put(q[:, every])))
+def test_products_by_kind_are_those_of_the_whole_matrix(subtests):
+    for precision in ["double", "single"]:
+        for array in [ARRAY, MEASURED]:
+            with subtests.test(array=array.alike, precision=precision):
+                own_backend = backend("numpy", precision=precision)
+                lattice, put = Lattice.of(array), own_backend.put
+                _, V = modes_by_kind(transfer_matrix(GRID, lattice.array), 5e-3)
+                dense = lattice.weight * np.einsum("ki,kmn->kmin", KINDS, V).reshape(V.shape[0] * V.shape[1], -1)
+                product = FoldedProduct.of(own_backend, V / 2, lattice.weight)
+                b, q, theta = rows(3, len(dense)), rows(3, dense.shape[1]), RNG.uniform(-3, 3, (3, dense.shape[1]))
+                close(product.of_modes(put(b)), b @ dense)
+                close(product.to_modes(put(q)), q @ dense.conj().T)
+                held, a = product.phasors(put(theta))
+                close(a, np.exp(1j * theta) @ dense.conj().T)
+                close(product.slope(held, put(b)), np.imag(np.exp(-1j * theta) * (b @ dense)))
+                root, some = RNG.uniform(1, 2, len(dense)), np.array([3, 8, 100])
+                every = (np.arange(4)[:, None] * V.shape[2] + some).reshape(-1)
+                sampled = product.sampled(some, put(root))
+                close(sampled.of_modes(put(b)), (b / root) @ dense[:, every])
+                whole = Product(backend=own_backend, matrix=put(dense), back=put(dense.conj().T))
+                close(whole.sampled(every, put(root)).to_modes(put(q[:, every])), sampled.to_modes(put(q[:, every])))
 
 
 def test_a_lattice_has_the_fields_of_its_array():
@@ -70,23 +72,25 @@ def test_a_lattice_has_the_fields_of_its_array():
     close((lattice.weight * np.exp(1j * theta)) @ transfer_matrix(GRID, lattice.array).T, field)
 
 
-@pytest.mark.parametrize("pitch", [6e-3, 5.5e-3], ids=["points on mirrors", "none"])
-def test_fields_by_kind_and_their_cost_are_those_of_the_array(pitch):
-    target, ring = wave(3, array=MEASURED), Guard(margin=25e-3, pitch=pitch)
-    plan = SolvePlan.of(target, MEASURED, SETTINGS.but(guard=ring))
-    asked, theta = plan.scene.problem(1.0, plan.settings), RNG.uniform(-3, 3, (3, 1008))
-    operators = FieldOperators.of(asked, backend("numpy", precision="double"), tolerance=1e-6, memory=4)
-    _, a = operators.drive.phasors(theta)
-    q = plan.scene.lattice.weight * np.exp(1j * theta)
-    close(operators.points.of_modes(a), q @ asked.G.T)
-    # The cost of windows where the target is, from samples about the middle of the lattice, and that of the ring.
-    batch = operators.batch(np.arange(3), faintest=1e-12)
-    cost, _ = operators.phase_function(batch)(theta)
-    played, own = plan.scene.lattice.phase(theta), replace(plan.own.problem(1.0), cells=plan.own.cells(SETTINGS.means))
-    y = np.exp(1j * played) @ transfer_matrix(asked_ring(plan), MEASURED).T / plan.own.focus
-    above = np.maximum(np.abs(y) - ring.ceiling * asked.amplitude.max(axis=1, keepdims=True), 0)
-    outside = (above**2).sum(axis=1) / 2 / (asked.amplitude**2).sum(axis=1)
-    np.testing.assert_allclose(cost, error_of(own, played) ** 2 / 2 + outside, rtol=0.02)
+def test_fields_by_kind_and_their_cost_are_those_of_the_array(subtests):
+    for pitch in [6e-3, 5.5e-3]:
+        with subtests.test(pitch=pitch):
+            target, ring = wave(3, array=MEASURED), Guard(margin=25e-3, pitch=pitch)
+            plan = SolvePlan.of(target, MEASURED, SETTINGS.but(guard=ring))
+            asked, theta = plan.scene.problem(1.0, plan.settings), RNG.uniform(-3, 3, (3, 1008))
+            operators = FieldOperators.of(asked, backend("numpy", precision="double"), tolerance=1e-6, memory=4)
+            _, a = operators.drive.phasors(theta)
+            q = plan.scene.lattice.weight * np.exp(1j * theta)
+            close(operators.points.of_modes(a), q @ asked.G.T)
+            # The cost of windows where the target is, from samples about the middle of the lattice, and of the ring.
+            batch = operators.batch(np.arange(3), faintest=1e-12)
+            cost, _ = operators.phase_function(batch)(theta)
+            played = plan.scene.lattice.phase(theta)
+            own = replace(plan.own.problem(1.0), cells=plan.own.cells(SETTINGS.means))
+            y = np.exp(1j * played) @ transfer_matrix(asked_ring(plan), MEASURED).T / plan.own.focus
+            above = np.maximum(np.abs(y) - ring.ceiling * asked.amplitude.max(axis=1, keepdims=True), 0)
+            outside = (above**2).sum(axis=1) / 2 / (asked.amplitude**2).sum(axis=1)
+            np.testing.assert_allclose(cost, error_of(own, played) ** 2 / 2 + outside, rtol=0.02)
 
 
 def test_a_folded_array_needs_no_ring():
@@ -119,29 +123,35 @@ def test_mirror_images_are_in_order_and_share_places_on_a_mirror():
     assert mirror_images(points, (0.0, 0.0)) is None
 
 
+def about(ring, middle, grid, own=None, *, points=Guard.points):
+    """Points of a ring about the middle of the array, also where none is given."""
+    return points(ring, grid, own or middle)
+
+
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("array", "starts", "mean", "worst"),
-    [(ARRAY, [0], 1.02, 0.9), (MEASURED, [0], 1.03, 0.9), (SQUARE, range(0, 1200, 100), 0.95, 1.0)],
-    ids=["alike", "measured", "square"],
-)
-def test_the_error_is_that_of_the_array_as_a_whole(array, starts, mean, worst, monkeypatch):
+def test_the_error_is_that_of_the_array_as_a_whole(monkeypatch, subtests):
     """Under the same guard; phases that differ by 1 rad cost 3 % of the mean, and the worst frame is better.
 
     On the square, the worst frame is .5 to 1.3 times as bad by chance: its median of twelve signals is judged.
     """
-    middle, points, found = Lattice.of(array).middle, Guard.points, []
-    for start in starts:
-        target = wave(300 if len(starts) == 1 else 100, array=array, start=start)
-        plan = SolvePlan.of(target, array, SETTINGS)
-        assert plan.scene.lattice is not None
-        folded = plan.solve(target, None, None)[0].error
-        with monkeypatch.context() as patched:
-            patched.setattr(Guard, "points", lambda ring, grid, own=None: points(ring, grid, own or middle))
-            found.append((folded, replace(plan, scene=plan.own).solve(target, None, None)[0].error))
-    folded, whole = np.swapaxes(found, 0, 1)
-    assert folded.mean() < mean * whole.mean()
-    assert np.median(folded.max(axis=1) / whole.max(axis=1)) < worst
+    for array, starts, mean, worst in [
+        (ARRAY, [0], 1.02, 0.9),
+        (MEASURED, [0], 1.03, 0.9),
+        (SQUARE, range(0, 1200, 100), 0.95, 1.0),
+    ]:
+        with subtests.test(mean=mean):
+            found = []
+            for start in starts:
+                target = wave(300 if len(starts) == 1 else 100, array=array, start=start)
+                plan = SolvePlan.of(target, array, SETTINGS)
+                assert plan.scene.lattice is not None
+                folded = plan.solve(target, None, None)[0].error
+                with monkeypatch.context() as patched:
+                    patched.setattr(Guard, "points", partialmethod(about, Lattice.of(array).middle))
+                    found.append((folded, replace(plan, scene=plan.own).solve(target, None, None)[0].error))
+            folded, whole = np.swapaxes(found, 0, 1)
+            assert folded.mean() < mean * whole.mean()
+            assert np.median(folded.max(axis=1) / whole.max(axis=1)) < worst
 
 
 @pytest.mark.long
@@ -170,13 +180,10 @@ def test_parts_jobs_and_blocks_do_not_change_a_bit():
     np.testing.assert_array_equal(parts, one.drive.phase)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"fit": "points"}, {"quiet_palm": 1.0}, {"backend": "strict"}, {"method": "fast"}, {"amplitudes": "bounded"}],
-    ids=str,
-)
-def test_other_settings_keep_the_array_as_a_whole(changes):
-    assert SolvePlan.of(wave(2), ARRAY, SETTINGS, **changes).scene.lattice is None
+def test_other_settings_keep_the_array_as_a_whole():
+    others = {"fit": "points", "quiet_palm": 1.0, "backend": "strict", "method": "fast", "amplitudes": "bounded"}
+    for name, value in others.items():
+        assert SolvePlan.of(wave(2), ARRAY, SETTINGS, **{name: value}).scene.lattice is None, name
 
 
 @pytest.mark.long

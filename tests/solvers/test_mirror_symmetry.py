@@ -22,18 +22,15 @@ def whole(kept):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "placement",
-    [Placement.grid(), Placement.grid(columns=1, rows=1), Placement.grid(columns=3, rows=2)],
-    ids=["2 x 2", "1", "3 x 2"],
-)
-def test_the_kinds_together_make_every_field_of_the_array(placement):
-    array = placement.array()
-    kept = of(array)
-    assert kept.V.shape[0] * kept.V.shape[2] == 252 * placement.units
-    G = multi_plane_problem([GRID.position], np.zeros((1, GRID.count)), array, acoustics=AIR).G
-    # Contribution of modes below the tolerance; 249 of 252 places have a transducer.
-    assert np.linalg.norm(G - (kept.U * kept.s) @ whole(kept).conj().T) < 4e-3 * np.linalg.norm(G)
+def test_the_kinds_together_make_every_field_of_the_array(subtests):
+    for columns, rows in ((2, 2), (1, 1), (3, 2)):
+        with subtests.test(columns=columns, rows=rows):
+            array = TransducerArray.autd3(columns=columns, rows=rows)
+            kept = of(array)
+            assert kept.V.shape[0] * kept.V.shape[2] == 252 * columns * rows
+            G = multi_plane_problem([GRID.position], np.zeros((1, GRID.count)), array, acoustics=AIR).G
+            # Contribution of modes below the tolerance; 249 of 252 places have a transducer.
+            assert np.linalg.norm(G - (kept.U * kept.s) @ whole(kept).conj().T) < 4e-3 * np.linalg.norm(G)
 
 
 @pytest.mark.long
@@ -63,25 +60,12 @@ def test_a_drive_and_its_mirror_image_are_of_the_same_kinds():
         np.testing.assert_allclose(drive[here], sign * drive[there], atol=1e-12)
 
 
-def _tilted():
-    pair = Placement.grid(columns=2, rows=1)
-    turned = pair.rotation.copy()
-    turned[1] = [0, 0.2, 0]
-    return replace(pair, rotation=turned).array()
-
-
-def _measured():
-    array = TransducerArray.autd3()
-    return replace(array, response=np.linspace(0.9, 1.1, array.count).astype(complex))
-
-
-@pytest.mark.parametrize(
-    ("array", "grid"),
-    [(_tilted(), GRID), (_measured(), GRID), (TransducerArray.autd3(), replace(GRID, centre=(0.02, 0.0)))],
-    ids=["tilted", "measured", "beside the middle"],
-)
-def test_an_array_without_mirror_symmetry_is_not_split_into_kinds(array, grid):
-    assert of(array, grid) is None
+def test_an_array_without_mirror_symmetry_is_not_split_into_kinds():
+    array, pair = TransducerArray.autd3(), Placement.grid(columns=2, rows=1)
+    tilted = replace(pair, rotation=np.array([[0, 0, 0], [0, 0.2, 0]])).array()
+    assert of(tilted) is None
+    assert of(replace(array, response=np.linspace(0.9, 1.1, array.count).astype(complex))) is None
+    assert of(array, replace(GRID, centre=(0.02, 0.0))) is None, "beside the middle"
 
 
 def test_one_kind_is_the_modes_as_they_are():
@@ -92,19 +76,18 @@ def test_one_kind_is_the_modes_as_they_are():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("peak", "most"), [(800, 0.02), (4000, 0.12)])
-def test_phases_by_symmetry_are_as_good(peak, most):
+def test_phases_by_symmetry_are_as_good():
     """A spot that moves and swings; where it is faint, 1 % of its field is in modes that are left out."""
     pytest.importorskip("numba")
     array = TransducerArray.autd3()
     at, frame = GRID.position, np.arange(60)
     x = 0.01 * np.sin(2 * np.pi * frame / 50)[:, None]
     p = np.exp(-((at[:, 0] - x) ** 2 + at[:, 1] ** 2) / (2 * 0.011**2)) * (0.6 + 0.4 * np.sin(frame))[:, None]
-    problem = multi_plane_problem([GRID.position], peak * p, array, acoustics=AIR)
-    error = []
-    for kept in (None, of(array)):
-        tracker = Live().begin(problem, folded=kept)
-        phase = np.array([tracker.follow(each) for each in problem.amplitude])
-        error.append(error_of(problem, phase)[10:].mean())
-    assert error[0] < most
-    assert error[1] < 1.05 * error[0] + 0.01
+    for peak, most in ((800, 0.02), (4000, 0.12)):
+        problem, error = multi_plane_problem([GRID.position], peak * p, array, acoustics=AIR), []
+        for kept in (None, of(array)):
+            tracker = Live().begin(problem, folded=kept)
+            phase = np.array([tracker.follow(each) for each in problem.amplitude])
+            error.append(error_of(problem, phase)[10:].mean())
+        assert error[0] < most, peak
+        assert error[1] < 1.05 * error[0] + 0.01, peak

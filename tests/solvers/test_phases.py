@@ -10,17 +10,12 @@ from midair.solvers import solve
 from midair.solvers.phases import hold, needed_convergence, rippled, spreading_phase, unit
 
 
-def test_unit_of_nothing_is_one():
+def test_units_ripples_and_held_phases():
     np.testing.assert_array_equal(unit(np.array([0, 2j])), [1, 1j])
-
-
-def test_a_ripple_turns_each_by_less_than_a_third_of_a_radian_and_differently():
+    # Each turns by less than a third of a radian, and by a different angle.
     turned = np.angle(rippled(np.ones(12, complex)))
     assert 0.2 < np.abs(turned).max() <= 0.3
     assert len(np.unique(turned.round(6))) == 12
-
-
-def test_hold_keeps_the_last_audible_phases():
     phase = np.array([[9.0], [1.0], [9.0], [9.0], [2.0]])
     np.testing.assert_array_equal(hold(phase, np.array([1, 4]))[:, 0], [0, 1, 1, 1, 2])
 
@@ -35,16 +30,12 @@ def test_rays_of_the_edge_come_from_the_edge_of_the_array():
     assert middle + tangent * grid.height == pytest.approx(np.ptp(array.position[:, 0]) / 2, rel=0.02)
 
 
-def test_symmetric_and_flat_where_the_array_is_no_wider():
+def test_the_spreading_phase_is_symmetric_flat_where_the_array_is_no_wider_and_goes_with_the_grid():
     array, medium = TransducerArray.autd3(), Medium()
     psi = spreading_phase(ControlGrid(), array, medium).reshape(16, 16)
     np.testing.assert_allclose(psi, psi[::-1, ::-1], atol=1e-9)
     assert not spreading_phase(ControlGrid(rows=8, columns=8, pitch=0.1), array, medium).any()
     assert not spreading_phase(ControlGrid(rows=1, columns=1), array, medium).any()
-
-
-def test_moving_the_grid_moves_the_spreading_phase():
-    array, medium = TransducerArray.autd3(), Medium()
     here, there = (spreading_phase(ControlGrid(centre=c), array, medium) for c in ((0, 0), (0.02, -0.01)))
     np.testing.assert_allclose(here, there, atol=1e-6)
 

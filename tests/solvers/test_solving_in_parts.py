@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.model import AmplitudeFrames, ControlGrid, Solution, TransducerArray
 from midair.solvers import PLAIN, Free, Glide, solve, solve_parts
 from midair.solvers.solve_plan import SolvePlan
 from midair.streaming import LazyFrames
 
-UNIT = TransducerArray.autd3(columns=1, rows=1)
+UNIT, GRID = TransducerArray.autd3(columns=1, rows=1), ControlGrid(rows=6, columns=6, pitch=10e-3)
 
 PARTS = {
     "fast, automatic": {"method": "fast", "level": "auto"},
@@ -27,35 +27,34 @@ PARTS = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
-def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
+def test_a_recording_in_parts_is_solved_as_a_whole(monkeypatch, subtests):
     monkeypatch.setattr("midair.solvers.solve_plan.TOGETHER", 64)
     frame = np.arange(150)[:, None]
     place = 18 + 10 * np.sin(2 * np.pi * frame / 150)
     amplitude = 2000 * np.abs(np.sin(frame / 25)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))
     # Silence at the beginning, across a joint, and at the end.
     amplitude[:3] = amplitude[60:70] = amplitude[148:] = 0
-    grid, array = ControlGrid(rows=6, columns=6, pitch=10e-3), UNIT
-    whole = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid)
-    reel = LazyFrames(lambda first, last: amplitude[first:last], amplitude.shape)
-    made, calls = solve(whole, array, **settings), []
-    parts = list(
-        solve_parts(replace(whole, amplitude=reel), array, progress=lambda *told: calls.append(told), **settings)
-    )
-    assert len(parts) > 1
-    # Rounding: products of another number of frames differ in the last digit.
-    np.testing.assert_allclose(np.concatenate([part.drive.phase for part in parts]), made.drive.phase, atol=1e-9)
-    np.testing.assert_allclose(np.concatenate([part.drive.level for part in parts]), made.drive.level, rtol=1e-9)
-    np.testing.assert_allclose(np.concatenate([part.error for part in parts]), made.error, rtol=1e-4, atol=1e-6)
-    np.testing.assert_array_equal(np.concatenate([part.iterations for part in parts]), made.iterations)
-    assert sum((part.status for part in parts), ()) == made.status
-    assert all(part.drive.provenance == made.drive.provenance for part in parts)
+    whole, calls = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=GRID), []
+    reel = replace(whole, amplitude=LazyFrames(lambda first, last: amplitude[first:last], amplitude.shape))
+    for name, settings in PARTS.items():
+        with subtests.test(settings=name):
+            made = solve(whole, UNIT, **settings)
+            parts = list(solve_parts(reel, UNIT, progress=lambda *told: calls.append(told), **settings))
+            assert len(parts) > 1
+            assert all(part.drive.provenance == made.drive.provenance for part in parts)
+            again = Solution.joined(parts)
+            # Rounding: products of another number of frames differ in the last digit.
+            np.testing.assert_allclose(again.drive.phase, made.drive.phase, atol=1e-9)
+            np.testing.assert_allclose(again.drive.level, made.drive.level, rtol=1e-9)
+            np.testing.assert_allclose(again.error, made.error, rtol=1e-4, atol=1e-6)
+            np.testing.assert_array_equal(again.iterations, made.iterations)
+            assert again.status == made.status
     assert {total for _, total in calls} == {150}
 
 
 def test_a_later_part_uses_the_matrices_of_the_first():
     amplitude = np.random.default_rng(0).uniform(100, 200, (5, 36))
-    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=ControlGrid(rows=6, columns=6, pitch=10e-3))
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=GRID)
     plan = SolvePlan.of(target, UNIT, method="glide")
     _, first = plan.solve(replace(target, amplitude=amplitude[:3]), None, None)
     _, later = plan.solve(replace(target, amplitude=amplitude[2:]), first, None)
@@ -66,7 +65,7 @@ def test_a_later_part_uses_the_matrices_of_the_first():
 
 def test_a_target_of_two_parts_is_solved_at_once_unless_its_first_part_is_early():
     amplitude = 100 + 20 * np.sin(np.arange(100)[:, None] / 20 + np.arange(36))
-    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=ControlGrid(rows=6, columns=6, pitch=10e-3))
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=GRID)
     parts = list(solve_parts(target, UNIT, method=Glide(block=64)))
     (whole,) = solve_parts(target, UNIT, early=False, method=Glide(block=64))
     assert [part.drive.frames for part in parts] == [65, 35]

@@ -22,10 +22,11 @@ def test_one_thread_within_and_as_before_after():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("elsewhere", ["", "scipy.__path__.insert(0, '/nowhere')"], ids=["a file", "not found"])
-def test_a_blas_that_would_be_loaded_within_is_limited_too(elsewhere):
+def test_a_blas_that_would_be_loaded_within_is_limited_too_also_where_its_file_is_not_found():
     """NumPy and SciPy have one BLAS each, and Numba loads SciPy's when the first kernel compiles."""
-    program = f"""
+    environment = {"OPENBLAS_NUM_THREADS": "2", "PATH": ""}
+    for elsewhere in ("", "scipy.__path__.insert(0, '/nowhere')"):
+        program = f"""
 import scipy
 from threadpoolctl import threadpool_info
 from midair.solvers import one_blas_thread
@@ -34,6 +35,6 @@ with one_blas_thread():
     import scipy.linalg
     print([pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"])
 """
-    environment = {"OPENBLAS_NUM_THREADS": "2", "PATH": ""}
-    said = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
-    assert said.stdout.strip() in ("[1, 1]", "[1]")
+        words = [sys.executable, "-c", program]
+        said = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+        assert said.stdout.strip() in ("[1, 1]", "[1]"), elsewhere

@@ -3,14 +3,13 @@ import pytest
 
 from midair.datasets import stroke
 from midair.model import ControlGrid, SensorGrid
-from midair.solvers import Problem, spreading_phase
+from midair.solvers import Problem
 from midair.targets import prepare
 
 
 @pytest.fixture(scope="session")
-def problem_of(transfer, array, lossless):
+def problem_of(transfer, array, psi):
     """(frame, point) of strengths -> Problem."""
-    psi = spreading_phase(ControlGrid(), array, lossless)
     return lambda strength: Problem(G=transfer, amplitude=strength, psi=psi, position=array.position)
 
 

@@ -10,15 +10,12 @@ from midair.targets import interpolation_matrix
 GRID = ControlGrid()
 
 
-def test_the_misfit_of_points_by_hand():
+def test_the_misfits_of_points_and_cells_by_hand():
     """|3 + 4j| = 5 against 3: cost 2, slope 2 along y; |-2| against 2: nothing."""
     cost, factor = misfit(np, np.array([[5.0, 2.0]]), np.array([[3.0, 2.0]]))
     assert cost == pytest.approx(2)
     np.testing.assert_allclose(factor, [[2 / 5, 0]], atol=1e-15)
-
-
-def test_the_misfit_of_cells_by_hand():
-    """Two cells, one of both points and one of the second: readings (1 + 4) / 2 and 4 against 2 and 4."""
+    # Two cells, one of both points and one of the second: readings (1 + 4) / 2 and 4 against 2 and 4.
     weights = np.array([[0.5, 0.5], [0.0, 1.0]])
     size, wanted = np.array([[1.0, 2.0]]), np.array([[2.0, 4.0]])
     cost, factor = cell_misfit(np, size, weights.T, wanted, np.array([10.0]))
@@ -49,44 +46,38 @@ def test_the_target_is_the_reading_of_the_target_at_the_points():
     )
 
 
-def test_a_given_pressure_is_in_pascal():
+def test_a_given_pressure_is_in_pascal_and_none_has_no_error():
     """Amplitude 1 exerts 2 Pa: 6 Pa are an amplitude squared of 3."""
     pressure = PressureFrames(pressure=np.full((2, 4, 4), 6.0), rate=1000.0)
     target = Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 2.0)
     np.testing.assert_allclose(target.wanted, 3.0)
+    nothing = CellTarget(weights=np.ones((1, 2)), wanted=np.zeros((1, 1)))
+    assert nothing.error(np.ones((1, 2))) == 0
 
 
-@pytest.mark.parametrize(
-    ("fit", "grid", "shape"),
-    [
+def test_windows_overlap_and_cover_whatever_the_points_cover(subtests):
+    for fit, grid, shape in (
         ("windows", GRID, (13, 13)),
         ("fine-windows", GRID, (19, 19)),
         ("windows", ControlGrid(rows=11, columns=11, pitch=5.5e-3), (13, 13)),
         ("windows", ControlGrid(rows=16, columns=28), (13, 25)),
         ("windows", ControlGrid(rows=1, columns=2), (1, 1)),
-    ],
-)
-def test_windows_overlap_and_cover_whatever_the_points_cover(fit, grid, shape):
-    windows = SolverSettings(fit=fit).means
-    places = windows.places(grid).grid
-    assert places.shape == shape
-    assert windows.pitch <= windows.aperture / 2
-    if min(shape) > 1:
-        # Half a cell within the outermost points, which stay silent.
-        assert abs(grid.x[0]) - abs(places.x[0]) == pytest.approx(windows.inset)
+    ):
+        with subtests.test(fit=fit, shape=shape):
+            windows = SolverSettings(fit=fit).means
+            places = windows.places(grid).grid
+            assert places.shape == shape
+            assert windows.pitch <= windows.aperture / 2
+            # Half a cell within the outermost points, which stay silent.
+            assert min(shape) == 1 or abs(grid.x[0]) - abs(places.x[0]) == pytest.approx(windows.inset)
 
 
-@pytest.mark.parametrize("means", [Cells(), Windows()], ids=["cells", "windows"])
-def test_they_go_where_the_grid_goes(means):
+def test_they_go_where_the_grid_goes():
     amplitude = np.ones((1, GRID.count))
-    here, moved = (means.target(amplitude, grid, 1.0) for grid in (GRID, ControlGrid(centre=(0.03, 0.01))))
-    np.testing.assert_allclose(moved.weights, here.weights, atol=1e-12)
-    np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12)
-
-
-def test_cells_that_should_read_nothing_have_no_error():
-    target = CellTarget(weights=np.ones((1, 2)), wanted=np.zeros((1, 1)))
-    assert target.error(np.ones((1, 2))) == 0
+    for means in (Cells(), Windows()):
+        here, moved = (means.target(amplitude, grid, 1.0) for grid in (GRID, ControlGrid(centre=(0.03, 0.01))))
+        np.testing.assert_allclose(moved.weights, here.weights, atol=1e-12, err_msg=str(means))
+        np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12, err_msg=str(means))
 
 
 def test_wanted_are_means_of_the_pressure_that_is_interpolated():
@@ -96,11 +87,8 @@ def test_wanted_are_means_of_the_pressure_that_is_interpolated():
     fine = ControlGrid(rows=180, columns=180, pitch=11e-3 / 30)
     expected = cell_weights(Windows().places(GRID), fine) @ (interpolation_matrix(sensor.grid, fine) @ cells)
     np.testing.assert_allclose(Windows().target(amplitude, GRID, 1.0).wanted[0], expected, rtol=2e-3)
-
-
-def test_an_even_pressure_is_wanted_evenly():
-    target = Windows().target(np.full((1, GRID.count), 2.0), GRID, 1.0)
-    np.testing.assert_allclose(target.wanted, 4.0, rtol=1e-3)
+    even = Windows().target(np.full((1, GRID.count), 2.0), GRID, 1.0)
+    np.testing.assert_allclose(even.wanted, 4.0, rtol=1e-3)
 
 
 def test_the_error_of_a_faint_frame_is_relative_to_random_phases():

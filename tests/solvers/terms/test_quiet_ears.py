@@ -44,14 +44,14 @@ def test_rows_of_a_range_of_temperatures_are_the_mean_over_its_airs():
         assert (np.abs(rows @ q) ** 2).sum() == pytest.approx(np.mean(power), rel=0.15)
 
 
-@pytest.mark.parametrize("method", ["fast", "lm", "glide", "free"])
-def test_ears_are_quieter_and_the_target_is_still_met(method):
+def test_ears_are_quieter_and_the_target_is_still_met():
     points = somewhere_at_the_ears(200, np.random.default_rng(1))
-    loud, quiet = (solve(target(), ARRAY, method=method, quiet_ears=weight) for weight in (0.0, 10.0))
-    before, after = (np.mean(np.abs(propagate(each.drive, points)) ** 2) for each in (loud, quiet))
-    assert 10 * np.log10(after / before) < -6
-    assert quiet.error.max() < loud.error.max() + 0.15
-    assert quiet.drive.provenance.steps[-1].settings["quiet_ears"] == 10.0
+    for method in ("fast", "lm", "glide", "free"):
+        loud, quiet = (solve(target(), ARRAY, method=method, quiet_ears=weight) for weight in (0.0, 10.0))
+        before, after = (np.mean(np.abs(propagate(each.drive, points)) ** 2) for each in (loud, quiet))
+        assert 10 * np.log10(after / before) < -6, method
+        assert quiet.error.max() < loud.error.max() + 0.15, method
+        assert quiet.drive.provenance.steps[-1].settings["quiet_ears"] == 10.0
 
 
 def test_beside_a_guard_each_keeps_its_weight():

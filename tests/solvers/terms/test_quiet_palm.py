@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.solvers.terms.test_quiet_ears import ARRAY, GRID, target
 
-from midair.model import Acoustics, ControlGrid, Palm, TransducerArray
+from midair.model import Acoustics, ControlGrid, Palm
 from midair.physics import propagate, transfer_matrix
 from midair.settings import Settings
 from midair.solvers import solve
@@ -22,19 +24,19 @@ def test_rows_add_up_to_the_mean_square_over_the_palm():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("method", ["fast", "lm", "glide"])
-def test_the_palm_is_quieter_and_the_target_is_still_met(method):
-    loud, quiet = (solve(target(), ARRAY, method=method, quiet_palm=weight) for weight in (0.0, 0.1))
-    before, after = (np.mean(np.abs(propagate(each.drive, around(GRID))) ** 2) for each in (loud, quiet))
-    assert 10 * np.log10(after / before) < -6
-    assert quiet.error.max() < loud.error.max() + 0.1
-    assert quiet.drive.provenance.steps[-1].settings["quiet_palm"] == 0.1
+def test_the_palm_is_quieter_and_the_target_is_still_met():
+    for method in ("fast", "lm", "glide"):
+        loud, quiet = (solve(target(), ARRAY, method=method, quiet_palm=weight) for weight in (0.0, 0.1))
+        before, after = (np.mean(np.abs(propagate(each.drive, around(GRID))) ** 2) for each in (loud, quiet))
+        assert 10 * np.log10(after / before) < -6, method
+        assert quiet.error.max() < loud.error.max() + 0.1, method
+        assert quiet.drive.provenance.steps[-1].settings["quiet_palm"] == 0.1
 
 
 def test_it_goes_along_with_a_grid_that_is_elsewhere():
     moved = ControlGrid(rows=4, columns=4, pitch=11e-3, centre=(0.03, -0.01))
     there = QuietPalm().rows(moved, ARRAY, Acoustics())
-    beside = TransducerArray(**{**_parts(ARRAY), "position": ARRAY.position - np.array([0.03, -0.01, 0.0])})
+    beside = replace(ARRAY, position=ARRAY.position - np.array([0.03, -0.01, 0.0]))
     np.testing.assert_allclose(there, QuietPalm().rows(GRID, beside, Acoustics()), atol=1e-9 * np.abs(there).max())
 
 
@@ -77,7 +79,3 @@ def test_settings_with_a_hand_can_be_written_down(tmp_path):
     assert Settings.load(tmp_path / "hand.settings.toml") == made
     weaker = made.with_lines(["solver.quiet_palm.weight=0.1"])
     assert weaker.solver.quiet_palm == QuietPalm.under(HAND, weight=0.1)
-
-
-def _parts(array):
-    return {name: getattr(array, name) for name in array.__dataclass_fields__}

@@ -8,18 +8,14 @@ from midair.solvers.terms.temperatures import airs_around, psi_at_temperatures
 ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.3), directivity="point")
 
 
-@pytest.mark.parametrize(
-    ("robust", "others"), [(0.0, []), (1.0, [-1, 1]), (2.0, [-2, 2]), (3.0, [-3, -1.5, 1.5, 3]), (4.0, [-4, -2, 2, 4])]
-)
-def test_the_airs_reach_both_ends_in_steps_of_two_degrees_at_most(robust, others):
-    airs = airs_around(ROOM, robust)
-    assert airs[0] == ROOM
-    assert [each.medium.temperature - 22.0 for each in airs[1:]] == pytest.approx(others)
-    assert {each.directivity for each in airs} == {"point"}
-    assert {each.medium.humidity for each in airs} == {0.3}
-
-
-def test_stated_constants_get_faster_and_slower():
+def test_the_airs_reach_both_ends_in_steps_of_two_degrees_at_most():
+    """Stated constants get faster and slower."""
+    expected = {0.0: [], 1.0: [-1, 1], 2.0: [-2, 2], 3.0: [-3, -1.5, 1.5, 3], 4.0: [-4, -2, 2, 4]}
+    for robust, others in expected.items():
+        airs = airs_around(ROOM, robust)
+        assert airs[0] == ROOM, robust
+        assert [each.medium.temperature - 22.0 for each in airs[1:]] == pytest.approx(others), robust
+        assert {(each.directivity, each.medium.humidity) for each in airs} == {("point", 0.3)}, robust
     _, colder, warmer = airs_around(Acoustics(), 2.0)
     assert colder.medium.speed < 339 < 341 < warmer.medium.speed
 
