@@ -3,15 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.model import (
-    ArrayCalibration,
-    Calibration,
-    ControlGrid,
-    Crosstalk,
-    Measurement,
-    SensorGrid,
-    TransducerArray,
-)
+from midair.model import ArrayCalibration, Calibration, ControlGrid, Crosstalk, Measurement, SensorGrid, TransducerArray
 from midair.physics import focus_phase, transfer_matrix
 
 SENSOR = SensorGrid(rows=2, columns=3)
@@ -36,15 +28,12 @@ def test_a_flat_one_is_the_same_everywhere(frequency, sensitivity):
     assert "nominal" in flat.provenance.source
 
 
-def test_bins_come_back_and_the_middle_is_the_mean():
+def test_bins_come_back_the_middle_is_the_mean_and_the_ends_are_held():
     calibration = made()
     assert calibration.response_at(calibration.frequency) == pytest.approx(calibration.response)
     between = calibration.response_at(np.array([5.0, 15.0]))
     assert between[0] == pytest.approx((calibration.response[0] + calibration.response[1]) / 2)
     assert between[1] == pytest.approx(0.75 * calibration.response[1] + 0.25 * calibration.response[2])
-
-
-def test_the_ends_are_held():
     calibration = made(frequency=np.array([5.0, 10.0, 30.0]))
     ends = calibration.response_at(np.array([0.0, 1e4]))
     assert ends == pytest.approx(calibration.response[[0, -1]])
@@ -62,25 +51,19 @@ def test_uncertainty_between_the_bins():
     assert made().uncertainty_at(np.array([15.0])) is None
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"date": "2026-01-31"},
-        {"version": 2},
-        {"unit": "count"},
-        {"response": np.ones((3, 2, 3), complex)},
-        {"noise": np.ones((2, 3))},
-        {"sensor": SensorGrid(rows=2, columns=3, name="another")},
-        {"crosstalk": Crosstalk(matrix=np.eye(6), uncertainty=np.zeros((6, 6)))},
-    ],
-)
-def test_the_identifier_tells_two_calibrations_apart(changes):
-    assert made().identifier == made().identifier != made(**changes).identifier
-
-
-def test_an_identifier_never_changes_for_the_same_calibration():
-    calibration = Calibration.flat(SensorGrid(name="skin"), sensitivity=0.02)
-    assert calibration.identifier == "fdff85f2"
+def test_the_identifier_tells_two_calibrations_apart_and_never_changes():
+    changes = {
+        "date": "2026-01-31",
+        "version": 2,
+        "unit": "count",
+        "response": np.ones((3, 2, 3), complex),
+        "noise": np.ones((2, 3)),
+        "sensor": SensorGrid(rows=2, columns=3, name="another"),
+        "crosstalk": Crosstalk(matrix=np.eye(6), uncertainty=np.zeros((6, 6))),
+    }
+    for name, value in changes.items():
+        assert made().identifier == made().identifier != made(**{name: value}).identifier, name
+    assert Calibration.flat(SensorGrid(name="skin"), sensitivity=0.02).identifier == "fdff85f2"
 
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -106,18 +89,12 @@ def test_an_array_that_was_measured_is_solved_for_as_it_is():
     np.testing.assert_array_equal(transfer_matrix(grid, array), transfer_matrix(grid, ARRAY) * known.response)
     np.testing.assert_array_equal(array.nominal.response, np.ones(ARRAY.count))
     assert array.same_as(ARRAY)
-    assert (ARRAY.alike, array.alike) == (True, False)
-    focus = transfer_matrix(np.array([[0, 0, 0.2]]), array) @ np.exp(1j * focus_phase(array, np.array([0, 0, 0.2])))
-    assert np.abs(focus[0]) == pytest.approx(np.abs(transfer_matrix(np.array([[0, 0, 0.2]]), array)).sum())
-
-
-def test_a_measured_array_has_poles_and_its_nominal_one_has_none():
-    known = calibration()
-    applied = known.applied(known.array)
-    np.testing.assert_array_equal(applied.pole, known.pole)
-    assert not applied.alike
-    assert applied.nominal.alike
-    assert len(applied.nominal.pole) == 0
+    assert (ARRAY.alike, array.alike, array.nominal.alike) == (True, False, True)
+    np.testing.assert_array_equal(array.pole, known.pole)
+    assert len(array.nominal.pole) == 0
+    place = np.array([0, 0, 0.2])
+    G = transfer_matrix(place[None], array)
+    assert np.abs(G @ np.exp(1j * focus_phase(array, place)))[0] == pytest.approx(np.abs(G).sum())
 
 
 def test_resonance_and_quality_are_those_of_the_pole():

@@ -61,17 +61,14 @@ def test_what_was_late_or_never_came_is_the_frame_before_which_stood_on():
     assert drive.level == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize(
-    ("air", "medium"),
-    [
+def test_the_drive_of_a_live_take_has_the_air_it_was_solved_for():
+    for air, medium in (
         ({"temperature_c": 25.0, "humidity": 0.3, "sound_m_s": 346.8}, Medium.at(temperature=25.0, humidity=0.3)),
         ({"temperature_c": None, "humidity": None, "sound_m_s": 343.0}, Medium(speed=343.0)),
         ({}, Medium()),
-    ],
-)
-def test_the_drive_of_a_live_take_has_the_air_it_was_solved_for(air, medium):
-    provenance = Provenance().then("live", air)
-    assert played_touch([1, 1], provenance=provenance).drive.acoustics.medium == medium
+    ):
+        drive = played_touch([1, 1], provenance=Provenance().then("live", air)).drive
+        assert drive.acoustics.medium == medium, air
 
 
 def test_arrays_are_read_only_and_as_long_as_each_other():

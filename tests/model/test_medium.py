@@ -8,15 +8,11 @@ from midair.model import Medium
 from midair.model.medium import attenuation, density, speed_of_sound, temperature_of
 
 
-def test_warmer_air_is_that_of_its_temperature():
-    assert Medium.at(temperature=20, humidity=0.3, alpha=1.5).warmer(2) == Medium.at(
-        temperature=22, humidity=0.3, alpha=1.5
-    )
+def test_warmer_air_is_that_of_its_temperature_and_stated_constants_keep_all_but_the_speed():
+    air = {"humidity": 0.3, "alpha": 1.5}
+    assert Medium.at(temperature=20, **air).warmer(2) == Medium.at(temperature=22, **air)
     assert Medium.at(temperature=22).warmer(0) == Medium.at(temperature=22)
-
-
-def test_stated_constants_keep_all_but_the_speed():
-    """Cramer's figure 1: about .6 m/s a degree."""
+    # Cramer's figure 1: about .6 m/s a degree.
     stated = Medium(density=1.1, attenuation=0.3)
     warm = stated.warmer(2)
     assert (warm.density, warm.attenuation, warm.temperature) == (1.1, 0.3, None)
@@ -24,11 +20,11 @@ def test_stated_constants_keep_all_but_the_speed():
     assert warm.warmer(-2).speed == pytest.approx(340.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("pressure", [60e3, 101.325e3, 110e3])
-@pytest.mark.parametrize(("temperature", "humidity"), [(0.0, 0.0), (22.0, 0.5), (50.0, 1.0)])
-def test_air_at_any_pressure_is_what_it_says(temperature, humidity, pressure):
-    made = Medium.at(temperature=temperature, humidity=humidity, pressure=pressure)
-    assert Medium(speed=made.speed, temperature=temperature, humidity=humidity).degrees == temperature
+def test_air_at_any_pressure_is_what_it_says():
+    for pressure in (60e3, 101.325e3, 110e3):
+        for air in ({"temperature": t, "humidity": h} for t, h in ((0.0, 0.0), (22.0, 0.5), (50.0, 1.0))):
+            made = Medium.at(pressure=pressure, **air)
+            assert Medium(speed=made.speed, **air).degrees == air["temperature"], (pressure, air)
 
 
 # Cramer (1993), figure 1, read off: temperature (C), humidity, speed (m/s); dry air at three pressures below.
@@ -89,7 +85,7 @@ def test_density_of_moist_air():
     assert density(20, 1.0) < density(20, 0.0)
 
 
-def test_a_medium_at_a_temperature_has_all_of_it():
+def test_a_medium_at_a_temperature_has_all_of_it_within_the_range_of_air():
     assert str(Medium.at(temperature=200 / 9)) == "22.2 °C, 50 % humidity"
     medium = Medium.at(temperature=22.0, humidity=0.5)
     assert (medium.temperature, medium.humidity) == (22.0, 0.5)
@@ -97,7 +93,4 @@ def test_a_medium_at_a_temperature_has_all_of_it():
     assert medium.attenuation == attenuation(40e3, 22, 0.5)
     assert medium.density == density(22, 0.5)
     assert medium.alpha == 2.0
-
-
-def test_a_speed_that_no_air_has_ends_at_the_range():
     assert (temperature_of(1e-3), temperature_of(1500.0)) == (pytest.approx(-50), pytest.approx(100))

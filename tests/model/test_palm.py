@@ -55,12 +55,9 @@ def test_a_wider_palm_is_wider_by_the_margin_on_all_sides():
 FLAT: dict[str, Any] = {"centre": [[0, 0, 0.2]], "normal": [[0, 0, -1]], "fingers": [[0, 1, 0]], "confidence": [1.0]}
 
 
-def test_a_palm_that_faces_the_array_has_the_axes_of_the_array():
+def test_a_path_faces_the_array_and_its_times_increase():
     path = PalmPath(time=[0.0], **FLAT)
     np.testing.assert_array_equal(path.rotation[0], np.eye(3))
-
-
-def test_times_increase():
     twice = {name: 2 * value for name, value in FLAT.items()}
     with pytest.raises(InputError, match=r"increasing times, got 0\.1 s at pose 2"):
         PalmPath(time=[0.1, 0.1], **twice)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -54,7 +56,7 @@ def test_a_cut_of_a_cut_is_a_cut():
     assert (step.stage, dict(step.settings)) == ("cut", {"start_s": 0.05, "end_s": 0.15})
 
 
-def test_join_keeps_common_steps_and_records_the_others():
+def test_join_keeps_common_steps_and_records_the_others_once():
     first, second = noise(100), edit.gain(noise(50), 2)
     other = Provenance(source="lsl:skin", notes={"object": "towel", "who": "you"})
     third = Recording(samples=np.ones((10, 4, 4)), rate=1000, provenance=other)
@@ -68,25 +70,21 @@ def test_join_keeps_common_steps_and_records_the_others():
     assert [part[:2] for part in parts] == [("virtual:towel", 100), ("virtual:towel", 50), ("lsl:skin", 10)]
     assert parts[1][2] == (("record", ()), ("gain", (("factor", 2.0),)))
     assert from_json(to_json(life)) == life
-
-
-def test_join_shares_steps_of_one_source_once():
     whole = noise()
     life = edit.join([edit.cut(whole, 0, 0.1), edit.cut(whole, 0.1)]).provenance
     assert [step.stage for step in life.steps] == ["record", "join"]
     assert life.steps[-1].settings["parts"][1][2] == (("cut", (("start_s", 0.1), ("end_s", 0.2))),)
 
 
-@pytest.mark.parametrize("rate", [4000.0, 2500.0, 48000.0, 1500.0])
-def test_up_and_down_again_gives_the_band_back(rate):
+def test_up_and_down_again_gives_the_band_back():
     """Tones within 94 % of half the lower rate come back to 0.2 %, away from the ends."""
     time = np.arange(2000) / 1000
     wave = np.sin(2 * np.pi * 40 * time) + np.cos(2 * np.pi * 251 * time) + np.sin(2 * np.pi * 460 * time)
     whole = Recording(samples=wave[:, None, None], rate=1000, sensor=SensorGrid(rows=1, columns=1))
-    again = edit.resample(edit.resample(whole, rate), 1000)
-    assert again.rate == 1000
-    inside = slice(300, 1700)
-    np.testing.assert_allclose(again.samples[inside], whole.samples[inside], atol=2e-3 * 3)
+    for rate in (4000.0, 2500.0, 48000.0, 1500.0):
+        again = edit.resample(edit.resample(whole, rate), 1000)
+        assert again.rate == 1000
+        np.testing.assert_allclose(again.samples[300:1700], whole.samples[300:1700], atol=6e-3, err_msg=str(rate))
 
 
 def test_resampling_states_the_exact_rate():
@@ -141,24 +139,14 @@ def test_mask_by_zero_or_by_the_neighbours():
     np.testing.assert_allclose(made[:, 6], flat[:, [2, 7, 10]].mean(axis=1))
 
 
-@pytest.mark.parametrize(
-    "act",
-    [
-        lambda r: edit.cut(r, 0.01),
-        lambda r: edit.join([r, r]),
-        lambda r: edit.resample(r, 500),
-        lambda r: edit.trim(r),
-        lambda r: edit.gain(r, 2),
-        lambda r: edit.mask(r, [1]),
-    ],
-    ids=["cut", "join", "resample", "trim", "gain", "mask"],
-)
-def test_every_edit_adds_a_step_and_keeps_earlier_ones(act):
-    before = noise().provenance
-    after = act(noise()).provenance
-    assert (after.source, after.notes, after.simulated) == (before.source, before.notes, True)
-    assert after.steps[:-1] == before.steps
-    assert len(after.steps) == 2
+def test_every_edit_adds_a_step_and_keeps_earlier_ones():
+    whole = noise()
+    made = [edit.cut(whole, 0.01), edit.join([whole, whole]), edit.resample(whole, 500), edit.trim(whole)]
+    names = []
+    for after in (each.provenance for each in [*made, edit.gain(whole, 2), edit.mask(whole, [1])]):
+        names.append(after.steps[-1].stage)
+        assert replace(after, steps=after.steps[:-1]) == whole.provenance, names[-1]
+    assert names == ["cut", "join", "resample", "trim", "gain", "mask"]
 
 
 TIME = np.arange(1500) / 1000
@@ -173,51 +161,39 @@ def holed(frames, *, starts=(300, 700, 1100)):
     return samples
 
 
-@pytest.mark.parametrize("frames", [1, 5, 20])
-def test_a_gap_follows_its_neighbourhood_and_the_rest_is_unchanged(frames):
-    samples = holed(frames)
-    missing = np.isnan(samples)
-    filled = mend(samples, 1000, Mending()).samples
-    np.testing.assert_array_equal(filled[~missing], samples[~missing])
-    error = filled[missing] - (3 + TOUCH)[missing[:, 1]]
-    # The noise alone, a twentieth, cannot be known.
-    assert np.sqrt((error**2).mean()) < 0.15 * TOUCH.std()
+def test_a_gap_follows_its_neighbourhood_and_the_rest_is_unchanged():
+    for frames in (1, 5, 20):
+        samples = holed(frames)
+        missing = np.isnan(samples)
+        filled = mend(samples, 1000, Mending()).samples
+        np.testing.assert_array_equal(filled[~missing], samples[~missing])
+        error = filled[missing] - (3 + TOUCH)[missing[:, 1]]
+        # The noise alone, a twentieth, cannot be known.
+        assert np.sqrt((error**2).mean()) < 0.15 * TOUCH.std(), frames
 
 
-def test_a_line_is_a_line():
+def test_a_line_is_a_line_ends_hold_the_nearest_number_and_silence_is_silent():
     samples = np.array([[0.0], [np.nan], [np.inf], [3.0], [-np.inf], [5.0]])
-    filled = mend(samples, 1000, Mending(fill="line")).samples
-    np.testing.assert_allclose(filled.ravel(), np.arange(6.0))
-
-
-def test_ends_hold_the_nearest_number():
+    np.testing.assert_allclose(mend(samples, 1000, Mending(fill="line")).samples.ravel(), np.arange(6.0))
     samples = TOUCH[:, None].copy()
     samples[:3] = samples[-2:] = np.nan
     filled = mend(samples, 1000, Mending()).samples.ravel()
     assert (filled[:3] == TOUCH[3]).all()
     assert (filled[-2:] == TOUCH[-3]).all()
-
-
-def test_the_journal_has_each_gap():
-    journal = mend(holed(4, starts=(700, 300)), 1000, Mending()).journal
-    assert [(row.kind, row.frame, row.frames, row.channel) for row in journal] == [
-        ("mended", 300, 4, 1),
-        ("mended", 700, 4, 1),
-    ]
-    assert mend(TOUCH[:, None], 1000, Mending()).journal == ()
-
-
-def test_a_longer_gap_is_refused_with_its_place():
-    with pytest.raises(NonFiniteError, match=r"20 ms at most, got 21 frames \(21 ms\) from 0\.3 s on in channel 1"):
-        mend(holed(21), 1000, Mending())
-    assert np.isfinite(mend(holed(21), 1000, Mending(longest=21e-3)).samples).all()
-    with pytest.raises(NonFiniteError, match="1500 frames"):
-        mend(np.full((1500, 1), np.nan), 1000, Mending())
-
-
-def test_silence_and_short_recordings_can_be_filled():
     samples = np.zeros((200, 1))
     samples[100:105] = np.nan
     assert (mend(samples, 1000, Mending()).samples == 0).all()
     short = np.array([[1.0], [np.nan], [3.0]])
     assert mend(short, 1000, Mending()).samples[1, 0] == 2
+
+
+def test_the_journal_has_each_gap_and_a_longer_one_is_refused_with_its_place():
+    journal = mend(holed(4, starts=(700, 300)), 1000, Mending()).journal
+    rows = [(row.kind, row.frame, row.frames, row.channel) for row in journal]
+    assert rows == [("mended", 300, 4, 1), ("mended", 700, 4, 1)]
+    assert mend(TOUCH[:, None], 1000, Mending()).journal == ()
+    with pytest.raises(NonFiniteError, match=r"20 ms at most, got 21 frames \(21 ms\) from 0\.3 s on in channel 1"):
+        mend(holed(21), 1000, Mending())
+    assert np.isfinite(mend(holed(21), 1000, Mending(longest=21e-3)).samples).all()
+    with pytest.raises(NonFiniteError, match="1500 frames"):
+        mend(np.full((1500, 1), np.nan), 1000, Mending())

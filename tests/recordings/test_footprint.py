@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -27,14 +29,6 @@ def mono(samples, rate=1000.0):
 
 def still(**says):
     return covered(Footprint(speed=0.0, **says), SENSOR, np.zeros(1))[0]
-
-
-def test_a_line_across_the_diagonal_covers_whole_cells_within_its_width():
-    """A bar of sqrt(2) cells across (row, column) -> column + row: all of those on the other diagonal."""
-    share = still(shape="line", size=11e-3 * np.sqrt(2), path="diagonal")
-    np.testing.assert_allclose(np.diag(share[::-1]), 1)
-    np.testing.assert_allclose(np.diag(share[::-1], 1), 0.5)
-    np.testing.assert_allclose(np.diag(share[::-1], 2), 0, atol=1e-12)
 
 
 def test_the_area_of_a_disc_in_a_rectangle_by_hand():
@@ -67,25 +61,17 @@ def test_shares_agree_with_counting_points(footprint, part):
 
 
 @given(footprint=footprints)
-def test_it_touches_during_its_crossing_and_not_after(footprint):
+def test_it_touches_during_its_crossing_and_not_after_and_mirrored_the_other_way(footprint):
     whole = footprint.crossing(SENSOR)
-    once = Footprint(
-        shape=footprint.shape, size=footprint.size, speed=footprint.speed, path=footprint.path, turn="stop"
+    touched = covered(replace(footprint, turn="stop"), SENSOR, np.array([0.0, 0.01, 0.5, 0.99, 1.0, 1.3]) * whole).sum(
+        axis=(1, 2)
     )
-    touched = covered(once, SENSOR, np.array([0.0, 0.01, 0.5, 0.99, 1.0, 1.3]) * whole).sum(axis=(1, 2))
     assert touched[0] == pytest.approx(0, abs=1e-9)
     assert (touched[1:4] > 0).all()
     np.testing.assert_allclose(touched[4:], 0, atol=1e-9)
-
-
-@given(footprint=footprints)
-def test_the_opposite_direction_is_the_mirror_image(footprint):
-    time = np.linspace(0, footprint.crossing(SENSOR), 9)
-    there = covered(footprint, SENSOR, time)
-    back = Footprint(
-        shape=footprint.shape, size=footprint.size, speed=-footprint.speed, path=footprint.path, turn=footprint.turn
-    )
-    np.testing.assert_allclose(covered(back, SENSOR, time), there[:, ::-1, ::-1], atol=1e-9)
+    time = np.linspace(0, whole, 9)
+    there, back = (covered(each, SENSOR, time) for each in (footprint, replace(footprint, speed=-footprint.speed)))
+    np.testing.assert_allclose(back, there[:, ::-1, ::-1], atol=1e-9)
 
 
 def test_a_circle_stays_on_the_sensor_and_runs_at_its_speed():
@@ -136,9 +122,8 @@ def test_speed_moves_the_patch_and_leaves_the_waveform():
 
 def test_the_field_is_marked_as_simulated():
     recording = mono(np.ones(10))
-    field = footprint_field(
-        recording, Footprint(shape="square", size=5e-3, path="diagonal"), SensorGrid(rows=2, columns=3)
-    )
+    square = Footprint(shape="square", size=5e-3, path="diagonal")
+    field = footprint_field(recording, square, SensorGrid(rows=2, columns=3))
     assert field.sensor.shape == (2, 3)
     assert field.unit == "Pa"
     assert field.provenance.simulated
@@ -148,20 +133,19 @@ def test_the_field_is_marked_as_simulated():
     assert (step.settings["shape"], step.settings["size_m"], step.settings["path"]) == ("square", 5e-3, "diagonal")
 
 
-def test_a_square_of_one_cell_in_the_middle_covers_a_quarter_of_four():
+def test_shares_of_shapes_by_hand():
     expected = np.zeros((4, 4))
     expected[1:3, 1:3] = 0.25
     np.testing.assert_allclose(still(shape="square", size=11e-3), expected, atol=1e-12)
-
-
-def test_a_line_of_one_cell_covers_half_of_two_columns_or_rows():
     expected = np.zeros((4, 4))
     expected[:, 1:3] = 0.5
     np.testing.assert_allclose(still(shape="line", size=11e-3), expected, atol=1e-12)
     np.testing.assert_allclose(still(shape="line", size=11e-3, path="y"), expected.T, atol=1e-12)
-
-
-def test_a_disc_within_the_sensor_has_all_its_area_on_the_cells():
+    # A bar of sqrt(2) cells across (row, column) -> column + row: all of those on the other diagonal.
+    share = still(shape="line", size=11e-3 * np.sqrt(2), path="diagonal")
+    np.testing.assert_allclose(np.diag(share[::-1]), 1)
+    np.testing.assert_allclose(np.diag(share[::-1], 1), 0.5)
+    np.testing.assert_allclose(np.diag(share[::-1], 2), 0, atol=1e-12)
     share = still(shape="circle", size=20e-3)
     assert share.sum() * CELL == pytest.approx(np.pi * 10e-3**2, rel=1e-12)
     np.testing.assert_allclose(share, share.T, atol=1e-12)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -63,31 +64,27 @@ def test_names_what_never_changes_and_a_white_floor_and_nothing_else(samples):
 CLIPPED = "Channels that reach their maximum or minimum repeatedly, clipped: 5."
 
 
-@pytest.mark.parametrize("steps", [None, 32767, 2047])
-def test_names_a_clipped_channel(steps, samples):
+def test_names_a_clipped_channel(samples):
     """A tone of 50 or 100 Hz has 20 levels at most, and stands at its greatest three frames in a row."""
-    for frequency, *limits in [(83.7, -0.9, 0.9), (83.7, -1, 0.9), (83.7, -0.9, 1), (50, -0.7, 0.7), (100, -0.7, 0.7)]:
-        clipped = np.clip(np.sin(2 * np.pi * frequency * np.arange(2000) / 1000 + 0.3), *limits)
+    limits = [(83.7, -0.9, 0.9), (83.7, -1, 0.9), (83.7, -0.9, 1), (50, -0.7, 0.7), (100, -0.7, 0.7)]
+    for steps, (frequency, low, high) in product([None, 32767, 2047], limits):
+        clipped = np.clip(np.sin(2 * np.pi * frequency * np.arange(2000) / 1000 + 0.3), low, high)
         samples[:, 5] = clipped if steps is None else np.round(steps * clipped)
-        assert report(samples) == (CLIPPED,), (frequency, limits)
+        assert report(samples) == (CLIPPED,), (steps, frequency, low, high)
 
 
-@pytest.mark.parametrize("steps", [20, 60, 500, 32767])
-def test_coarse_slow_and_even_tones_and_held_values_do_not_clip(steps, samples):
+def test_coarse_slow_and_even_tones_and_held_values_do_not_clip(samples):
     waves = [np.sin(2 * np.pi * frequency * np.arange(2000) / 1000) for frequency in (0.3, 3, 83.7, 100, 250)]
     waves += [np.repeat(np.tile(levels, 2000), 10)[:2000] for levels in ([0, 0.3, 1.0], [-1, -0.2, 0.1, 1])]
-    for number, wave in enumerate(waves):
+    for steps, (number, wave) in product([20, 60, 500, 32767], enumerate(waves)):
         samples[:] = np.round(steps * wave)[:, None]
-        assert not any("clipped" in sentence for sentence in report(samples)), number
+        assert not any("clipped" in sentence for sentence in report(samples)), (steps, number)
 
 
-def test_names_a_magnitude_and_no_offset():
+def test_names_a_magnitude_and_no_offset_and_an_outlier_in_a_short_recording():
     noise = np.random.default_rng(0).normal(size=(2, 2000, 16))
     assert "magnitude" in report(np.hypot(*noise))[0]
     assert report(noise[0]) == report(noise[0] + 5) == ()
-
-
-def test_names_an_outlier_in_a_short_recording():
     short = 0.1 * np.random.default_rng(0).normal(size=(60, 4, 4))
     assert report(short.reshape(60, 16)) == ()
     short[17, 0, 0] = 1e20
@@ -113,23 +110,14 @@ def lowest(signal, **more):
     return Recording(samples=np.repeat(signal, 16).reshape(-1, 4, 4), rate=1000.0, unit="Pa", **more)
 
 
-def test_a_steady_press_is_below_the_band():
+def test_a_steady_press_is_below_the_band_in_the_frames_that_are_named_and_fast_waves_above():
     told = unreproduced(lowest(12 + 3 * np.sin(2 * np.pi * 100 * TIME)), None, (20.0, 470.0))
     assert told["below_pa"] == pytest.approx(12, rel=1e-3)
     assert told["below_share"] == pytest.approx(144 / 148.5, rel=1e-3)
     assert told["text"].startswith("the slow press below 20 Hz, 97 % of the power; keep it: ")
-
-
-def test_only_the_named_frames_count():
-    press = np.where(TIME < 2, 12, 0) + 3 * np.sin(2 * np.pi * 100 * TIME)
-    shares = [unreproduced(lowest(press), None, (20.0, 470.0), slice(*part))["below_share"] for part in PARTS]
+    press, parts = np.where(TIME < 2, 12, 0) + 3 * np.sin(2 * np.pi * 100 * TIME), (slice(2000), slice(2000, None))
+    shares = [unreproduced(lowest(press), None, (20.0, 470.0), part)["below_share"] for part in parts]
     assert shares == pytest.approx([144 / 148.5, 0], abs=1e-3)
-
-
-PARTS = [(0, 2000), (2000, None)]
-
-
-def test_slow_and_fast_waves_are_told_apart():
     signal = np.sin(2 * np.pi * 5 * TIME) + np.sin(2 * np.pi * 50 * TIME) + np.sin(2 * np.pi * 400 * TIME)
     told = unreproduced(lowest(signal), None, (20.0, 300.0))
     assert [told["below_share"], told["above_share"]] == pytest.approx([1 / 3, 1 / 3], rel=1e-2)
@@ -145,9 +133,7 @@ def test_a_dead_cell_is_worth_its_neighbours_unless_it_was_never_touched():
     assert told["dead_cells"] == (1,)
     assert told["dead_share"] == pytest.approx(0.25, rel=1e-3)
     assert "cells (1,) recorded nothing" in told["text"]
-    drawn = Recording(
-        samples=samples, rate=1000.0, unit="Pa", sensor=grid, provenance=Provenance().then("footprint", {})
-    )
+    drawn = replace(dead, provenance=Provenance().then("footprint", {}))
     assert unreproduced(drawn, None, (20.0, 470.0))["text"] == ""
 
 
