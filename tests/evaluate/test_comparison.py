@@ -24,11 +24,17 @@ def test_a_re_recording_in_place_of_the_original_is_refused():
         compare(again, frames())
 
 
-def test_half_as_strong():
+def test_half_as_strong_and_another_place():
     comparison = compare(frames(), frames(0.5, simulated=True))
     assert comparison.channel_gain[1, 1] == pytest.approx(0.5)
     assert comparison.channel_gain[0, 0] == 0
     assert comparison.simulated
+    comparison = compare(frames(), frames(channel=6))
+    assert comparison.place.shift == pytest.approx((11e-3, 0), abs=0.2e-3)
+    assert comparison.correlation == pytest.approx(1, abs=1e-3)
+    assert comparison.waveform_error == pytest.approx(2**0.5)
+    fixed = compare(frames(), frames(channel=6), fixed_place=True)
+    assert (fixed.correlation, bool(fixed.place)) == (pytest.approx(0, abs=1e-9), False)
 
 
 def test_a_perfect_piece_that_is_early_is_perfect():
@@ -40,15 +46,6 @@ def test_a_perfect_piece_that_is_early_is_perfect():
     assert comparison.delay == pytest.approx(-0.11e-3, abs=5e-6)
     assert comparison.distortion_ratio > 45
     assert compare(whole.cut(0.4, 0.12), early.cut(0.4, 0.12)).distortion_ratio < 40
-
-
-def test_another_place():
-    comparison = compare(frames(), frames(channel=6))
-    assert comparison.place.shift == pytest.approx((11e-3, 0), abs=0.2e-3)
-    assert comparison.correlation == pytest.approx(1, abs=1e-3)
-    assert comparison.waveform_error == pytest.approx(2**0.5)
-    fixed = compare(frames(), frames(channel=6), fixed_place=True)
-    assert (fixed.correlation, bool(fixed.place)) == (pytest.approx(0, abs=1e-9), False)
 
 
 def test_silence_gives_figures_and_no_nan():

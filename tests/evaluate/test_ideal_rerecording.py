@@ -16,14 +16,13 @@ def noise(frames=400):
     return PressureFrames(pressure=pressure, rate=RATE, band=BAND)
 
 
-@pytest.mark.parametrize("frequency", [15.0, 18.0, 20.0, 25.0, 100.0, 470.0, 475.0])
-def test_each_frequency_passes_the_edges_of_the_band_once_more(frequency):
-    time = np.arange(4000) / RATE
-    wave = np.exp(2j * np.pi * frequency * time).real * np.hanning(4000)
-    x = PressureFrames(pressure=wave[:, None, None] * np.ones((1, 4, 4)), rate=RATE, band=BAND)
-    part = band_window(np.array([frequency]), BAND, edges=band_edges(BAND, RATE))[0]
-    heard = apply_band_twice(x).pressure
-    assert np.linalg.norm(heard) == pytest.approx(part * np.linalg.norm(x.pressure), abs=0.01 * np.linalg.norm(wave))
+def test_each_frequency_passes_the_edges_of_the_band_once_more():
+    for frequency in (15.0, 18.0, 20.0, 25.0, 100.0, 470.0, 475.0):
+        wave = np.cos(2 * np.pi * frequency * np.arange(4000) / RATE) * np.hanning(4000)
+        x = PressureFrames(pressure=wave[:, None, None] * np.ones((1, 4, 4)), rate=RATE, band=BAND)
+        part = band_window(np.array([frequency]), BAND, edges=band_edges(BAND, RATE))[0] * np.linalg.norm(x.pressure)
+        off = 0.01 * np.linalg.norm(wave)
+        assert np.linalg.norm(apply_band_twice(x).pressure) == pytest.approx(part, abs=off), frequency
 
 
 def test_uses_the_edges_of_the_calibration():
@@ -33,12 +32,9 @@ def test_uses_the_edges_of_the_calibration():
     assert compare(apply_band_twice(wide), apply_band_twice(narrow)).waveform_error > 0.03
 
 
-def test_pressure_without_a_band_is_unchanged():
+def test_pressure_without_a_band_is_unchanged_and_silence_is_kept_for_four_periods():
     x = replace(noise(), band=None)
     assert apply_band_twice(x) is x
-
-
-def test_silence_is_kept_for_four_periods():
     assert band_settling_frames(BAND, RATE) == 200
     assert band_settling_frames((0.0, 15.0), 100.0) == 400
 

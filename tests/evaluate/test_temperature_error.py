@@ -33,15 +33,12 @@ def test_pressure_decreases_in_denser_air():
     np.testing.assert_allclose(error_at_temperature(drive, target, dense), np.full(2, 1 - 1 / np.sqrt(2)), rtol=1e-9)
 
 
-def test_selected_frames_represent_all_audible_ones():
+def test_selected_frames_represent_all_audible_ones_and_there_may_be_none():
     drive, target = focused(300)
     warm = Medium.at(temperature=30.0)
     everything, some = error_at_temperature(drive, target, warm), error_at_temperature(drive, target, warm, frames=7)
     assert (len(everything), len(some)) == (200, 7)
     np.testing.assert_allclose(some, everything[0], rtol=1e-6)
-
-
-def test_silence_has_no_error():
     drive, target = focused(2)
     silent = replace(target, amplitude=np.zeros((2, 1)))
     assert error_at_temperature(drive, silent, Medium()).shape == (0,)

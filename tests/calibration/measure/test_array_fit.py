@@ -4,22 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from tests.calibration.measure.test_unit_poses import ROOM, measured
 
 from midair.calibration import ArrayField, ArrayPlan, array_codes, fit_array
 from midair.errors import InputError, ShapeError
-from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
-from midair.physics import (
-    PlaybackChain,
-    SensorModel,
-    Transducers,
-    calibration_of,
-    cell_weights,
-    sense,
-    simulate,
-    transfer_matrix,
-)
-
-ACOUSTICS = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5))
+from midair.model import TransducerArray
+from midair.physics import SensorModel, Transducers, calibration_of
 
 
 @dataclass(frozen=True)
@@ -45,25 +35,8 @@ def secret(count, *, seed, dead=1):
     return Secret(array, Transducers(pole=drawn.pole, response=np.where(off, 0, drawn.response * late)), off)
 
 
-def measured(known, plan, *, seed, noise, away=(0.0, 0.0, 0.2)):
-    model = SensorModel(noise=noise, bits=32).with_spread(seed=seed)
-    codes = array_codes(known.array, model.grid, plan, acoustics=ACOUSTICS, height=0.2)
-    drive = Drive(
-        phase=codes.phase, level=np.full(codes.frames, codes.level), rate=1000, array=known.array, acoustics=ACOUSTICS
-    )
-    # A finer grid than that of the fit, only under the beam.
-    points = ControlGrid(rows=16, columns=16, pitch=1.6e-3, height=away[2], centre=away[:2])
-    felt = simulate(
-        drive,
-        transfer_matrix(points, known.array, acoustics=ACOUSTICS),
-        chain=PlaybackChain(transducers=known.transducers, precision="double"),
-        rate=8000,
-        weights=cell_weights(model, points, centre=away[:2], between="waves"),
-    ).reshape(-1, 4, 4)
-    felt = np.concatenate([felt, np.repeat(felt[-1:], 400, axis=0)])
-    volts = sense(model, felt, 1000, rng=np.random.default_rng(seed), oversample=8).reshape(-1, 16)
-    field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
-    return fit_array(field, volts)
+def fitted(known, plan, **how):
+    return measured(known.array, known.transducers, np.zeros((1, 7)), plan=plan, **how)
 
 
 def scores(found, known):
@@ -86,7 +59,7 @@ def scores(found, known):
 @pytest.mark.long
 def test_most_differences_of_a_few_transducers_are_measured():
     known = secret(40, seed=2)
-    found = measured(known, ArrayPlan(duration=0.5, group=20), seed=2, noise=1e-7)
+    found = fitted(known, ArrayPlan(duration=0.5, group=20), seed=2, noise=1e-7)
     np.testing.assert_array_equal(found.dead, known.dead)
     assert (found.response[known.dead] == 0).all()
     alive = ~known.dead
@@ -104,7 +77,7 @@ def test_uncertainties_hold_for_95_percent(away):
     found = {}
     for seed in range(3):
         known = secret(120, seed=seed, dead=2)
-        calibration = measured(known, ArrayPlan(duration=2.0, group=60), seed=seed, noise=1e-6, away=away)
+        calibration = fitted(known, ArrayPlan(duration=2.0, group=60), seed=seed, noise=1e-6, away=away)
         np.testing.assert_array_equal(calibration.dead, known.dead)
         for name, score in scores(calibration, known).items():
             found.setdefault(name, []).extend(score)
@@ -116,8 +89,8 @@ def test_uncertainties_hold_for_95_percent(away):
 @pytest.mark.long
 def test_a_recording_without_the_beam_is_rejected():
     known, model = secret(8, seed=0), SensorModel()
-    codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ACOUSTICS, height=0.2)
-    field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
+    codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ROOM, height=0.2)
+    field = ArrayField(array=known.array, codes=codes, acoustics=ROOM, calibration=calibration_of(model))
     noise = np.random.default_rng(0).standard_normal((codes.frames, 16))
     with pytest.raises(InputError, match="recording that the model explains"):
         fit_array(field, noise)
@@ -127,7 +100,7 @@ def test_a_recording_without_the_beam_is_rejected():
 
 def test_the_first_group_begins_after_the_sensor_has_settled():
     codes = array_codes(
-        secret(8, seed=0).array, SensorModel().grid, ArrayPlan(duration=0.4, group=4), acoustics=ACOUSTICS, height=0.2
+        secret(8, seed=0).array, SensorModel().grid, ArrayPlan(duration=0.4, group=4), acoustics=ROOM, height=0.2
     )
     assert codes.starts == (300, 650)
     assert codes.frames == 1000

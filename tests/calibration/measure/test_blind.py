@@ -39,16 +39,16 @@ def test_the_response_of_one_take(kind, bench, covered):
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["noise", "sweep"])
-@pytest.mark.parametrize("rms", [0.3, 3.0, 30.0])
-def test_the_response_at_any_level(kind, rms, bench, covered):
-    shares = []
-    for seed in range(20):
-        lab = bench(seed)
-        take = lab.take(signal(kind, rms, 20, np.random.default_rng(seed)))
-        shares.append(covered(measure_calibration([take]), lab.model))
-    magnitude, phase = np.mean(shares, axis=0)
-    assert 0.94 < magnitude < 0.965
-    assert 0.94 < phase < 0.965
+def test_the_response_at_any_level(kind, bench, covered):
+    for rms in (0.3, 3.0, 30.0):
+        shares = []
+        for seed in range(20):
+            lab = bench(seed)
+            take = lab.take(signal(kind, rms, 20, np.random.default_rng(seed)))
+            shares.append(covered(measure_calibration([take]), lab.model))
+        magnitude, phase = np.mean(shares, axis=0)
+        assert 0.94 < magnitude < 0.965, rms
+        assert 0.94 < phase < 0.965, rms
 
 
 @pytest.mark.long
@@ -177,12 +177,8 @@ def test_saturation_is_reported_and_increases_the_uncertainty(bench, blind_model
 
 
 def test_four_levels_give_no_linearity(bench):
-    assert (
-        measure_calibration(
-            levels(bench(0), np.random.default_rng(0), rms=(5, 10, 20, 20.1)), settings=COARSE
-        ).linearity
-        is None
-    )
+    takes = levels(bench(0), np.random.default_rng(0), rms=(5, 10, 20, 20.1))
+    assert measure_calibration(takes, settings=COARSE).linearity is None
 
 
 BANDS = 4
@@ -211,9 +207,16 @@ def test_each_channel_is_compared_with_its_own_cell():
     # 1 % in H_01 and 1 % in H_00, four bins: .25 * .01 * sqrt(2) / sqrt(4)
     assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.01 * np.sqrt(2) / 2)
     assert found.uncertainty.diagonal() == pytest.approx([0, 0])
+    # Variation between takes adds to both.
+    found = crosstalk_of([fit([2, 0.2], 1e-9), fit([0.5, 4], 1e-9)], ALL, repeat=np.array([0.03, 0.04]))
+    assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.05)
+    assert found.uncertainty[1, 0] == pytest.approx(0.05 * 0.05)
+    dead = crosstalk_of([fit([0, 0.2], 0.01), fit([0, 4], 0.01)], ALL)
+    assert dead.matrix == pytest.approx(np.eye(2))
+    assert not dead.uncertainty.any()
 
 
-def test_variation_over_the_band_increases_the_uncertainty():
+def test_variation_over_the_band_increases_the_uncertainty_in_the_bins_that_count():
     changing = np.array([[1, 0.1], [1, 0.3], [1, 0.1], [1, 0.3]])
     found = crosstalk_of([fit(changing, 1e-6), fit([0, 1], 1e-6)], ALL)
     # weights go by 1 / (1 + ratio^2) of own and other; nearly even, so mean .2, standard error .1155 / sqrt(4)
@@ -222,52 +225,27 @@ def test_variation_over_the_band_increases_the_uncertainty():
     scatter = np.average((np.array([0.1, 0.3, 0.1, 0.3]) - mean) ** 2, weights=weight)
     assert found.matrix[1, 0] == pytest.approx(mean)
     assert found.uncertainty[1, 0] == pytest.approx(np.sqrt(scatter / 3), rel=1e-3)
-
-
-def test_only_the_bins_that_count():
     changing = np.array([[1, 0.1], [1, 9], [1, 0.1], [1, 9]])
     found = crosstalk_of([fit(changing, 0.01), fit([0, 1], 0.01)], np.array([True, False, True, False]))
     assert found.matrix[1, 0] == pytest.approx(0.1)
 
 
-def test_variation_between_takes_adds_to_both():
-    fits = [fit([2, 0.2], 1e-9), fit([0.5, 4], 1e-9)]
-    found = crosstalk_of(fits, ALL, repeat=np.array([0.03, 0.04]))
-    assert found.uncertainty[0, 1] == pytest.approx(0.25 * 0.05)
-    assert found.uncertainty[1, 0] == pytest.approx(0.05 * 0.05)
-
-
-def test_a_dead_channel_has_no_crosstalk():
-    found = crosstalk_of([fit([0, 0.2], 0.01), fit([0, 4], 0.01)], ALL)
-    assert found.matrix == pytest.approx(np.eye(2))
-    assert not found.uncertainty.any()
-
-
 FREQUENCY = np.arange(100.0, 400.0, 2.0)
 
 
-def test_a_pure_delay_is_measured():
+def test_a_pure_delay_is_measured_and_noisy_phases_scatter_as_stated():
     response = np.exp(-2j * np.pi * FREQUENCY[:, None] * np.array([0, 1e-4, 3e-3])) * np.array([2, 0.5j, -1])
     delay, unsure = channel_delay(FREQUENCY, response, np.full((150, 3), 0.01))
     assert delay == pytest.approx([0, 1e-4, 3e-3], abs=1e-12)
     # u = .01 / (2 pi sqrt(sum (f - mean)^2)) = .01 / (2 pi 1060.6 Hz)
     assert unsure == pytest.approx(np.full(3, 0.01 / (2 * np.pi * 1060.6)), rel=1e-4)
-
-
-def test_delays_of_noisy_phases_scatter_as_stated():
     rng = np.random.default_rng(0)
     phase = 0.02 * rng.standard_normal((150, 400)) - 2 * np.pi * 5e-4 * FREQUENCY[:, None]
     delay, unsure = channel_delay(FREQUENCY, np.exp(1j * phase), np.full((150, 400), 0.02))
     assert ((delay - 5e-4) / unsure).std() == pytest.approx(1, abs=0.1)
-
-
-def test_a_channel_without_response_has_no_delay():
     delay, unsure = channel_delay(FREQUENCY, np.zeros((150, 1)), np.full((150, 1), np.inf))
     assert (delay[0], unsure[0]) == (0, np.inf)
     with pytest.raises(BandError, match="three bins"):
         channel_delay(FREQUENCY[:2], np.ones((2, 1)), np.ones((2, 1)))
-
-
-def test_the_upper_half():
     assert FREQUENCY[upper_half(FREQUENCY)][0] == 250
     assert len(FREQUENCY[:3][upper_half(FREQUENCY[:3])]) == 3

@@ -27,10 +27,7 @@ def test_a_line_and_a_parabola_at_hand_computed_numbers():
     bent = levels(x, x - 0.01 * x**2)
     assert bent.gain[0, 0] == pytest.approx(0.94)
     assert bent.curvature[0, 0] == pytest.approx(-0.08 / 0.94)
-
-
-def test_known_noise_is_a_lower_bound_of_the_errors():
-    x = np.array([1.0, 2, 3, 4, 5])
+    # Known noise is a lower bound of the errors.
     line = levels(x, 2 * x, noise=0.1)
     # .1 / sqrt(sum (x - 3)^2) = .1 / sqrt(10)
     assert line.gain_uncertainty[0, 0] == pytest.approx(0.1 / np.sqrt(10))

@@ -40,25 +40,18 @@ def takes(bench, *cells, **changes):
     return [bench(0, **changes).take(noise_signal(5, 8, rng=rng), cell=cell) for cell in cells]
 
 
-def test_takes_of_two_sensors_are_refused(bench):
+def test_takes_that_do_not_belong_together_are_refused(bench):
     one = takes(bench, None)[0]
     other = ReferencedTake(recording=recording(), reference=reference())
     with pytest.raises(MismatchError, match=r"takes: expected all of sensor 'sensor' \(4, 4\)"):
         measure_calibration([one, other])
     with pytest.raises(MismatchError, match="quiet recording"):
         measure_calibration([one], quiet=recording())
-
-
-def test_some_cells_alone_are_not_enough(bench):
     with pytest.raises(MismatchError, match="no take on cells 2, 3, 4"):
         measure_calibration(takes(bench, None, 0, 1))
-
-
-def test_unrelated_signals_are_rejected(bench):
-    take = takes(bench, None)[0]
     other = Reference(pressure=noise_signal(5, 8, rng=np.random.default_rng(9)), rate=RATE)
     with pytest.raises(BandError, match=r"coherence of 0\.9 on every live channel, got [01];"):
-        measure_calibration([ReferencedTake(recording=take.recording, reference=other)])
+        measure_calibration([ReferencedTake(recording=one.recording, reference=other)])
 
 
 def test_a_dead_channel_has_no_response_and_is_uncertain(bench):

@@ -89,11 +89,11 @@ def test_the_motion_of_the_whole_array_is_no_difference():
     assert np.abs(left / POSE_AIMS).max() < 0.01
 
 
-def measured(array, secret, pose, *, seed=0, plan=None, away=(0.0, 0.0, 0.2), known=None, jump=None):
+def measured(array, secret, pose, *, seed=0, plan=None, noise=1e-6, away=(0.0, 0.0, 0.2), known=None, jump=None):
     """Calibrate, or check against `known`, an array whose units are at `pose`; `jump` moves the sensor before the last
     group.
     """
-    model = SensorModel(noise=1e-6, bits=32).with_spread(seed=seed)
+    model = SensorModel(noise=noise, bits=32).with_spread(seed=seed)
     codes = array_codes(array, model.grid, plan or ArrayPlan(duration=1.0, group=60), acoustics=ROOM, height=0.2)
     drive = Drive(phase=codes.phase, level=np.full(codes.frames, codes.level), rate=1000, array=array, acoustics=ROOM)
     late = np.exp(2j * np.pi * 40e3 * pose[array.unit, 6])
