@@ -46,10 +46,8 @@ def test_the_slope_is_the_derivative_by_central_differences(drive):
 
 
 def test_a_stretch_goes_on_from_the_one_before_it(drive):
-    tracking, start = (
-        EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE),
-        np.zeros(ARRAY.count, np.complex64),
-    )
+    tracking = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE)
+    start = np.zeros(ARRAY.count, np.complex64)
     whole = tracking.radiated(command(drive), start)
     first = tracking.radiated(command(drive)[:5], start)
     second = tracking.radiated(command(drive)[5:], first[-1])

@@ -52,22 +52,13 @@ def test_a_tap_is_a_half_sine_of_20_ms():
     np.testing.assert_allclose(push[pressed], push.max() * np.sin(np.pi * np.arange(1, 160) / 160))
 
 
-def test_every_pattern_once_and_never_silence():
+def test_binary_patterns_are_a_fair_sample_of_which_bit_k_is_channel_k():
     assert np.array_equal(np.sort(binary_patterns()), np.arange(1, 65536))
-
-
-def test_the_first_patterns_do_not_depend_on_the_count():
     assert np.array_equal(binary_patterns(100, seed=5), binary_patterns(seed=5)[:100])
     assert not np.array_equal(binary_patterns(100, seed=5), binary_patterns(100, seed=6))
-
-
-def test_the_first_few_are_a_fair_sample():
-    """Half of the channels are loud, within four standard errors of a binomial distribution."""
+    # Half of the channels are loud, within four standard errors of a binomial distribution.
     loud = channel_amplitudes(binary_patterns(1024, seed=1)).mean()
     assert abs(loud - 0.5) < 4 * 0.5 / np.sqrt(1024 * 16)
-
-
-def test_bit_k_is_channel_k():
     amplitude = channel_amplitudes([0x0001, 0x8001, 0x0660])
     assert np.flatnonzero(amplitude[0]).tolist() == [0]
     assert np.flatnonzero(amplitude[1]).tolist() == [0, 15]

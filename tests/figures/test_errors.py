@@ -1,4 +1,5 @@
 import dataclasses
+from itertools import product
 
 import numpy as np
 import pytest
@@ -35,48 +36,43 @@ def solution(status="iterations"):
     return Solution(drive=drive, error=np.full(4, 0.1), iterations=np.full(4, 5), status=(status,) * 4)
 
 
-@pytest.mark.parametrize("simulated", [True, False])
-@pytest.mark.parametrize("status", ["iterations", "silent"])
-def test_error_in_percent_over_seconds(check_figure, status, simulated):
-    check_figure(error_figure(solution(status), simulated=simulated), "time (s)", "E (%)", simulated=simulated)
-
-
-def test_the_line_is_in_percent_and_the_papers_range_is_named():
+def test_error_in_percent_over_seconds_with_the_papers_range(check_figure):
+    for status, simulated in product(("iterations", "silent"), (True, False)):
+        check_figure(error_figure(solution(status), simulated=simulated), "time (s)", "E (%)", simulated=simulated)
     axis = error_figure(solution(), simulated=False, published=(0.02, 0.3)).axes[0]
     assert axis.lines[0].get_ydata() == pytest.approx([10] * 4)
     assert axis.get_legend().get_texts()[0].get_text() == "paper, static patterns: 2–30 %"
-
-
-def test_silent_frames_leave_a_gap_in_the_error():
+    # Silent frames leave a gap.
     half = dataclasses.replace(solution(), status=("silent", "silent", "iterations", "iterations"))
     line = error_figure(half, simulated=False).axes[0].lines[0]
     np.testing.assert_array_equal(np.isnan(line.get_ydata()), [True, True, False, False])
 
 
-@pytest.mark.parametrize("simulated", [True, False])
-def test_one_line_per_loop_in_percent(check_figure, simulated):
-    figure = passes_figure([("noise", [0.5, 0.3, 0.2]), ("bursts", [0.4])], simulated=simulated)
-    check_figure(figure, "pass", "error of the waveform (%)", simulated=simulated)
-    (axis,) = figure.axes
-    assert axis.lines[0].get_xydata().tolist() == [[1, 50], [2, 30], [3, 20]]
-    assert axis.get_ylim()[0] == 0
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["noise", "bursts"]
+def test_one_line_per_loop_in_percent(check_figure):
+    for simulated in [True, False]:
+        figure = passes_figure([("noise", [0.5, 0.3, 0.2]), ("bursts", [0.4])], simulated=simulated)
+        check_figure(figure, "pass", "error of the waveform (%)", simulated=simulated)
+        (axis,) = figure.axes
+        assert axis.lines[0].get_xydata().tolist() == [[1, 50], [2, 30], [3, 20]]
+        assert axis.get_ylim()[0] == 0
+        assert [text.get_text() for text in axis.get_legend().get_texts()] == ["noise", "bursts"]
 
 
 LEAK = Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=1.0)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
-def test_a_row_of_panels_for_each_budget(tones, check_figure, simulated):
-    def made(factor):
-        pressure = tones(factor, simulated=simulated)
-        outputs = [StageOutput(name="one", what="", pressure=pressure, leak=LEAK)]
-        return budget(tones(simulated=simulated), outputs, strength=0.1)
+def test_a_row_of_panels_for_each_budget(tones, check_figure):
+    for simulated in [True, False]:
 
-    close, far = made(0.9), made(0.2)
-    figure = budget_figure([("paper", far), ("best", close)])
-    check_figure(figure, "(dB)", "Hz", "paper, strength 0.10", "best, strength 0.10", simulated=simulated)
-    shown = [axis.patches[0].get_width() for axis in figure.axes[::2]]
-    assert shown == pytest.approx([each.stages[0].so_far.distortion_ratio for each in (far, close)])
-    assert shown[0] < shown[1]
+        def made(factor, simulated=simulated):
+            pressure = tones(factor, simulated=simulated)
+            outputs = [StageOutput(name="one", what="", pressure=pressure, leak=LEAK)]
+            return budget(tones(simulated=simulated), outputs, strength=0.1)
+
+        close, far = made(0.9), made(0.2)
+        figure = budget_figure([("paper", far), ("best", close)])
+        check_figure(figure, "(dB)", "Hz", "paper, strength 0.10", "best, strength 0.10", simulated=simulated)
+        shown = [axis.patches[0].get_width() for axis in figure.axes[::2]]
+        assert shown == pytest.approx([each.stages[0].so_far.distortion_ratio for each in (far, close)])
+        assert shown[0] < shown[1]

@@ -32,20 +32,17 @@ def test_maps_have_millimetres_and_a_quantity(check_figure, simulated):
     check_figure(figure, "x (mm)", "y (mm)", "pressure (Pa)", "target", simulated=simulated)
 
 
-def test_maps_share_one_scale_and_have_row_0_at_the_top():
-    low, high = np.zeros((4, 4)), np.full((4, 4), 9.0)
-    drawn = maps_figure([("a", low), ("b", high)], SensorGrid(), quantity="p (Pa)", simulated=False)
-    assert {axis.images[0].get_clim() for axis in drawn.axes[:2]} == {(0.0, 9.0)}
-    bottom, top = drawn.axes[0].get_ylim()
-    assert bottom > top
-
-
-def test_cells_are_marked_where_they_lie():
+def test_cells_are_marked_where_they_lie_and_maps_share_one_scale_and_have_row_0_at_the_top():
     sensor = SensorGrid()
     drawn = maps_figure([("a", np.ones(256))], ControlGrid(), quantity="p (Pa)", simulated=False, sensor=sensor)
     (marks,) = drawn.axes[0].lines
     assert len(marks.get_xdata()) == sensor.count
     assert sorted(set(marks.get_xdata())) == pytest.approx(1e3 * np.sort(sensor.x))
+    low, high = np.zeros((4, 4)), np.full((4, 4), 9.0)
+    drawn = maps_figure([("a", low), ("b", high)], SensorGrid(), quantity="p (Pa)", simulated=False)
+    assert {axis.images[0].get_clim() for axis in drawn.axes[:2]} == {(0.0, 9.0)}
+    bottom, top = drawn.axes[0].get_ylim()
+    assert bottom > top
 
 
 @pytest.mark.parametrize("simulated", [pytest.param(True, marks=pytest.mark.long), False])
@@ -96,15 +93,15 @@ def test_a_map_of_touch_has_the_last_row_on_top_and_nothing_where_nothing_is():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
-def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulated):
-    figure = traces_figure(tones(simulated=simulated), tones(0.5, simulated=False))
-    check_figure(figure, "(s)", "(Pa)", simulated=simulated)
-    assert len(figure.axes) == 16
-    assert len({axis.get_ylim() for axis in figure.axes}) == 1
-    original, reproduced = figure.axes[2].lines
-    assert np.ptp(original.get_ydata()) > 1.5 * np.ptp(reproduced.get_ydata())
-    assert original.get_linewidth() > 2 * reproduced.get_linewidth(), "not covered by the line in front of it"
+def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure):
+    for simulated in [True, False]:
+        figure = traces_figure(tones(simulated=simulated), tones(0.5, simulated=False))
+        check_figure(figure, "(s)", "(Pa)", simulated=simulated)
+        assert len(figure.axes) == 16
+        assert len({axis.get_ylim() for axis in figure.axes}) == 1
+        original, reproduced = figure.axes[2].lines
+        assert np.ptp(original.get_ydata()) > 1.5 * np.ptp(reproduced.get_ydata())
+        assert original.get_linewidth() > 2 * reproduced.get_linewidth(), "not covered by the line in front of it"
 
 
 @pytest.mark.long
@@ -124,13 +121,13 @@ def test_spectra_end_with_the_last_frequency_in_the_picture(tones):
     assert 300 < figure.axes[0].get_xlim()[1] < 350 < figure.axes[0].lines[0].get_xdata()[-1]
 
 
-@pytest.mark.parametrize("simulated", [True, False])
-def test_the_beam_s_line_has_its_gain_and_intercept(check_figure, simulated):
-    figure = beam_figure(np.arange(6.0), 2 * np.arange(6.0) + 1, gain=2, intercept=1, simulated=simulated)
-    check_figure(figure, "commanded amplitude (Pa)", "measured amplitude (Pa)", simulated=simulated)
-    line, points = figure.axes[0].lines
-    assert line.get_xydata().tolist() == [[0, 1], [5, 11]]
-    assert points.get_ydata().tolist() == [1, 3, 5, 7, 9, 11]
+def test_the_beam_s_line_has_its_gain_and_intercept(check_figure):
+    for simulated in [True, False]:
+        figure = beam_figure(np.arange(6.0), 2 * np.arange(6.0) + 1, gain=2, intercept=1, simulated=simulated)
+        check_figure(figure, "commanded amplitude (Pa)", "measured amplitude (Pa)", simulated=simulated)
+        line, points = figure.axes[0].lines
+        assert line.get_xydata().tolist() == [[0, 1], [5, 11]]
+        assert points.get_ydata().tolist() == [1, 3, 5, 7, 9, 11]
 
 
 @pytest.mark.long

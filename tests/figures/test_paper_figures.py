@@ -21,32 +21,32 @@ def test_fields_are_in_rows_on_one_scale(check_figure):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
-def test_stimuli_have_maps_and_traces(tones, check_figure, simulated):
-    modes = {"original": tones(simulated=simulated), "paper mode": tones(0.5, simulated=simulated)}
-    figure = stimuli_figure({"i": modes}, channels=(2, 15), shown=0.05)
-    check_figure(figure, "(ms)", "(Pa)", "i, rms 0 to 7 Pa", simulated=simulated)
-    waves = figure.axes[1::2]
-    assert len({axis.get_ylim() for axis in waves}) == 1
-    # the stated channels last, in the stated order: 50 ms of 2000 Hz
-    loud, quiet = waves[0].lines[-2:]
-    assert len(loud.get_xdata()) == 100
-    # sin x + .1 sin 3x at its top: 10 - 1 Pa
-    assert np.ptp(loud.get_ydata()) == pytest.approx(18)
-    assert np.ptp(quiet.get_ydata()) == 0
+def test_stimuli_have_maps_and_traces(tones, check_figure):
+    for simulated in [True, False]:
+        modes = {"original": tones(simulated=simulated), "paper mode": tones(0.5, simulated=simulated)}
+        figure = stimuli_figure({"i": modes}, channels=(2, 15), shown=0.05)
+        check_figure(figure, "(ms)", "(Pa)", "i, rms 0 to 7 Pa", simulated=simulated)
+        waves = figure.axes[1::2]
+        assert len({axis.get_ylim() for axis in waves}) == 1
+        # the stated channels last, in the stated order: 50 ms of 2000 Hz
+        loud, quiet = waves[0].lines[-2:]
+        assert len(loud.get_xdata()) == 100
+        # sin x + .1 sin 3x at its top: 10 - 1 Pa
+        assert np.ptp(loud.get_ydata()) == pytest.approx(18)
+        assert np.ptp(quiet.get_ydata()) == 0
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("simulated", [True, False])
-def test_objects_have_spectra_at_each_channel(tones, check_figure, simulated):
-    objects = {"towel": tones(simulated=simulated), "brush": tones(0.5, simulated=simulated)}
-    figure = spectra_figure({"plain": objects, "groove": objects}, objects=True)
-    check_figure(figure, "(Hz)", "groove\n(dB re 1 Pa²/Hz)", "channel 6", simulated=simulated)
-    assert len(figure.axes) == 8
-    towel, brush = figure.axes[0].lines[:2]
-    at = np.argmin(np.abs(towel.get_xdata() - 100))
-    # half the tone: 6 dB less
-    assert towel.get_ydata()[at] - brush.get_ydata()[at] == pytest.approx(6.02, abs=0.01)
+def test_objects_have_spectra_at_each_channel(tones, check_figure):
+    for simulated in [True, False]:
+        objects = {"towel": tones(simulated=simulated), "brush": tones(0.5, simulated=simulated)}
+        figure = spectra_figure({"plain": objects, "groove": objects}, objects=True)
+        check_figure(figure, "(Hz)", "groove\n(dB re 1 Pa²/Hz)", "channel 6", simulated=simulated)
+        assert len(figure.axes) == 8
+        towel, brush = figure.axes[0].lines[:2]
+        at = np.argmin(np.abs(towel.get_xdata() - 100))
+        # half the tone: 6 dB less
+        assert towel.get_ydata()[at] - brush.get_ydata()[at] == pytest.approx(6.02, abs=0.01)
 
 
 PUBLISHED = (0.05, 0.15)

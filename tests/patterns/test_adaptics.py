@@ -45,11 +45,11 @@ KNOWN = {
 """x, y, z, intensity, time and stop by adaptics-pattern-evaluator 0.7.0-alpha.1, all parameters 0.7."""
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_points_that_the_evaluator_gave(path):
-    values = dict.fromkeys(json.loads(path.read_text(encoding="utf-8"))["user_parameter_definitions"], 0.7)
-    _, points = evaluated(path.read_text(encoding="utf-8"), values, [120.0, 333.3, 1300.0])
-    assert points == pytest.approx(np.array(KNOWN[path.stem]), rel=1e-9, abs=1e-9)
+def test_points_that_the_evaluator_gave():
+    for path in EXAMPLES:
+        values = dict.fromkeys(json.loads(path.read_text(encoding="utf-8"))["user_parameter_definitions"], 0.7)
+        _, points = evaluated(path.read_text(encoding="utf-8"), values, [120.0, 333.3, 1300.0])
+        assert points == pytest.approx(np.array(KNOWN[path.stem]), rel=1e-9, abs=1e-9), path
 
 
 def changed(change):
@@ -76,13 +76,17 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("said", FAULTS)
-def test_a_broken_file_is_one_line(said, tmp_path):
+def test_broken_and_other_files_and_other_parameters_are_refused_in_one_line(tmp_path, subtests):
+    others = [("", text) for text in ("", "[1]", "{", "null", '{"a": 1}')]
     path = tmp_path / "x.adaptics"
-    path.write_text(changed(FAULTS[said]), encoding="utf-8")
-    with pytest.raises(BrokenFileError, match="expected a pattern of the AdapTics Designer") as wrong:
-        load_adaptics(path, {})
-    assert said in str(wrong.value)
+    for said, text in [*((said, changed(change)) for said, change in FAULTS.items()), *others]:
+        with subtests.test(said=said, text=text[:9]):
+            path.write_text(text, encoding="utf-8")
+            with pytest.raises(BrokenFileError, match="expected a pattern of the AdapTics Designer") as wrong:
+                load_adaptics(path, {})
+            assert said in str(wrong.value)
+    with pytest.raises(InputError, match=r"expected one of .*droplet_strength.*, got size"):
+        load_adaptics(HERE / "Rain.adaptics", {"size": 1.0})
 
 
 def test_a_pattern_with_too_many_parts_is_refused_before_they_are_read(tmp_path):
@@ -98,15 +102,6 @@ def test_a_pattern_with_too_many_parts_is_refused_before_they_are_read(tmp_path)
     ):
         with pytest.raises(InputError, match=said):
             Pattern.from_plain({"spot": spots})
-
-
-def test_other_files_and_other_parameters_are_refused(tmp_path):
-    for text in ("", "[1]", "{", "null", '{"a": 1}'):
-        (tmp_path / "x.adaptics").write_text(text, encoding="utf-8")
-        with pytest.raises(BrokenFileError, match="expected a pattern of the AdapTics Designer"):
-            load_adaptics(tmp_path / "x.adaptics", {})
-    with pytest.raises(InputError, match=r"expected one of .*droplet_strength.*, got size"):
-        load_adaptics(HERE / "Rain.adaptics", {"size": 1.0})
 
 
 @pytest.mark.long

@@ -41,28 +41,25 @@ def test_any_setting_is_a_line_of_a_file():
             Settings().with_lines([wrong])
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
+def test_a_setting_is_formatted_with_its_unit():
+    for path, value, words in (
         ("target.grid.height", 0.2, "200mm"),
         ("calibration.band", (20.0, 470.0), "20Hz 470Hz"),
         ("acoustics.medium.speed", 345.0, "345m/s"),
         ("compensation.dynamics.time_constant", 1.9e-4, "0.00019s"),
         ("solver.method.near", 0.2, "0.2"),
         ("target.strength", None, "default"),
-    ],
-)
-def test_a_setting_is_formatted_with_its_unit(path, value, words):
-    assert format_setting(path, value) == words
+    ):
+        assert format_setting(path, value) == words, path
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_settings_are_their_mode_and_what_differs_from_it(mode):
-    settings = MODES[mode]()
-    assert nearest_mode(settings) == (mode, {})
-    changed = settings.but(gain=2.0, level=0.5, temperature=30.0)
-    assert nearest_mode(changed)[0] == mode
-    assert nearest_mode(changed)[1].keys() >= {"target.gain", "solver.level", "acoustics.medium.temperature"}
-    assert "acoustics.medium.speed" not in nearest_mode(changed)[1], "it follows from the temperature"
-    assert nearest_mode(settings.but(ramp=1e-3)) == (mode, {"compensation.ramp": 1e-3})
-    assert nearest_mode(settings.but(method=Fast(iterations=9))) is None, "no option sets it"
+def test_settings_are_their_mode_and_what_differs_from_it(subtests):
+    for mode, made in MODES.items():
+        with subtests.test(mode=mode):
+            assert nearest_mode(made()) == (mode, {})
+            nearest, others = nearest_mode(made().but(gain=2.0, level=0.5, temperature=30.0))
+            assert nearest == mode
+            assert others.keys() >= {"target.gain", "solver.level", "acoustics.medium.temperature"}
+            assert "acoustics.medium.speed" not in others, "it follows from the temperature"
+            assert nearest_mode(made().but(ramp=1e-3)) == (mode, {"compensation.ramp": 1e-3})
+            assert nearest_mode(made().but(method=Fast(iterations=9))) is None, "no option sets it"

@@ -32,6 +32,7 @@ OTHERS = [
     Settings(),
     best_mode(),
     quick_mode(),
+    quiet_mode(),  # with ears at three places
     Settings().but(method=LevenbergMarquardt(tolerance=1e-3, iterations=7), level="auto", circle=Circle(radius=2e-3)),
     Settings().but(method=Fast(iterations=9), iterations=(5, 5), guard=0.02, fit="cells"),
     Settings().but(grid=ControlGrid(rows=3, columns=5, centre=(1e-3, -2e-3)), decouple=True),
@@ -39,16 +40,21 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("settings", OTHERS, ids=range(len(OTHERS)))
-def test_settings_are_the_same_after_a_file_and_after_a_provenance(settings, tmp_path):
-    settings.save(tmp_path / "take.toml")
-    assert Settings.load(tmp_path / "take.toml") == settings
-    assert Settings.of(settings.noted(Provenance())) == settings
+def test_settings_are_the_same_after_a_file_and_after_a_provenance(tmp_path):
+    for number, settings in enumerate(OTHERS):
+        settings.save(tmp_path / "take.toml")
+        assert Settings.load(tmp_path / "take.toml") == settings, number
+        assert Settings.of(settings.noted(Provenance())) == settings, number
+    for fit in (Cells(), Windows()):
+        chosen = Settings().but(fit=fit)
+        with pytest.raises(InputError, match="fit: expected"):
+            chosen.plain()
+        assert Settings.of(chosen.noted(Provenance())) is None, "a fit with settings of its own has no text"
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
+def test_a_file_that_does_not_fit_is_one_clear_line(tmp_path):
+    path = tmp_path / "take.toml"
+    for text, says in (
         ("[solver]\nmethods = 'fast'", "solver.methods: expected one of amplitudes"),
         ("[solver.method]\nname = 'lm'\ntolerance = 'low'", "solver.method.tolerance: expected float, got 'low'"),
         ("[solver.method]\nname = 'magic'", "method: expected one of lm"),
@@ -56,13 +62,10 @@ def test_settings_are_the_same_after_a_file_and_after_a_provenance(settings, tmp
         ("[target.grid]\nrows = 0", "grid: expected at least 1 row"),
         ("target = 4", "target: expected"),
         ("[solver\n", "expected settings in TOML"),
-    ],
-)
-def test_a_file_that_does_not_fit_is_one_clear_line(text, says, tmp_path):
-    path = tmp_path / "take.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(BrokenFileError, match=says):
-        Settings.load(path)
+    ):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(BrokenFileError, match=says):
+            Settings.load(path)
 
 
 def test_a_temperature_in_a_file_sets_the_whole_medium(tmp_path):
@@ -75,14 +78,6 @@ def test_a_temperature_in_a_file_sets_the_whole_medium(tmp_path):
     path.write_text("[acoustics.medium]\ntemperature = 26\nhumidity = 0.3\nspeed = 340\n", encoding="utf-8")
     with pytest.raises(BrokenFileError, match="got 340"):
         Settings.load(path)
-
-
-@pytest.mark.parametrize("fit", [Cells(), Windows()], ids=str)
-def test_a_fit_with_settings_of_its_own_has_no_text(fit):
-    chosen = Settings().but(fit=fit)
-    with pytest.raises(InputError, match="fit: expected"):
-        chosen.plain()
-    assert Settings.of(chosen.noted(Provenance())) is None
 
 
 def test_settings_of_the_modes():
@@ -101,12 +96,6 @@ def test_settings_of_the_modes():
     assert quick_mode().but(rate=4000.0) == finest_mode().but(quiet_palm=0.0, **plain) == best.but(method=last)
     assert finest_mode().solver.quiet_palm
     assert quiet_mode().but(method=best.solver.method, convergence="auto", quiet_ears=0.0, ears=None) == best
-
-
-def test_quiet_ears_at_three_places_are_saved(tmp_path):
-    quiet_mode().save(tmp_path / "quiet.toml")
-    assert Settings.load(tmp_path / "quiet.toml") == quiet_mode()
-    assert Settings.of(quiet_mode().noted(Provenance(source="test"))) == quiet_mode()
 
 
 def test_a_coarser_grid_spans_the_same_square():

@@ -16,15 +16,16 @@ def noise(frames=400, seed=0):
     return np.random.default_rng(seed).normal(size=(frames, 2, 3))
 
 
-@pytest.mark.parametrize("name", MAPPINGS)
-def test_a_mapping_is_not_negative_goes_with_the_pressure_and_takes_each_cell_alone(name):
-    pushed = MAPPINGS[name](noise(), 1000.0)
-    assert pushed.shape == (400, 2, 3)
-    assert pushed.min() >= 0
-    np.testing.assert_allclose(MAPPINGS[name](2 * noise(), 1000.0), 2 * pushed, atol=1e-12)
-    np.testing.assert_array_equal(MAPPINGS[name](noise()[:, 1:], 1000.0), pushed[:, 1:])
-    if name in WAVES:
-        np.testing.assert_array_equal(MAPPINGS[name](np.abs(noise()), 1000.0), np.abs(noise()))
+def test_a_mapping_is_not_negative_goes_with_the_pressure_and_takes_each_cell_alone(subtests):
+    for name, to_push in MAPPINGS.items():
+        with subtests.test(name=name):
+            pushed = to_push(noise(), 1000.0)
+            assert pushed.shape == (400, 2, 3)
+            assert pushed.min() >= 0
+            np.testing.assert_allclose(to_push(2 * noise(), 1000.0), 2 * pushed, atol=1e-12)
+            np.testing.assert_array_equal(to_push(noise()[:, 1:], 1000.0), pushed[:, 1:])
+            if name in WAVES:
+                np.testing.assert_array_equal(to_push(np.abs(noise()), 1000.0), np.abs(noise()))
 
 
 def test_a_given_offset_is_added_and_the_remaining_negative_part_cut():
@@ -53,20 +54,21 @@ def test_one_pull_is_bounded_by_a_plateau_with_smooth_shoulders():
     assert bias[200] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("band", [(20.0, 470.0), (1.0, 15.0), (5.0, 100.0)])
-def test_the_bias_follows_the_band(band):
+def test_the_bias_follows_the_band(subtests):
     """The distortion just above the lower corner is that just above 20 Hz: the bias contains no vibration."""
-    rate, low = 50 * band[0], band[0]
-    time = np.arange(round(20 / low * rate)) / rate
-    x = (np.sin(2 * np.pi * 1.5 * low * time) * (1 + 0.5 * np.sin(2 * np.pi * 0.3 * low * time)))[:, None]
-    pushed = mapping_of("slow-bias", band)(x, rate)
-    inside = slice(len(x) // 4, -len(x) // 4)
-    bias = (pushed - x)[inside]
-    spectrum = np.abs(np.fft.rfft((bias - bias.mean())[:, 0] * np.hanning(len(bias))))
-    frequency = np.fft.rfftfreq(len(bias), 1 / rate)
-    wave = np.abs(np.fft.rfft(x[inside, 0] * np.hanning(len(bias)))).max()
-    assert spectrum[frequency >= low].max() < 0.02 * wave
-    assert mapping_of("half-wave", band) is half_wave
+    for band in [(20.0, 470.0), (1.0, 15.0), (5.0, 100.0)]:
+        with subtests.test(band=band):
+            rate, low = 50 * band[0], band[0]
+            time = np.arange(round(20 / low * rate)) / rate
+            x = (np.sin(2 * np.pi * 1.5 * low * time) * (1 + 0.5 * np.sin(2 * np.pi * 0.3 * low * time)))[:, None]
+            pushed = mapping_of("slow-bias", band)(x, rate)
+            inside = slice(len(x) // 4, -len(x) // 4)
+            bias = (pushed - x)[inside]
+            spectrum = np.abs(np.fft.rfft((bias - bias.mean())[:, 0] * np.hanning(len(bias))))
+            frequency = np.fft.rfftfreq(len(bias), 1 / rate)
+            wave = np.abs(np.fft.rfft(x[inside, 0] * np.hanning(len(bias)))).max()
+            assert spectrum[frequency >= low].max() < 0.02 * wave
+            assert mapping_of("half-wave", band) is half_wave
 
 
 @settings(max_examples=25, deadline=None)
@@ -117,35 +119,32 @@ def offline(name, pressure, rate=1000.0):
     return constant_offset(pressure, **OFFSET[name]) if name in OFFSET else MAPPINGS[name](pressure, rate)
 
 
-@pytest.mark.parametrize("name", WAVES)
 @settings(max_examples=25, deadline=None)
 @given(blocks=BLOCKS, seed=st.integers(0, 2**32 - 1))
-def test_all_blocks_together_equal_the_whole(name, blocks, seed):
+def test_all_blocks_together_equal_the_whole(blocks, seed):
     pressure = np.random.default_rng(seed).normal(size=(sum(blocks), 2, 2))
-    one = stream(name)
-    ends = np.cumsum(blocks)
-    out = [one.push(pressure[end - size : end]) for end, size in zip(ends, blocks, strict=True)]
-    np.testing.assert_allclose(np.concatenate([*out, one.finish()]), offline(name, pressure), rtol=0, atol=1e-12)
+    for name in WAVES:
+        one = stream(name)
+        out = [one.push(block) for block in np.split(pressure, np.cumsum(blocks)[:-1])]
+        whole, found = offline(name, pressure), np.concatenate([*out, one.finish()])
+        np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12, err_msg=name)
 
 
-@pytest.mark.parametrize(("name", "delay"), [("half-wave", 0), ("constant-offset", 0), ("slow-bias", 90)])
-def test_frames_go_out_exactly_the_stated_delay_later(name, delay):
+def test_frames_go_out_exactly_the_stated_delay_later():
     pressure = np.random.default_rng(1).normal(size=(300, 1, 1))
-    one = stream(name)
-    assert one.delay == delay
-    out = np.concatenate([one.push(frame[None]) for frame in pressure])
-    np.testing.assert_allclose(out, offline(name, pressure)[: 300 - delay], rtol=0, atol=1e-12)
+    for name, delay in (("half-wave", 0), ("constant-offset", 0), ("slow-bias", 90)):
+        one = stream(name)
+        assert one.delay == delay, name
+        out = np.concatenate([one.push(frame[None]) for frame in pressure])
+        np.testing.assert_allclose(out, offline(name, pressure)[: 300 - delay], rtol=0, atol=1e-12, err_msg=name)
 
 
-def test_in_a_lower_band_it_is_as_much_later_and_the_same():
+def test_a_stream_of_a_lower_band_is_as_much_later_and_one_begins_again_after_its_end():
     band, pressure = (5.0, 100.0), np.random.default_rng(4).normal(size=(900, 1, 1))
     one = MappingStream("slow-bias", 500.0, band=band)
     assert one.delay == 180
     out = np.concatenate([one.push(pressure[:500]), one.push(pressure[500:]), one.finish()])
     np.testing.assert_allclose(out, mapping_of("slow-bias", band)(pressure, 500.0), rtol=0, atol=1e-12)
-
-
-def test_after_finish_it_begins_again():
     pressure = np.random.default_rng(3).normal(size=(200, 1, 1))
     one = stream("slow-bias")
     first = np.concatenate([one.push(pressure), one.finish()])

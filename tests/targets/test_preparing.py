@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -35,12 +37,9 @@ def test_interpolating_pressure_converts_after():
     assert by_pressure[6, 5] == pytest.approx(sound_amplitude(np.array(200 / 3), Medium()), rel=1e-12)
 
 
-@pytest.mark.parametrize("interpolate", ["amplitude", "pressure"])
-def test_half_wave_drops_suction(interpolate):
-    assert not prepare(one_channel(3, -50.0), interpolate=interpolate).amplitude.any()
-
-
-def test_constant_offset_keeps_the_differences():
+def test_half_wave_drops_suction_and_a_constant_offset_keeps_the_differences():
+    for interpolate in ("amplitude", "pressure"):
+        assert not prepare(one_channel(3, -50.0), interpolate=interpolate).amplitude.any(), interpolate
     pressure = np.random.default_rng(0).normal(size=(7, 4, 4))
     lifted = MAPPINGS["constant-offset"](pressure)
     assert lifted.min() >= 0
@@ -52,14 +51,11 @@ def test_gain_multiplies_pressure_and_so_the_root_of_amplitude():
     np.testing.assert_allclose(louder.amplitude, 2 * plain.amplitude, rtol=1e-12)
 
 
-def test_the_border_of_the_grid_fades_to_the_ring_of_zeros():
+def test_the_border_of_the_grid_fades_to_the_ring_of_zeros_beyond_which_points_have_no_weight():
     """All channels equal: 1 on and between cells, 1/3 and 2/3 towards the ring; the ring itself is outside 16 x 16."""
     fine = (interpolation_matrix(SensorGrid(), ControlGrid()) @ np.ones(16)).reshape(16, 16)
     edge = np.array([0, 1 / 3, 2 / 3, *[1] * 10, 2 / 3, 1 / 3, 0])
     np.testing.assert_allclose(fine, np.outer(edge, edge), atol=1e-12)
-
-
-def test_points_outside_the_ring_have_no_weight():
     wide = ControlGrid(rows=3, columns=3, pitch=0.1)
     weights = interpolation_matrix(SensorGrid(), wide)
     assert weights[4].sum() == pytest.approx(1)
@@ -98,20 +94,18 @@ def test_the_step_is_written_down():
     assert step.settings["interpolate"] == "pressure"
 
 
-@pytest.mark.parametrize("circle", [None, Circle()], ids=["still", "on a circle"])
-@pytest.mark.parametrize("compensate", [False, True])
-def test_a_streamed_target_is_the_same_as_one_in_memory(circle, compensate, monkeypatch):
+def test_a_streamed_target_is_the_same_as_one_in_memory(monkeypatch, subtests):
     """To rounding; pre-compensated to what its answer has left after two seconds, most of it at half the rate."""
     monkeypatch.setattr("midair.dsp.BYTES", 2**17)
     grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
     pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
-    whole, made = (prepare(pressure, circle=circle, grid=grid, streamed=streamed) for streamed in (False, True))
-    if compensate:
-        whole, made = precompensate_sound(whole), precompensate_sound(made)
-    assert isinstance(made.amplitude, LazyFrames)
-    assert made.provenance == whole.provenance
-    difference = np.linalg.norm(np.asarray(made.amplitude) - whole.amplitude)
-    assert difference < (1e-2 if compensate else 1e-9) * np.linalg.norm(whole.amplitude)
+    for circle, (act, rest) in product([None, Circle()], [(lambda made: made, 1e-9), (precompensate_sound, 1e-2)]):
+        with subtests.test(circle=circle, rest=rest):
+            whole, made = (act(prepare(pressure, circle=circle, grid=grid, streamed=each)) for each in (False, True))
+            assert isinstance(made.amplitude, LazyFrames)
+            assert made.provenance == whole.provenance
+            difference = np.linalg.norm(np.asarray(made.amplitude) - whole.amplitude)
+            assert difference < rest * np.linalg.norm(whole.amplitude)
 
 
 FINE = ControlGrid(rows=61, columns=61, pitch=1e-3)

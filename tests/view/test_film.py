@@ -90,13 +90,10 @@ def test_an_mp4_has_a_picture_of_every_frame(tmp_path):
     assert said.stdout.split() == [f"{width},{height},50/1,12"]
 
 
-def test_without_ffmpeg_an_mp4_is_refused_in_one_line(tmp_path, monkeypatch):
+def test_without_ffmpeg_or_with_its_error_an_mp4_is_refused_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(MissingExtraError, match=r"needs ffmpeg, .* save a .gif"):
         write_mp4(Film(show_recording(recording(3))), tmp_path / "film.mp4")
-
-
-def test_error_of_ffmpeg_is_reported(tmp_path, monkeypatch):
     false = tmp_path / "ffmpeg"
     false.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
     false.chmod(0o755)

@@ -48,10 +48,15 @@ def test_sections_survive_packing_and_unpacking(some):
     assert [plain(each) for each in unpack(pack(some))] == [plain(each) for each in some]
 
 
-def test_header_follows_the_table():
+def test_the_header_a_complex_number_and_phases_follow_the_table():
     """Bytes that were written by hand from the table."""
     said = pack([Section(kind=Kind.FIELD, values=np.int8([[1, -1]]), unit=0.5, first=258, time=1.0, number=7)])
     assert said.hex() == "6d01020107000000000000000000f03f0201000000000000010002000000003f01ff"
+    made = encode_counts(np.array([[1 + 2j, -4j]]), Kind.FIELD, dtype="<f4", first=3, rate=1000)
+    assert made.values.tolist() == [[1, 2, 0, -4]]
+    assert (made.first, made.time) == (3, 0.003)
+    made = phase_counts(np.array([[0, np.pi / 2, -np.pi / 2, 2 * np.pi - 1e-9]]), rate=1000)
+    assert made.values.tolist() == [[0, 64, 192, 0]]
 
 
 @given(st.binary(max_size=200))
@@ -68,17 +73,6 @@ def test_counts_have_an_error_of_at_most_half_a_count(values, dtype):
     made = encode_counts(values, Kind.SAMPLES, dtype=dtype, rate=1000)
     # A unit below the least normal float32 is coarser than half a count.
     assert np.abs(made.values * made.unit - values).max() <= max(0.5001 * made.unit, 1e-36)
-
-
-def test_a_complex_number_is_a_pair():
-    made = encode_counts(np.array([[1 + 2j, -4j]]), Kind.FIELD, dtype="<f4", first=3, rate=1000)
-    assert made.values.tolist() == [[1, 2, 0, -4]]
-    assert (made.first, made.time) == (3, 0.003)
-
-
-def test_phases_are_counts_of_the_firmware():
-    made = phase_counts(np.array([[0, np.pi / 2, -np.pi / 2, 2 * np.pi - 1e-9]]), rate=1000)
-    assert made.values.tolist() == [[0, 64, 192, 0]]
 
 
 def node():
@@ -126,23 +120,12 @@ def test_page_decodes_sections_of_python():
     assert "unknown version or type" in other
     types = {"|i1": 1, "<i2": 2, "<f4": 3, "|u1": 4}
 
-    # JSON has no infinity and no minus zero.
     def told(s):
-        # JSON has no infinity.
-        time = s.time if np.isfinite(s.time) else None
-        return [
-            s.kind,
-            s.unit,
-            s.first,
-            time,
-            s.number,
-            types[s.values.dtype.str],
-            *s.values.shape,
-            s.values.ravel().tolist(),
-        ]
+        time = s.time if np.isfinite(s.time) else None  # JSON has no infinity
+        head = [s.kind, s.unit, s.first, time, s.number, types[s.values.dtype.str]]
+        return [*head, *s.values.shape, s.values.ravel().tolist()]
 
-    wanted = [[told(each) for each in some] for some in drawn]
-    assert read == wanted
+    assert read == [[told(each) for each in some] for some in drawn]
 
 
 EMPTY = """

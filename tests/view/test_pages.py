@@ -54,13 +54,10 @@ def test_page_refers_to_no_other_address():
     assert "midair show x.drive.h5" in page
 
 
-def test_the_frames_are_inside():
+def test_the_frames_are_inside_and_foreign_text_is_escaped():
     page = show_page(show_recording(recording()))
     (held,) = re.findall(r'data-name="samples">([^<]*)<', page)
     assert unpack(base64.b64decode(held))[0].values.shape == (60, 16)
-
-
-def test_foreign_text_is_escaped():
     said = replace(recording().provenance, notes={"object": "</script><b>x"})
     page = show_page(show_recording(replace(recording(), provenance=said)))
     assert "<b>x" not in page
@@ -76,7 +73,7 @@ def test_only_its_own_scripts_and_styles_may_run():
     assert "unsafe" not in page
 
 
-def test_tone_keeps_its_frequency_and_peaks_near_full_scale():
+def test_a_tone_keeps_its_frequency_and_peaks_near_full_scale_and_a_rest_makes_no_click():
     shown = show_recording(recording(500))
     heard = channel_sound(shown.samples, 6, shown.rate)
     sound, rate = soundfile.read(io.BytesIO(heard.data))
@@ -84,9 +81,6 @@ def test_tone_keeps_its_frequency_and_peaks_near_full_scale():
     assert np.abs(sound).max() == pytest.approx(0.9, abs=1e-3)
     assert np.abs(np.fft.rfft(sound)).argmax() * rate / len(sound) == pytest.approx(100, abs=2)
     assert heard.full_scale * 0.9 == pytest.approx(1, rel=0.02)
-
-
-def test_silence_stays_silent_and_a_rest_makes_no_click():
     still = Channels(values=np.full((300, 2), 5.0), unit="V", label="rest")
     sound, _ = soundfile.read(io.BytesIO(channel_sound(still, 1, 1000).data))
     assert np.abs(sound).max() == 0
@@ -122,13 +116,10 @@ def test_a_part_keeps_the_numbers_of_its_frames():
     assert (samples.first, samples.time) == (2, 0.005)
 
 
-def test_size_is_estimated_before_packing():
+def test_size_is_estimated_before_packing_and_a_minute_of_a_drive_fits_a_page():
     for shown in (focus(), show_recording(recording(600))):
         made = sum(map(len, sections(shown).values()))
         assert size_of(shown) == pytest.approx(made, rel=0.05)
-
-
-def test_a_minute_of_a_drive_fits_a_page_and_two_do_not():
     shown = focus()
     long = replace(shown, frames=65_000)
     assert size_of(long) < 64 * 2**20
