@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from midair.correct import EnvelopePrediction
+from midair.correct.envelope_prediction import EnvelopeTracking
 from midair.model import AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -14,6 +15,7 @@ from midair.physics import (
     Transducers,
     cell_weights,
     focus_phase,
+    middle_of,
     radiation_pressure,
     simulate,
     transfer_matrix,
@@ -118,3 +120,49 @@ def test_the_low_pass_is_of_the_band():
     assert fast @ metric @ fast == pytest.approx(32 * 0.05, rel=0.2)
     # At 1 kHz all playable frequencies are in the band.
     np.testing.assert_allclose(np.diag(WAY.metric(slice(0, 8), 20, 1e3))[:8], 1.05)
+
+
+WEIGHTS = cell_weights(SensorModel(grid=SensorGrid(rows=2, columns=2)), GRID, between="waves")
+FEW, MIDDLE, NOMINAL = 12, middle_of(GRID), ARRAY.nominal
+
+
+@pytest.fixture
+def drive():
+    phase = 0.3 * np.random.default_rng(0).normal(size=(FEW, NOMINAL.count)).cumsum(axis=0)
+    return Drive(phase=phase, level=np.linspace(0.5, 1, FEW), rate=4e3, array=NOMINAL)
+
+
+def command(drive):
+    return (drive.level[:, None] * np.exp(1j * np.asarray(drive.phase))).astype(np.complex64)
+
+
+def test_the_pressure_agrees_with_the_playback_simulation(drive):
+    tracking = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE)
+    chain = PlaybackChain(phase_bits=None, transducers=SPREAD, precision="double")
+    expected = simulate(drive, transfer_matrix(GRID, NOMINAL), chain=chain, rate=drive.rate, weights=WEIGHTS)
+    start, none = np.zeros(NOMINAL.count, np.complex64), np.zeros((FEW, 4), np.float32)
+    cost, _ = tracking.cost(command(drive), start, none, np.eye(FEW, dtype=np.float32))
+    assert cost == pytest.approx(0.5 * (expected**2).sum(), rel=1e-4)
+
+
+def test_the_slope_is_the_derivative_by_central_differences(drive):
+    tracking, rng = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE), np.random.default_rng(1)
+    mixed = rng.normal(size=(FEW, FEW))
+    metric = (mixed @ mixed.T).astype(np.float32)
+    wanted = rng.uniform(0, 1, (FEW, 4)).astype(np.float32)
+    start, turn = command(drive)[0], rng.normal(size=(FEW, NOMINAL.count))
+    _, slope = tracking.cost(command(drive), start, wanted, metric)
+    above, below = (
+        tracking.cost((command(drive) * np.exp(1j * by * turn)).astype(np.complex64), start, wanted, metric)[0]
+        for by in (3e-3, -3e-3)
+    )
+    assert (slope * turn).sum() == pytest.approx((above - below) / 6e-3, rel=1e-2)
+
+
+def test_a_stretch_goes_on_from_the_one_before_it(drive):
+    tracking = EnvelopeTracking.of(drive, SPREAD, GRID.position, WEIGHTS, MIDDLE)
+    start = np.zeros(NOMINAL.count, np.complex64)
+    whole = tracking.radiated(command(drive), start)
+    first = tracking.radiated(command(drive)[:5], start)
+    second = tracking.radiated(command(drive)[5:], first[-1])
+    np.testing.assert_allclose(np.concatenate([first, second]), whole, atol=1e-6)

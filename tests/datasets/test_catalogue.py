@@ -40,7 +40,7 @@ def test_sample_files_are_the_published_originals(subtests):
             assert hashlib.sha256(sample_path(name).read_bytes()).hexdigest() == digest
 
 
-def test_denim_is_a_real_recording_that_names_its_origin():
+def test_samples_name_their_origin_and_licence():
     recording = sample("denim")
     assert recording.samples.shape == (424, 4, 4)
     assert recording.unit == "count"
@@ -49,6 +49,9 @@ def test_denim_is_a_real_recording_that_names_its_origin():
     assert recording.provenance.notes["licence"] == "MIT"
     assert "10.3389/fnbot.2022.808222" in recording.provenance.notes["origin"]
     assert recording.provenance.notes["material"] == "Denim"
+    read = open_take(sample_path("connect"), scale=200.0).recording
+    assert "licence" not in read.provenance.notes
+    assert with_credits("connect", read).provenance.notes["licence"] == "Apache-2.0"
 
 
 def felt_by(recording):
@@ -90,12 +93,6 @@ def test_denim_is_below_threshold_at_the_level_in_the_docs():
     slow = replace(recording, samples=30 * change / np.abs(change).max(), unit="Pa")
     pressure = calibrate(resample(slow, 1000.0), band=(0.5, 15.0))
     assert felt(pressure.pressure, pressure.rate, pressure.sensor.pitch).people[0] == 0
-
-
-def test_a_sample_file_read_with_options_has_its_licence():
-    read = open_take(sample_path("connect"), scale=200.0).recording
-    assert "licence" not in read.provenance.notes
-    assert with_credits("connect", read).provenance.notes["licence"] == "Apache-2.0"
 
 
 @pytest.mark.long

@@ -67,16 +67,13 @@ def test_each_cell_is_passed_when_the_contact_is_over_it():
         assert Motion(speed=speed).passage(SensorGrid()) == pytest.approx((0.015 + 0.011 * np.arange(4)) / speed)
 
 
-def test_a_contact_of_two_centimetres_touches_for_two_centimetres():
+def test_a_contact_of_two_centimetres_touches_its_column_for_two_centimetres():
     frames = stroke("towel")
     for row in range(4):
         on = np.flatnonzero(frames.pressure[:, row, 2] > 0.02)
         assert (on[-1] - on[0]) / 1000 * 0.05 == pytest.approx(0.028, abs=0.002)  # with its soft edge
         full = np.flatnonzero(Motion().cover(SensorGrid(), frames.time)[:, row, 2] > 0.5)
         assert len(full) / 1000 * 0.05 == pytest.approx(0.020, abs=1e-4)
-
-
-def test_the_stroke_starts_and_ends_free_and_stays_in_its_column():
     frames = stroke("towel", groove=True)
     assert np.abs(frames.pressure[:15]).max() < 0.01
     assert np.abs(frames.pressure[-15:]).max() < 0.01

@@ -54,7 +54,7 @@ def test_silence_gives_figures_and_no_nan():
         assert not any(np.isnan(value) for value, _ in comparison.figures().values())
 
 
-def test_the_figures_equal_their_definitions():
+def test_the_figures_equal_their_definitions_and_frequencies_ignore_the_mean():
     """Compared with sums over all cells at once in NumPy, while `compare` processes cell by cell."""
     rng = np.random.default_rng(1)
     x = rng.standard_normal((4000, 4, 4)) * np.linspace(0.1, 3, 16).reshape(4, 4)
@@ -71,9 +71,6 @@ def test_the_figures_equal_their_definitions():
     )
     assert said.frequency == (dominant_frequency(x, 1000.0), dominant_frequency(y, 1000.0))
     assert said.rms == pytest.approx([np.sqrt((each**2).mean(axis=0).max()) for each in (x, y)], rel=1e-12)
-
-
-def test_dominant_frequency_ignores_the_mean():
     time = np.arange(500) / 1000
     wave = 10 + np.sin(2 * np.pi * 40 * time) + 0.5 * np.sin(2 * np.pi * 120 * time)
     assert dominant_frequency(wave[:, None, None], 1000.0) == pytest.approx(40.0)

@@ -22,18 +22,15 @@ def focused(frames, air=None):
     return drive, AmplitudeFrames(amplitude=np.abs(propagate(drive, POINT)), rate=1000.0, grid=POINT)
 
 
-def test_a_drive_has_no_error_in_its_own_air():
+def test_the_error_in_its_own_and_in_denser_air():
     np.testing.assert_allclose(error_at_temperature(*focused(6, ROOM), ROOM.medium), np.zeros(4), atol=1e-12)
-
-
-def test_pressure_decreases_in_denser_air():
-    """Only rho changes, no phase and no loss: P = alpha p^2 / (2 rho c^2), so p must be larger by sqrt(2)."""
+    # Only rho changes, no phase and no loss: P = alpha p^2 / (2 rho c^2), so p must be larger by sqrt(2).
     drive, target = focused(3)
     dense = replace(Medium(), density=2.5)
     np.testing.assert_allclose(error_at_temperature(drive, target, dense), np.full(2, 1 - 1 / np.sqrt(2)), rtol=1e-9)
 
 
-def test_selected_frames_represent_all_audible_ones_and_there_may_be_none():
+def test_selected_frames_represent_all_audible_ones_of_the_target_of_this_drive():
     drive, target = focused(300)
     warm = Medium.at(temperature=30.0)
     everything, some = error_at_temperature(drive, target, warm), error_at_temperature(drive, target, warm, frames=7)
@@ -42,8 +39,5 @@ def test_selected_frames_represent_all_audible_ones_and_there_may_be_none():
     drive, target = focused(2)
     silent = replace(target, amplitude=np.zeros((2, 1)))
     assert error_at_temperature(drive, silent, Medium()).shape == (0,)
-
-
-def test_the_target_of_another_drive_is_refused():
     with pytest.raises(MismatchError, match="expected 3 frames as in the drive, got 2"):
         error_at_temperature(focused(3)[0], focused(2)[1], Medium())

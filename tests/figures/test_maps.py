@@ -76,14 +76,11 @@ def pressed(rate):
     return PressureFrames(pressure=pressure, rate=rate, band=(20.0, 400.0))
 
 
-def test_the_window_lies_around_the_strongest_moment():
+def test_the_window_and_the_map_of_a_touch():
     cell, begin = strongest_moment(pressed(1000.0), 0.1)
     assert cell == (1, 2)
     assert begin <= 0.471
     assert begin + 0.1 >= 0.529
-
-
-def test_a_map_of_touch_has_the_last_row_on_top_and_nothing_where_nothing_is():
     source = map_source(np.array([[0.0, np.nan], [1.0, 5.0]]), 2.0)
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))).convert("RGBA"))
     assert pixels.shape == (2, 2, 4)

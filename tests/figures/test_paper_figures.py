@@ -56,7 +56,7 @@ def texts(figure):
     return [text.get_text() for text in figure.texts]
 
 
-def test_a_histogram_counts_every_pattern():
+def test_a_histogram_counts_every_pattern_and_a_curve_is_drawn_in_percent():
     errors = np.random.default_rng(1).uniform(0.02, 0.2, 500)
     figure = histogram_figure([("strength 0.1", errors)], published=PUBLISHED)
     axes = figure.axes[0]
@@ -65,9 +65,6 @@ def test_a_histogram_counts_every_pattern():
     assert "500 patterns" in axes.get_legend_handles_labels()[1][1]
     assert axes.get_xlabel() == "E (%)"
     assert "SIMULATED" in texts(figure)
-
-
-def test_a_curve_is_drawn_in_percent():
     rows = [{"strength": x, "mean": x / 2, "p5": x / 4, "p95": x} for x in (0.1, 0.2, 0.3)]
     figure = curve_figure({"150 mm": rows, "200 mm": rows}, "strength", published=PUBLISHED)
     np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata(), [5, 10, 15])

@@ -97,14 +97,11 @@ def test_an_array_that_was_measured_is_solved_for_as_it_is():
     assert np.abs(G @ np.exp(1j * focus_phase(array, place)))[0] == pytest.approx(np.abs(G).sum())
 
 
-def test_resonance_and_quality_are_those_of_the_pole():
+def test_resonance_and_quality_are_those_of_the_pole_and_tell_files_apart():
     known = calibration(pole=np.full(ARRAY.count, -1 / 188e-6 - 2j * np.pi * 200))
     np.testing.assert_allclose(known.resonance, 39800)
     # omega tau / 2, as in `midair.physics.playback`.
     np.testing.assert_allclose(known.quality, 2 * np.pi * 39800 * 188e-6 / 2)
-
-
-def test_what_was_measured_tells_files_apart():
     one, other = calibration(), calibration()
     assert one.identifier == calibration(response=one.response, pole=one.pole).identifier
     assert one.identifier != other.identifier

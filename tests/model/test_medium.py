@@ -68,7 +68,7 @@ def test_speed_of_sound_and_temperature_as_cramer_has_them():
     assert speed_of_sound(0.0, 0.0) == pytest.approx(331.46, abs=0.02)
 
 
-def test_attenuation_as_the_standard_tabulates_it():
+def test_attenuation_and_density_of_moist_air_as_standards_tabulate_them():
     printed = [row[3] for row in TABLE_1]  # three digits
     # Note 5 of 6.4: the table is of exact frequencies.
     exact = [1000 * 10 ** (round(10 * math.log10(row[1] / 1000)) / 10) for row in TABLE_1]
@@ -77,9 +77,6 @@ def test_attenuation_as_the_standard_tabulates_it():
     # .15 Np/m at 40 kHz is the constant of `Medium`: 20 C at 50 %, 25 C at 60 %.
     assert attenuation(40e3, 20, 0.5) == pytest.approx(0.152, abs=5e-4)
     assert attenuation(40e3, 25, 0.6) == pytest.approx(0.151, abs=5e-4)
-
-
-def test_density_of_moist_air():
     # Davis (1992) gives 1.19929 kg/m3 at 20 C, 50 %, 101325 Pa with 400 ppm of carbon dioxide.
     assert density(20, 0.5) == pytest.approx(1.1993, rel=5e-4)
     assert density(20, 1.0) < density(20, 0.0)

@@ -7,12 +7,17 @@ from midair.errors import InputError, ShapeError
 from midair.model import Palm, PalmPath, TrackerPlacement
 
 
-def test_a_disc_has_its_area_and_lies_over_the_middle_of_the_array():
+def test_a_disc_has_its_area_and_a_square_in_it_leaves_the_rest():
     palm = Palm.disc(85e-3, pitch=1e-3)
     assert palm.inside.sum() * 1e-6 == pytest.approx(np.pi * 0.0425**2, rel=2e-3)
     assert palm.inside[42, 42]
     np.testing.assert_array_equal(palm.inside, palm.inside[::-1, ::-1])
     assert palm.grid(0.2).position[palm.inside.ravel()].mean(axis=0) == pytest.approx([0, 0, 0.2])
+    palm = Palm.disc(85e-3)
+    beyond = palm.beyond(27.5e-3, 27.5e-3)
+    # The square lies inside the disc whole; points on its edge belong to it.
+    assert palm.inside.sum() - beyond.sum() == 23**2
+    assert not palm.beyond(42.5e-3, 42.5e-3).any()
 
 
 def test_an_outline_may_have_dents():
@@ -23,14 +28,6 @@ def test_an_outline_may_have_dents():
     x, y = palm.grid(0.1).x, palm.grid(0.1).y
     assert not palm.inside[y > 1e-3][:, x > 1e-3].any()
     assert palm.inside[(y < -1e-3) & (y > -19e-3)][:, np.abs(x) < 19e-3].all()
-
-
-def test_beyond_a_square_is_what_is_left_of_the_palm():
-    palm = Palm.disc(85e-3)
-    beyond = palm.beyond(27.5e-3, 27.5e-3)
-    # The square lies inside the disc whole; points on its edge belong to it.
-    assert palm.inside.sum() - beyond.sum() == 23**2
-    assert not palm.beyond(42.5e-3, 42.5e-3).any()
 
 
 def test_letters_draw_the_same_palm():
@@ -55,19 +52,16 @@ def test_a_wider_palm_is_wider_by_the_margin_on_all_sides():
 FLAT: dict[str, Any] = {"centre": [[0, 0, 0.2]], "normal": [[0, 0, -1]], "fingers": [[0, 1, 0]], "confidence": [1.0]}
 
 
-def test_a_path_faces_the_array_and_its_times_increase():
+def test_a_path_faces_the_array_turns_with_its_tracker_and_its_times_increase():
     path = PalmPath(time=[0.0], **FLAT)
     np.testing.assert_array_equal(path.rotation[0], np.eye(3))
     twice = {name: 2 * value for name, value in FLAT.items()}
     with pytest.raises(InputError, match=r"increasing times, got 0\.1 s at pose 2"):
         PalmPath(time=[0.1, 0.1], **twice)
-
-
-QUARTER = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-
-
-def test_a_quarter_turn_moves_and_turns_a_pose():
     palm = PalmPath(time=[0.0], centre=[[0.1, 0, 0.2]], normal=[[0, 0, -1]], fingers=[[0, 1, 0]], confidence=[0.5])
     placed = TrackerPlacement(rotation=QUARTER, offset=[0, 0, 0.01]).path(palm)
     np.testing.assert_allclose(placed.centre, [[0, 0.1, 0.21]])
     np.testing.assert_allclose(placed.fingers, [[-1, 0, 0]])
+
+
+QUARTER = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]

@@ -51,39 +51,30 @@ def slow(told, chain, steps):
     return np.array(pressure)
 
 
-def test_agrees_with_the_slow_loop():
+def test_agrees_with_the_slow_loop_also_in_single_precision_and_in_means_over_points():
     chain = exact(transducers=VARIED)
     np.testing.assert_allclose(simulate(drive(), G, chain=chain, rate=4000.0), slow(drive(), chain, 4), rtol=1e-9)
-
-
-def test_single_precision_is_true_to_a_hundred_thousandth():
     fine = simulate(drive(), G, chain=exact(transducers=VARIED), rate=16000.0)
     coarse = simulate(drive(), G, chain=PlaybackChain(phase_bits=None, transducers=VARIED), rate=16000.0)
     assert 0 < np.abs(coarse - fine).max() < 1e-5 * fine.max()
+    weights = np.random.default_rng(3).random((4, 9))
+    points = simulate(drive(), G, chain=exact(transducers=VARIED), rate=4000.0)
+    cells = simulate(drive(), G, chain=exact(transducers=VARIED), rate=4000.0, weights=weights)
+    np.testing.assert_allclose(cells, points @ weights.T, rtol=1e-9)
 
 
-def test_without_anything_in_between_it_is_the_field_of_each_frame():
+def test_without_anything_in_between_it_is_the_field_of_each_frame_with_phases_rounded_as_the_firmware_does():
     told = drive()
     still = radiation_pressure(told.q @ G.T, Medium())
     np.testing.assert_allclose(simulate(told, G, chain=exact(), rate=2000.0), np.repeat(still, 2, axis=0), rtol=1e-9)
     ideal = simulate(told, G, chain=exact(hold="ideal"), rate=4000.0)
     np.testing.assert_allclose(ideal[::4][2:-2], np.maximum(still, 0)[2:-2], atol=2e-2 * still.max())
-
-
-def test_phases_are_rounded_as_the_firmware_does():
     told = drive()
     coarse = simulate(told, G, chain=PlaybackChain(phase_bits=2, precision="double"), rate=1000.0)
     quarter = np.round(told.phase / (np.pi / 2)) * (np.pi / 2)
     np.testing.assert_allclose(
         coarse, radiation_pressure((told.level * np.exp(1j * quarter)) @ G.T, Medium()), rtol=1e-9
     )
-
-
-def test_cells_average_over_points():
-    weights = np.random.default_rng(3).random((4, 9))
-    points = simulate(drive(), G, chain=exact(transducers=VARIED), rate=4000.0)
-    cells = simulate(drive(), G, chain=exact(transducers=VARIED), rate=4000.0, weights=weights)
-    np.testing.assert_allclose(cells, points @ weights.T, rtol=1e-9)
 
 
 def test_a_small_modulation_agrees_with_the_response():
@@ -164,7 +155,7 @@ def test_silencer_ramps_agree_with_a_tick_by_tick_loop(subtests):
             assert np.abs(found - np.array(fine)[9::10]).max() < 0.02
 
 
-def test_a_silencer_takes_the_dip_away():
+def test_a_silencer_takes_the_dip_away_and_goes_the_short_way_round():
     """A half turn spread over 1 ms: never below a third, where the bare step goes through zero."""
     told = Drive(
         phase=np.repeat([0.0, 3.1, 3.1], [20, 1, 1])[:, None] * np.ones(12), level=np.ones(22), rate=1000.0, array=ARRAY
@@ -177,9 +168,6 @@ def test_a_silencer_takes_the_dip_away():
     )
     assert bare < 0.05
     assert spread > 0.8
-
-
-def test_a_ramp_goes_the_short_way_round():
     told = Drive(phase=np.array([[6.2] * 12, [0.1] * 12]), level=np.ones(2), rate=1000.0, array=ARRAY)
     q = np.concatenate([some for some, _ in radiate(told, exact(phase_ramp=1e-3), 10)])[10:, 0]
     np.testing.assert_allclose(

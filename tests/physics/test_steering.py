@@ -46,7 +46,8 @@ def hand(seed: int = 0, poses: int = 6, duration: float = 0.1) -> PalmPath:
 
 
 def test_a_focus_on_the_aim_stays_a_focus_on_the_moved_palm() -> None:
-    path = hand()
+    path, rest = hand(), palm_path(np.zeros(1), SOLVED[None])
+    assert np.abs(steering_phase(ARRAY, AIR.medium, SOLVED, rest)).max() == 0
     for aim in (SOLVED, np.add(SOLVED, (8e-3, -5e-3, 0))):
         steered = focus_phase(ARRAY, aim, acoustics=AIR) + steering_phase(ARRAY, AIR.medium, SOLVED, path, aim=aim)
         for number, place in enumerate(on_the_palm(aim[None], SOLVED, path)[:, 0]):
@@ -80,11 +81,6 @@ def test_the_fit_restores_the_pressure_that_steering_loses_on_a_tilted_and_turne
             )
             lost, left = (float(np.linalg.norm(each - wanted) / np.linalg.norm(wanted)) for each in felt)
             assert left < 0.7 * lost < 0.3
-
-
-def test_a_palm_in_its_solved_place_is_not_steered() -> None:
-    rest = palm_path(np.zeros(1), SOLVED[None])
-    assert np.abs(steering_phase(ARRAY, AIR.medium, SOLVED, rest)).max() == 0
 
 
 def test_the_array_from_a_palm_makes_the_field_at_the_moved_points() -> None:

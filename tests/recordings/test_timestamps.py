@@ -9,12 +9,20 @@ from midair.errors import RateError
 from midair.recordings import seconds, to_fixed_rate
 
 
-def test_keeps_rows_that_lie_on_the_grid():
+def test_rows_that_lie_on_the_grid_are_kept_and_a_lost_one_is_a_frame_without_a_number():
     samples = np.random.default_rng(0).normal(size=(50, 2))
     even = to_fixed_rate(12.5 + np.arange(50) / 100, samples)
     assert even.rate == pytest.approx(100, rel=1e-9)
     np.testing.assert_array_equal(even.samples, samples)
     assert even.report == ("Rate 100 Hz: 100 % of 50 rows used, 0 % of 50 frames filled.",)
+    keep = np.r_[0:20, 22:60]
+    even = to_fixed_rate(keep / 50, keep[:, None].astype(float))
+    assert (even.rate, even.missing) == (50, 2)
+    np.testing.assert_allclose(even.samples[:, 0], np.where(np.isin(np.arange(60), keep), np.arange(60), np.nan))
+    assert even.report == (
+        "Rate 50 Hz: 100 % of 58 rows used, 3.33 % of 60 frames filled.",
+        "1 gaps in the time stamps, the longest 40 ms after 0.38 s.",
+    )
 
 
 @given(st.lists(st.sampled_from([23, 28, 32]), min_size=20, max_size=80), st.floats(-5, 5), st.floats(-5, 5))
@@ -25,17 +33,6 @@ def test_a_straight_line_stays_one(distances, slope, start):
     assert even.rate == pytest.approx(1e3 / np.mean(distances), rel=0.02)
     times = np.arange(len(even.samples)) / even.rate
     np.testing.assert_allclose(even.samples[:, 0], start + slope * times, atol=1e-9 + 5.5e-3 * abs(slope))
-
-
-def test_a_lost_row_is_a_frame_without_a_number():
-    keep = np.r_[0:20, 22:60]
-    even = to_fixed_rate(keep / 50, keep[:, None].astype(float))
-    assert (even.rate, even.missing) == (50, 2)
-    np.testing.assert_allclose(even.samples[:, 0], np.where(np.isin(np.arange(60), keep), np.arange(60), np.nan))
-    assert even.report == (
-        "Rate 50 Hz: 100 % of 58 rows used, 3.33 % of 60 frames filled.",
-        "1 gaps in the time stamps, the longest 40 ms after 0.38 s.",
-    )
 
 
 def test_rows_under_a_coarse_clock_keep_their_values(subtests):
@@ -63,13 +60,16 @@ def test_a_few_rows_with_a_stamp_of_others_are_spread():
     assert even.report[0] == "10 of 500 rows have the time stamp of the row before: they were spread evenly."
 
 
-def test_rows_that_were_written_twice_are_left_out_or_refused():
+def test_rows_that_were_written_twice_are_left_out_or_refused_and_later_repeats_reported():
     numbers = np.arange(100.0)
     even = to_fixed_rate(np.sort(np.r_[numbers, 7.0, 50.0]), np.sort(np.r_[numbers, 7.0, 50.0])[:, None])
     np.testing.assert_array_equal(even.samples[:, 0], numbers)
     assert even.report[0] == "2 of 102 rows repeat stamp and numbers of the row before: they were left out."
     with pytest.raises(RateError, match="at least 90% of the rows to differ; 100 of 200 rows repeat stamp"):
         to_fixed_rate(np.repeat(numbers, 2), np.repeat(numbers, 2)[:, None])
+    even = to_fixed_rate(np.arange(5) / 10, np.array([[0.0, 4], [1, 5], [1, 5], [2, 5], [3, 6]]))
+    assert len(even.samples) == 5
+    assert "1 of 5 rows repeat every channel" in even.report[0]
 
 
 def test_rows_lost_in_a_stream_are_found_by_its_rate(subtests):
@@ -85,12 +85,6 @@ def test_rows_lost_in_a_stream_are_found_by_its_rate(subtests):
                 # A late row before the gap may be taken for the first one after it.
                 there = np.isfinite(even.samples[:, 0]) & (np.abs(np.arange(4000) - 1500) > 20 * (jitter > 1e-3))
                 np.testing.assert_array_equal(even.samples[there, 0], np.arange(4000)[there])
-
-
-def test_reports_rows_that_repeat_at_a_later_time():
-    even = to_fixed_rate(np.arange(5) / 10, np.array([[0.0, 4], [1, 5], [1, 5], [2, 5], [3, 6]]))
-    assert len(even.samples) == 5
-    assert "1 of 5 rows repeat every channel" in even.report[0]
 
 
 def test_uses_the_stated_rate_when_it_fits():

@@ -98,13 +98,10 @@ def test_settings_of_the_modes():
     assert quiet_mode().but(method=best.solver.method, convergence="auto", quiet_ears=0.0, ears=None) == best
 
 
-def test_a_coarser_grid_spans_the_same_square():
+def test_a_coarser_grid_spans_the_same_square_and_modes_side_by_side_are_in_one_air():
     rough = with_fewer_points(Settings(), 11).target.grid
     assert rough.x[[0, -1]] == pytest.approx(Settings().target.grid.x[[0, -1]])
     assert rough.count == 121
-
-
-def test_modes_side_by_side_are_in_one_air():
     warm = paper_mode().but(acoustics=Acoustics(medium=Medium.at(temperature=25.0)))
     assert {settings.acoustics for settings in with_paper_mode("best", warm).values()} == {warm.acoustics}
     mine = best_mode()

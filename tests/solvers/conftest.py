@@ -95,10 +95,3 @@ def complex_slope():
         return slope
 
     return of
-
-
-def jacobian(problem, p, x):
-    """Derivative of [Re; Im] of the residual by x, shape (2 point, transducer + point)."""
-    theta, psi = x[: problem.transducers], x[problem.transducers :]
-    slopes = np.hstack([1j * problem.level * problem.G * np.exp(1j * theta), np.diag(-1j * p * np.exp(1j * psi))])
-    return np.vstack([slopes.real, slopes.imag])

@@ -2,15 +2,18 @@
 
 import sys
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from midair.errors import InputError, MissingExtraError
-from midair.solvers import Fast, Glide, Problem, SolverSettings, error_of, solver
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.physics import quantise_phase
+from midair.solvers import Fast, Glide, Problem, SolverSettings, error_of, solve, solver
 from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, backend
-from midair.solvers.problem import CellTarget, GuardField
+from midair.solvers.problem import CellTarget, GuardField, phases_and_errors
 
 
 def draw(*shape, seed=0):
@@ -42,9 +45,10 @@ def test_numbers_go_there_and_back(library, subtests):
             np.testing.assert_allclose(of_zero, [[1, 1j, -1]], atol=1e-7)
 
 
-def small(**rest):
-    amplitude = np.random.default_rng(1).uniform(0.02, 0.2, (5, 8))
-    amplitude[3] = 0
+AMPLITUDE = np.random.default_rng(1).uniform(0.02, 0.2, (5, 8)) * (np.arange(5) != 3)[:, None]
+
+
+def small(amplitude=AMPLITUDE, **rest):
     return Problem(G=draw(8, 24) / 24, amplitude=amplitude, **rest)
 
 
@@ -53,7 +57,7 @@ WEIGHTS = np.kron(np.eye(2), np.full(4, 0.25))
 TERMS = {
     "points": small(),
     "guard": small(guard=GUARD),
-    "cells": small(cells=CellTarget(weights=WEIGHTS, wanted=small().amplitude ** 2 @ WEIGHTS.T)),
+    "cells": small(cells=CellTarget(weights=WEIGHTS, wanted=AMPLITUDE**2 @ WEIGHTS.T)),
     "smooth": small(smooth=1e-2),
 }
 
@@ -102,17 +106,46 @@ def test_a_device_that_is_not_here_is_refused():
             backend(device)
 
 
-def test_a_missing_library_names_the_extra_to_install(monkeypatch):
+def test_a_missing_library_names_the_extra_to_install_and_other_methods_have_none(monkeypatch):
     for library, extra in (("torch", "gpu-torch"), ("cupy", "gpu-cupy")):
         monkeypatch.setitem(sys.modules, LIBRARIES[library], None)
         module._module.cache_clear()
         with pytest.raises(MissingExtraError, match=rf"pip install 'midair\[{extra}\]'"):
             backend(library)
         module._module.cache_clear()
-
-
-def test_other_methods_have_no_backend():
     with pytest.raises(InputError, match="backend: expected method fast or glide, got lm"):
         solver("lm", backend="torch")
     assert solver("fast", backend="strict").backend == "strict"
     assert SolverSettings().backend is None
+
+
+def test_phases_and_errors_are_those_of_the_host(library):
+    """More frames than a batch has."""
+    rng = np.random.default_rng(2)
+    theta = rng.uniform(-20, 20, (300, 24))
+    amplitude = np.tile(AMPLITUDE, (60, 1))
+    cells = CellTarget(weights=WEIGHTS, wanted=amplitude**2 @ WEIGHTS.T)
+    problems = {"full": small(amplitude), "level": small(amplitude, level=0.7), "cells": small(amplitude, cells=cells)}
+    for (which, asked), level, bits in product(problems.items(), (None, (300,), (300, 24)), (None, 8)):
+        part = None if level is None else rng.uniform(0, 1, level)
+        phase, error = phases_and_errors(backend(library, precision="double"), asked, theta, part, bits)
+        expected = np.mod(theta, 2 * np.pi) if bits is None else quantise_phase(theta, bits=bits)
+        case = f"{which}, level {level}, {bits} bits"
+        np.testing.assert_allclose(phase, expected, atol=1e-12, err_msg=case)
+        np.testing.assert_allclose(error, error_of(asked, expected, part), rtol=1e-9, err_msg=case)
+        assert error[3] == 0, case
+
+
+def test_solve_reports_the_error_of_the_played_phases(library):
+    """End to end: the error of the drive's propagated field equals the reported error."""
+    grid, array = ControlGrid(rows=3, columns=3, pitch=0.01), TransducerArray.autd3(columns=1, rows=1)
+    target = AmplitudeFrames(amplitude=np.random.default_rng(5).uniform(20, 60, (6, 9)), rate=1000.0, grid=grid)
+    few = Fast(field_iterations=4, iterations=4, more_iterations=2)
+    for amplitudes in ("equal", "bounded"):
+        found, expected = (
+            solve(target, array, method=each, amplitudes=amplitudes, bits=8)
+            for each in (replace(few, backend=library), few)
+        )
+        np.testing.assert_allclose(found.error, expected.error, atol=2e-2, err_msg=amplitudes)
+        steps = found.drive.phase * 256 / (2 * np.pi)
+        np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9, err_msg=amplitudes)

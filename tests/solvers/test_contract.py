@@ -1,5 +1,6 @@
 """Contract tests of every solver in `METHODS` on every problem."""
 
+import pickle
 from dataclasses import replace
 from itertools import product
 
@@ -217,3 +218,18 @@ def test_it_repeats_itself_keeps_its_input_reports_its_progress_and_finds_a_fiel
         # One point with a twentieth of the possible field: every phase pattern with the right sum is a solution.
         answer = solver(method).solve(PROBLEMS["one point"])
         assert error_of(PROBLEMS["one point"], answer.phase, answer.level)[0] < 0.02
+
+
+def test_every_name_makes_its_method_with_the_iterations_and_start_that_it_has():
+    for name in METHODS:
+        assert solver(name) == METHODS[name]()
+    assert (solver("lm", iterations=(7, 3), start="zero").iterations, solver("lm", start="zero").start) == (7, "zero")
+    assert solver("lm", iterations=4).warm_iterations == 4
+    assert solver("fast", iterations=4, start="previous").iterations == 4
+
+
+def test_settings_are_an_ordinary_class():
+    made = SolverSettings(method=Fast(batch=3), guard=np.float32(0.02), quiet_palm=np.float32(0.1), jobs=4)
+    assert pickle.loads(pickle.dumps(made)) == made == replace(made, jobs=None)
+    assert (made.ring.margin, made.quiet[0].weight) == (pytest.approx(0.02), pytest.approx(0.1))
+    assert made.asked == {"guard", "quiet-palm"}

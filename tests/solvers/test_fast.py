@@ -58,15 +58,12 @@ def test_smooth_phases_change_less_and_the_sum_is_less():
     assert cost[1] < cost[0]
 
 
-def test_smooth_goes_on_from_one_batch_to_the_next():
+def test_smooth_goes_on_from_one_batch_to_the_next_and_does_not_freeze_a_faint_frame():
     """The first frame of a batch is coupled to the last of the previous one: the same target, the same phases."""
     problem = replace(small(frames=1), smooth=1.0)
     problem = replace(problem, amplitude=np.repeat(problem.amplitude, 6, axis=0))
     tied = Fast(batch=2, precision="double").solve(problem).phase
     assert change_of(tied).max() < 1e-3
-
-
-def test_smooth_does_not_freeze_a_faint_frame_next_to_a_loud_one():
     problem = replace(small(frames=3), smooth=1e-3)
     problem = replace(problem, amplitude=problem.amplitude * np.array([[1], [1e-3], [1]]))
     phase = Fast(precision="double").solve(problem).phase

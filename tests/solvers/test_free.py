@@ -31,13 +31,10 @@ def solved():
     return {name: solve(wanted, UNIT, **way) for name, way in ways.items()}
 
 
-def test_a_fortieth_of_the_power_of_equal_amplitudes(solved):
+def test_a_fortieth_of_the_power_of_equal_amplitudes_and_quiet_ears_for_little_error(solved):
     power = {name: (np.abs(each.drive.q) ** 2).mean() for name, each in solved.items()}
     assert power["free"] < power["fast"] / 30
     assert solved["free"].error.max() < 0.025
-
-
-def test_quiet_ears_cost_little_error(solved):
     loud, quiet = (sound(solved[name].drive, EARS).max() for name in ("free", "ears"))
     assert quiet < loud / 15
     assert solved["ears"].error.max() < 0.05
@@ -62,14 +59,11 @@ def test_amplitudes_end_at_full_drive_with_a_moderate_error():
     assert made.error.max() < 0.2
 
 
-def test_frames_between_are_like_frames_from_scratch(solved):
+def test_frames_between_are_like_frames_from_scratch_but_for_a_sudden_target(solved):
     wanted = target(0.05, frames=40)
     alone, between = (solve(wanted, UNIT, method=Free(every=every)) for every in (1, 4))
     assert between.iterations.sum() < 0.5 * alone.iterations.sum()
     np.testing.assert_allclose(between.error, alone.error, atol=0.01)
-
-
-def test_a_sudden_target_is_solved_from_scratch():
     wanted = target(0.05)
     mixed = replace(wanted, amplitude=np.concatenate([wanted.amplitude[[0] * 4], wanted.amplitude[[8] * 5]]))
     made = solve(mixed, UNIT, method=Free(every=8))

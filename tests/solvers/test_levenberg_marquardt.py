@@ -72,7 +72,7 @@ def test_failed_steps_raise_lambda_in_both_forms(random_problem):
         np.testing.assert_allclose(modal, phase, atol=1e-3)
 
 
-def test_a_field_that_the_array_can_make_is_found():
+def test_a_field_that_the_array_can_make_is_found_and_a_minimum_is_converged():
     """p is the field of known phases, so that E = 0 is possible; started close to them it is reached."""
     G, phase = random_matrix(10, 40, 7), np.random.default_rng(7).uniform(-np.pi, np.pi, 40)
     problem = Problem(G=G, amplitude=np.abs(G @ np.exp(1j * phase))[None])
@@ -80,10 +80,7 @@ def test_a_field_that_the_array_can_make_is_found():
     assert error_of(problem, answer.phase)[0] < 1e-6
     assert answer.status == ("converged",)
     assert answer.iterations[0] < 50
-
-
-def test_at_the_minimum_the_gradient_vanishes_and_the_status_is_converged():
-    """One point, one transducer, |G| < p: only the free phase can improve; then the gradient is 0."""
+    # One point, one transducer, |G| < p: only the free phase can improve; then the gradient is 0.
     problem = Problem(G=np.array([[0.5j]]), amplitude=np.array([[1.0]]))
     answer = PLAIN.solve(problem)
     assert answer.status == ("converged",)

@@ -20,13 +20,10 @@ def blob(transfer, channels_to_points, psi):
     return Problem(G=transfer, amplitude=0.1 * channels_to_points(channels), psi=psi)
 
 
-def test_follows_a_moving_spot(blob):
+def test_follows_a_moving_spot_the_closer_the_more_time_a_frame_has(blob):
     error = error_of(blob, Live().solve(blob).phase)
     assert error[10:].mean() < 0.03
     assert error[10:].max() < 0.1
-
-
-def test_more_time_a_frame_gives_less_error(blob):
     short, long = (
         error_of(blob, Live(warm_iterations=field, warm_lift_iterations=lift).solve(blob).phase)[10:].mean()
         for field, lift in ((2, 3), (20, 40))

@@ -31,7 +31,7 @@ def test_a_grid_that_is_placed_keeps_its_distances_and_looks_along_its_normal():
         assert np.cross(along_row, along_column) @ normal > 0, normal
 
 
-def test_one_level_plane_has_the_spreading_phase():
+def test_one_level_plane_has_the_spreading_phase_and_one_wider_than_the_array_a_plane_wave():
     x, y = np.meshgrid(np.linspace(-0.05, 0.05, 12), np.linspace(-0.05, 0.05, 12))
     square = np.stack([x.ravel(), y.ravel(), np.zeros(144)], axis=1)
     array = TransducerArray(position=square, normal=np.broadcast_to([0.0, 0.0, 1.0], square.shape))
@@ -39,15 +39,12 @@ def test_one_level_plane_has_the_spreading_phase():
     here, flat = converging_phase(grid.position, array, air), spreading_phase(grid, array, air)
     # The spreading phase is the first-order term; its error for a narrow array, in rad.
     assert np.ptp(here - flat) < 0.05 < 0.5 < np.ptp(flat)
-
-
-def test_a_plane_wider_than_the_array_gets_a_plane_wave():
     few = TransducerArray(position=np.eye(3) * [0.01, 0.01, 0], normal=np.broadcast_to([0.0, 0.0, 1.0], (3, 3)))
     phase = converging_phase(ControlGrid(centre=(0.01 / 3, 0.01 / 3)).position, few, Medium())
     assert np.ptp(phase) < 1e-9
 
 
-def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
+def test_two_hands_are_solved_as_one_and_heard_as_solved_with_an_amplitude_a_point(array, hands):
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     rng = np.random.default_rng(5)
     wanted = np.kron(rng.uniform(200, 1000, (4, 6)), np.ones(10))
@@ -59,8 +56,5 @@ def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
     error = relative_error(heard, wanted)
     asleep = relative_error(np.roll(heard, 1, axis=0), wanted)
     assert error.max() < 0.15 < asleep.min()
-
-
-def test_amplitudes_must_be_as_many_as_points(array, hands):
     with pytest.raises(ShapeError, match=r"\(frame, 60\), got \(2, 59\)"):
         multi_plane_problem(hands, np.ones((2, 59)), array)

@@ -60,9 +60,14 @@ def test_the_unit_of_pressure_does_not_matter():
     np.testing.assert_allclose(one.drive.phase, two.drive.phase, atol=1e-9)
 
 
-def test_iterations_for_first_and_warm_frames():
+def test_iterations_and_an_automatic_level_of_ten_times_the_strength():
     for iterations, made in ((3, [3, 3]), ((7, 2), [7, 2])):
         assert list(solve(target(wave(2)), UNIT, iterations=iterations).iterations) == made, iterations
+    focus = focus_amplitude(SMALL, UNIT)
+    amplitude = np.array([np.full(16, 0.02), np.full(16, 0.03)]) * focus
+    solution = solve(target(amplitude), UNIT, method="fast", level="auto")
+    np.testing.assert_allclose(solution.drive.level, 0.3)
+    assert solution.drive.provenance.steps[-1].settings["level"] == pytest.approx(0.3)
 
 
 def test_phases_are_within_a_turn_and_the_life_is_written_down():
@@ -87,14 +92,6 @@ def test_bounded_amplitudes_differ_between_transducers_and_the_error_includes_th
         assert level.shape == (4, UNIT.count), method
         assert 0 <= level.min() < 0.4 < level.max() <= 0.5, method
         np.testing.assert_allclose(solution.error, missed(solution.drive, wanted), rtol=1e-4, err_msg=method)
-
-
-def test_an_automatic_level_is_ten_times_the_strength():
-    focus = focus_amplitude(SMALL, UNIT)
-    amplitude = np.array([np.full(16, 0.02), np.full(16, 0.03)]) * focus
-    solution = solve(target(amplitude), UNIT, method="fast", level="auto")
-    np.testing.assert_allclose(solution.drive.level, 0.3)
-    assert solution.drive.provenance.steps[-1].settings["level"] == pytest.approx(0.3)
 
 
 def test_a_guard_makes_the_ring_quieter():

@@ -28,16 +28,16 @@ def test_a_mapping_is_not_negative_goes_with_the_pressure_and_takes_each_cell_al
                 np.testing.assert_array_equal(to_push(np.abs(noise()), 1000.0), np.abs(noise()))
 
 
-def test_a_given_offset_is_added_and_the_remaining_negative_part_cut():
+def test_offsets_biases_and_half_waves_by_hand():
     np.testing.assert_array_equal(constant_offset(np.array([[1.0], [-2.0], [-5.0]]), offset=3.0), [[4.0], [1.0], [0.0]])
     with pytest.raises(InputError, match="0 Pa or more, got -1 Pa"):
         constant_offset(noise(), offset=-1.0)
-
-
-def test_a_sine_is_lifted_by_its_amplitude_at_all_times():
-    """The sliding maximum over 90 ms of a 25 Hz sine is its amplitude; so is its smooth form: P = x + 1."""
+    # The sliding maximum over 90 ms of a 25 Hz sine is its amplitude; so is its smooth form: P = x + 1.
     x = np.sin(2 * np.pi * 25 * np.arange(1000) / 1000)[:, None]
     np.testing.assert_allclose(slow_bias(x, 1000.0)[100:-100], x[100:-100] + 1, atol=1e-12)
+    # x+ = A (1/pi + sin / 2 - 2/pi sum cos(2 k w t) / (4 k^2 - 1)).
+    lines = np.abs(np.fft.rfft(half_wave(10 * np.sin(2 * np.pi * 50 * np.arange(4000) / 4000)), norm="forward"))
+    assert lines[[0, 50, 100, 200]] == pytest.approx(10 * np.array([1, np.pi / 4, 1 / 3, 1 / 15]) / np.pi, rel=1e-2)
 
 
 def test_one_pull_is_bounded_by_a_plateau_with_smooth_shoulders():
@@ -99,12 +99,6 @@ def test_the_hann_window_is_three_decibels_down_at_the_corner():
     hann = SlowBias(corner=8.0).hann(40e3)
     at = np.abs(np.sum(hann * np.exp(2j * np.pi * 8.0 * np.arange(len(hann)) / 40e3)))
     assert 20 * np.log10(at) == pytest.approx(-3.01, abs=0.05)
-
-
-def test_half_wave_of_a_sine_by_hand():
-    """x+ = A (1/pi + sin / 2 - 2/pi sum cos(2 k w t) / (4 k^2 - 1))."""
-    lines = np.abs(np.fft.rfft(half_wave(10 * np.sin(2 * np.pi * 50 * np.arange(4000) / 4000)), norm="forward"))
-    assert lines[[0, 50, 100, 200]] == pytest.approx(10 * np.array([1, np.pi / 4, 1 / 3, 1 / 15]) / np.pi, rel=1e-2)
 
 
 OFFSET = {"constant-offset": {"offset": 2.5}}

@@ -23,18 +23,17 @@ def one_channel(channel, pascal):
     return frames(pressure.reshape(1, 4, 4))
 
 
-def test_one_channel_is_the_tent_of_the_hand():
+def test_one_channel_is_the_tent_of_the_hand_in_amplitude_or_pressure_with_its_gain():
     """Cell 1 is half a pitch before the middle; point i is (i - 7.5) / 3 pitches behind it: point 6 is on cell 1."""
     amplitude = prepare(one_channel(5, 100.0)).amplitude.reshape(16, 16)
     tent = np.zeros(16)
     tent[4:9] = [1 / 3, 2 / 3, 1, 2 / 3, 1 / 3]
     # p_amp = 340 m/s * sqrt(2 * 1.25 kg/m3 * 100 Pa / 2) = 3801.3 Pa
     np.testing.assert_allclose(amplitude, 340 * np.sqrt(125) * np.outer(tent, tent), rtol=1e-12)
-
-
-def test_interpolating_pressure_converts_after():
     by_pressure = prepare(one_channel(5, 100.0), interpolate="pressure").amplitude.reshape(16, 16)
     assert by_pressure[6, 5] == pytest.approx(sound_amplitude(np.array(200 / 3), Medium()), rel=1e-12)
+    plain, louder = prepare(one_channel(9, 10.0)), prepare(one_channel(9, 10.0), gain=4.0)
+    np.testing.assert_allclose(louder.amplitude, 2 * plain.amplitude, rtol=1e-12)
 
 
 def test_half_wave_drops_suction_and_a_constant_offset_keeps_the_differences():
@@ -44,11 +43,6 @@ def test_half_wave_drops_suction_and_a_constant_offset_keeps_the_differences():
     lifted = MAPPINGS["constant-offset"](pressure)
     assert lifted.min() >= 0
     np.testing.assert_allclose(np.diff(lifted, axis=0), np.diff(pressure, axis=0), atol=1e-12)
-
-
-def test_gain_multiplies_pressure_and_so_the_root_of_amplitude():
-    plain, louder = prepare(one_channel(9, 10.0)), prepare(one_channel(9, 10.0), gain=4.0)
-    np.testing.assert_allclose(louder.amplitude, 2 * plain.amplitude, rtol=1e-12)
 
 
 def test_the_border_of_the_grid_fades_to_the_ring_of_zeros_beyond_which_points_have_no_weight():
@@ -79,14 +73,11 @@ def test_inside_the_cells_a_plane_stays_a_plane(seed, points):
     np.testing.assert_allclose(interpolation_matrix(sensor, grid) @ plane, expected, atol=1e-12)
 
 
-def test_any_sensor_and_any_grid():
+def test_any_sensor_and_any_grid_and_the_step_is_written_down():
     sensor, grid = SensorGrid(rows=2, columns=5, pitch=4e-3), ControlGrid(rows=7, columns=3, pitch=2e-3, height=0.1)
     ready = prepare(frames(np.ones((4, 2, 5)), sensor), grid=grid)
     assert ready.amplitude.shape == (4, 21)
     assert ready.grid is grid
-
-
-def test_the_step_is_written_down():
     source = frames(np.ones((1, 4, 4)))
     step = prepare(source, gain=1.5, interpolate="pressure").provenance.steps[-1]
     assert step.stage == "prepare"
@@ -123,16 +114,13 @@ def centroid(amplitude):
     return np.stack([maps.sum(axis=1) @ FINE.x, maps.sum(axis=2) @ FINE.y], axis=1) / total[:, None]
 
 
-def test_the_pattern_turns_once_in_a_fifth_of_a_second():
+def test_the_pattern_turns_once_in_a_fifth_of_a_second_which_the_text_describes():
     still = centroid(prepare(steady(), grid=FINE).amplitude)
     moved = centroid(prepare(steady(), grid=FINE, circle=Circle(radius=3e-3, frequency=5.0)).amplitude) - still
     np.testing.assert_allclose(np.hypot(*moved.T), 3e-3, atol=5e-5)
     np.testing.assert_allclose(moved[0], [3e-3, 0], atol=5e-5)
     np.testing.assert_allclose(moved[50], [0, 3e-3], atol=5e-5)
     np.testing.assert_allclose(moved[200:], moved[:200], atol=1e-9)
-
-
-def test_the_text_describes_the_circle_and_that_it_is_not_validated():
     step = prepare(steady(2), circle=Circle()).provenance.steps[-1]
     assert step.settings["motion"] == "circle of 3 mm at 5 Hz, not validated on people"
     assert (step.settings["circle_m"], step.settings["circle_hz"]) == (3e-3, 5.0)

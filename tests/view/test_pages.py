@@ -148,12 +148,9 @@ def test_a_recording_begins_with_its_loudest_channel_and_has_no_sound_as_a_targe
     assert target.samples is None
 
 
-def test_field_is_that_of_the_drive():
+def test_the_played_field_is_that_of_the_drive_on_the_scale_of_its_target():
     drive = focus_drive(600)
     assert np.allclose(played_field(drive, GRID), propagate(drive, GRID))
-
-
-def test_target_and_played_field_share_one_scale():
     shown = focus()
     assert shown.simulated, "the field is a model's"
     assert shown.sound.top == pytest.approx(max(3000, np.abs(shown.sound.played).max()))

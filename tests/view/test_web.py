@@ -162,7 +162,7 @@ def test_every_key_of_the_transport(opened):
     assert state("frame") > 300, "backwards from the start is from the other end"
 
 
-def test_at_full_speed_a_picture_is_the_rms_of_its_frames_and_in_slow_motion_one_of_them(opened):
+def test_what_the_page_computes_of_frames(opened):
     page = opened(show_recording(recording(600)))
     found = page.evaluate(
         f"""() => {{ {VIEW} const Transport = transport.constructor, told = [];
@@ -173,18 +173,12 @@ def test_at_full_speed_a_picture_is_the_rms_of_its_frames_and_in_slow_motion_one
         return told; }}"""
     )
     assert found == [[0, 0], [1, 17], [18, 33], [34, 34], [36, 36], [36, 36], [37, 37]]
-
-
-def test_rms_over_frames_is_the_rms(opened):
     page = opened(show_recording(recording(600)), reduced_motion="reduce")
     found = page.evaluate(
         f"""() => {{ {VIEW} const p = pictures[0];
         p.draw({{...p.state, from: 100, frame: 109}}); return p.shown[6]; }}"""
     )
     assert found == pytest.approx(np.sqrt(0.5), rel=1e-3)
-
-
-def test_a_lost_frame_is_a_gap_and_silence_is_not(opened):
     page = opened(show_recording(recording()), reduced_motion="reduce")
     found = page.evaluate(
         f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 100}});
@@ -193,9 +187,6 @@ def test_a_lost_frame_is_a_gap_and_silence_is_not(opened):
         return [[0, 1, 2, 4, 5, 7].map(f => String(t.value(f, 0))), t.lost, t.last]; }}"""
     )
     assert found == [["2", "2", "NaN", "NaN", "0", "NaN"], 3, 7]
-
-
-def test_a_live_track_keeps_its_last_frames(opened):
     page = opened(show_recording(recording()), reduced_motion="reduce")
     found = page.evaluate(
         f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 10}});
@@ -203,6 +194,16 @@ def test_a_live_track_keeps_its_last_frames(opened):
         return [t.first, t.last, t.value(15, 0), t.value(24, 0), String(t.value(14, 0))]; }}"""
     )
     assert found == [15, 25, 15, 24, "NaN"]
+    # Against NumPy's own transform.
+    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const p = pictures.find(p => p.label === 'Spectrogram');
+        const real = Float32Array.from({{length: 128}}, (_, i) => Math.sin(i * .7) + i / 100);
+        const given = Array.from(real), imaginary = new Float32Array(128);
+        p._transform(real, imaginary); return [given, Array.from(real), Array.from(imaginary)]; }}"""
+    )
+    given, real, imaginary = map(np.array, found)
+    assert np.abs(np.fft.fft(given) - (real + 1j * imaginary)).max() < 1e-3
 
 
 def test_pictures_have_labels_and_values_for_arrow_keys(opened):
@@ -218,19 +219,6 @@ def test_pictures_have_labels_and_values_for_arrow_keys(opened):
     assert "Pa at" in said.text_content()
     assert said.get_attribute("aria-live") == "polite"
     assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemax") == "7"
-
-
-def test_the_spectrogram_finds_a_tone(opened):
-    """Against NumPy's own transform."""
-    page = opened(show_recording(recording(600)), reduced_motion="reduce")
-    found = page.evaluate(
-        f"""() => {{ {VIEW} const p = pictures.find(p => p.label === 'Spectrogram');
-        const real = Float32Array.from({{length: 128}}, (_, i) => Math.sin(i * .7) + i / 100);
-        const given = Array.from(real), imaginary = new Float32Array(128);
-        p._transform(real, imaginary); return [given, Array.from(real), Array.from(imaginary)]; }}"""
-    )
-    given, real, imaginary = map(np.array, found)
-    assert np.abs(np.fft.fft(given) - (real + 1j * imaginary)).max() < 1e-3
 
 
 def test_nothing_is_wider_than_the_page(opened):

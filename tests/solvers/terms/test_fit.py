@@ -36,7 +36,7 @@ def test_slopes_are_derivatives_and_silence_has_none(complex_slope):
     np.testing.assert_array_equal(0 * factor, 0)
 
 
-def test_the_target_is_the_reading_of_the_target_at_the_points():
+def test_the_target_is_the_reading_of_the_points_or_a_given_pressure_in_pascal():
     amplitude = np.random.default_rng(1).uniform(0, 1, (2, GRID.count))
     target = Cells().target(amplitude, GRID, 1.0)
     np.testing.assert_allclose(target.wanted, amplitude**2 @ cell_weights(SensorModel(), GRID, between="lines").T)
@@ -44,10 +44,7 @@ def test_the_target_is_the_reading_of_the_target_at_the_points():
     assert target.error(amplitude)[0] == pytest.approx(
         np.linalg.norm(heard - target.wanted[0]) / np.linalg.norm(target.wanted[0])
     )
-
-
-def test_a_given_pressure_is_in_pascal_and_none_has_no_error():
-    """Amplitude 1 exerts 2 Pa: 6 Pa are an amplitude squared of 3."""
+    # Amplitude 1 exerts 2 Pa: 6 Pa are an amplitude squared of 3.
     pressure = PressureFrames(pressure=np.full((2, 4, 4), 6.0), rate=1000.0)
     target = Cells(pressure=pressure).target(np.ones((2, GRID.count)), GRID, 2.0)
     np.testing.assert_allclose(target.wanted, 3.0)
