@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
+from midair.model import Calibration, SensorGrid
 from midair.physics import SensorModel, channel_response
 from midair.rig.bench.calibration_page import CalibrationBench
+
+
+def one_channel(response, noise=0.0, frequency=(0.0, 1e3)):
+    """Calibration of a sensor of one cell, with one response at all frequencies or one for each."""
+    response = np.broadcast_to(np.reshape(response, (-1, 1, 1)), (len(frequency), 1, 1))
+    sensor, noise = SensorGrid(rows=1, columns=1), np.full((1, 1), noise)
+    return Calibration(sensor=sensor, frequency=np.array(frequency), response=response, noise=noise)
 
 
 @pytest.fixture(scope="package")

@@ -3,22 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.calibration.conftest import one_channel
 
 from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir, inverse_response
 from midair.dsp import band_edges
-from midair.model import Calibration, Recording, SensorGrid
+from midair.model import Recording
 from midair.physics import SensorModel, calibration_of, sense
 
 RATE, BAND = 1000.0, (20.0, 470.0)
 MODEL = SensorModel().with_spread(seed=7)
 KNOWN = calibration_of(MODEL)
-ONE = SensorGrid(rows=1, columns=1)
-
-
-def one_channel(frequency, response, noise=0.0):
-    return Calibration(
-        sensor=ONE, frequency=frequency, response=response.reshape(-1, 1, 1), noise=np.full((1, 1), noise), unit="V"
-    )
 
 
 def test_equals_a_regression_on_noise():
@@ -26,7 +20,7 @@ def test_equals_a_regression_on_noise():
     length, taps, late = 2**15, 40, 6
     frequency = np.fft.rfftfreq(length, 1 / RATE)
     response = 1 / (1 - (frequency / 320) ** 2 + 0.6j * frequency / 320)
-    known = one_channel(frequency, response)
+    known = one_channel(response, frequency=frequency)
     pressure = np.fft.rfft(np.random.default_rng(3).standard_normal(length))
     said = np.fft.irfft(pressure * response)
     window = inverse_response(known, frequency, BAND, edges=band_edges(BAND, RATE))[:, 0, 0] * response

@@ -2,25 +2,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.calibration.conftest import one_channel
 
 from midair.calibration import inverse_response, undo_matrix
 from midair.dsp import band_window
 from midair.errors import InputError
-from midair.model import Calibration, Crosstalk, SensorGrid
+from midair.model import Crosstalk
 from midair.physics import SensorModel, calibration_of, channel_response
 
 BAND, EDGES = (20.0, 470.0), (10.0, 23.5)
 MODEL = SensorModel().with_spread(seed=5)
-
-
-def one_channel(response, noise):
-    sensor = SensorGrid(rows=1, columns=1)
-    return Calibration(
-        sensor=sensor,
-        frequency=np.array([0.0, 1e3]),
-        response=np.full((2, 1, 1), response),
-        noise=np.full((1, 1), noise),
-    )
 
 
 def test_inverse_at_hand_computed_numbers_and_silent_without_response():

@@ -129,15 +129,8 @@ def test_without_noise_is_the_ratio_of_a_sensor_without_noise():
         noisy = y + level * rng.standard_normal(x.shape)
         own = (x * noisy).sum(axis=0) / power
         gain = (x * noisy).sum() / power.sum()
-        found = distortion_ratios(
-            power,
-            own,
-            gain,
-            ((noisy - own * x) ** 2).sum(axis=0),
-            noise=np.full(cells, level),
-            frames=frames_,
-            values=frames_,
-        )
+        apart, noise = ((noisy - own * x) ** 2).sum(axis=0), np.full(cells, level)
+        found = distortion_ratios(power, own, gain, apart, noise=noise, frames=frames_, values=frames_)
         _, low, high = found[f"{TOUCHED}, without noise"]
         hits += low <= truth <= high
         assert found[TOUCHED][0] < low

@@ -23,15 +23,9 @@ def made():
     original = frames((100, 1))
     first = frames((100, 1), (210, 0.1))
     second = frames((100, 1), (210, 0.1), (330, 0.1), simulated=True)
-    outputs = [
-        StageOutput(name="first", what="adds a tenth", pressure=first),
-        StageOutput(
-            name="second",
-            what="adds another",
-            pressure=second,
-            leak=Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=10.0),
-        ),
-    ]
+    leak = Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=10.0)
+    outputs = [StageOutput(name="first", what="", pressure=first)]
+    outputs += [StageOutput(name="second", what="", pressure=second, leak=leak)]
     life = Provenance().then("not reproduced", {"text": "a tenth"})
     return budget(replace(original, provenance=life), outputs, strength=0.1)
 

@@ -58,11 +58,7 @@ def test_ways_to_play_follow_from_scaling_and_none_is_assumed():
         "answer for it by name": 8.0,
     }
     assert ways["protect all ears in the room"].option == "--ear-protection 31dB --attenuate"
-    assert ways["solve for quiet ears"].row == (
-        "solve for quiet ears",
-        "see --plan",
-        "midair solve take.h5 --mode quiet",
-    )
+    assert ways["solve for quiet ears"].row[1:] == ("see --plan", "midair solve take.h5 --mode quiet")
     solved = ways_to_play(FELT, 20.0, quiet=FELT.at(-20))
     assert [way.row[1] for way in solved] == ["7 of 10", "0 of 10", "0 of 10", "7 of 10"]
     assert solved[0].option == "--ear-protection 31dB"

@@ -129,12 +129,8 @@ def test_the_beam_s_line_has_its_gain_and_intercept(check_figure):
 
 @pytest.mark.long
 def test_every_place_has_its_line_and_its_limit():
-    drive = Drive(
-        phase=np.random.default_rng(0).uniform(0, 6, (50, ARRAY.count)),
-        level=np.repeat([0.0, 1.0], 25),
-        rate=1000.0,
-        array=ARRAY,
-    )
+    phase = np.random.default_rng(0).uniform(0, 6, (50, ARRAY.count))
+    drive = Drive(phase=phase, level=np.repeat([0.0, 1.0], 25), rate=1000.0, array=ARRAY)
     found = exposure(drive, profile_named("occupational-110"))
     figure = exposure_figure(found, simulated=True)
     (axis,) = figure.axes

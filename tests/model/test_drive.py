@@ -44,14 +44,8 @@ def test_a_solution_cut_apart_and_joined_is_the_same():
 def played_touch(state, **changes):
     frames = len(state)
     steps = np.arange(frames, dtype=np.uint8)[:, None] * np.ones((1, ONE_UNIT.count), np.uint8)
-    values = {
-        "phase_steps": steps,
-        "intensity": np.full(frames, 51, np.uint8),
-        "instant": np.arange(frames, dtype=np.int64),
-        "state": np.array(state, np.int8),
-        "rate": 1000.0,
-        "array": ONE_UNIT,
-    }
+    values = {"phase_steps": steps, "intensity": np.full(frames, 51, np.uint8), "state": np.array(state, np.int8)}
+    values |= {"instant": np.arange(frames, dtype=np.int64), "rate": 1000.0, "array": ONE_UNIT}
     return PlayedTouch(**(values | changes))
 
 

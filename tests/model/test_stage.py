@@ -5,15 +5,8 @@ import pytest
 
 from midair.model import StageSetup, StageStamp, speed_of
 
-SETUP = StageSetup(
-    heading="+x",
-    start=(-0.18, -0.06),
-    contact=-0.0225,
-    clear=-0.02,
-    approach=0.005,
-    back=0.1,
-    travel=((-0.24, 0.0), (-0.12, 0.0), (-0.06, 0.0)),
-)
+HEIGHTS = {"contact": -0.0225, "clear": -0.02, "approach": 0.005, "back": 0.1}
+SETUP = StageSetup(heading="+x", start=(-0.18, -0.06), travel=((-0.24, 0.0), (-0.12, 0.0), (-0.06, 0.0)), **HEIGHTS)
 
 
 def stamps(places, step=0.1):

@@ -41,13 +41,8 @@ def small(reach=8e-3, **options):
 
 
 def drive(phase, level=1.0, array=ARRAY, acoustics=None):
-    return Drive(
-        phase=phase,
-        level=np.full(len(phase), level) if np.isscalar(level) else level,
-        rate=1000.0,
-        array=array,
-        acoustics=acoustics or Acoustics(),
-    )
+    level = np.full(len(phase), level) if np.isscalar(level) else level
+    return Drive(phase=phase, level=level, rate=1000.0, array=array, acoustics=acoustics or Acoustics())
 
 
 def grid(place, wavelength=8.5e-3):

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -57,17 +59,10 @@ def test_one_step_is_an_exponential_and_any_is_that_of_the_differential_equation
     pole = -1 / dynamics.time_constant + 1j * dynamics.detuning
 
     # dq/dt = pole (q - c), with a new c every millisecond
-    state = np.zeros(1, complex)
-    wanted = []
+    state, wanted, times = np.zeros(1, complex), [], np.arange(1, 6) / 5 * 1e-3
     for target in q[:, 0]:
-        run = solve_ivp(
-            lambda _, now, target=target: pole * (now - target),
-            (0, 1e-3),
-            state,
-            t_eval=np.arange(1, 6) / 5 * 1e-3,
-            rtol=1e-10,
-            atol=1e-12,
-        )
+        slope = partial(lambda target, _, now: pole * (now - target), target)
+        run = solve_ivp(slope, (0, 1e-3), state, t_eval=times, rtol=1e-10, atol=1e-12)
         wanted.extend(run.y[0])
         state = run.y[:, -1]
     assert envelope(q, RATE, 5, dynamics)[:, 0] == pytest.approx(np.array(wanted), abs=1e-8)

@@ -46,6 +46,10 @@ def channels_to_points():
     return lambda channels: np.asarray(channels, float) @ weights.T
 
 
+TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
+"""Patterns whose bit k is channel k, for a comparison with the paper's method."""
+
+
 @pytest.fixture(scope="session")
 def patterns_to_points(channels_to_points):
     """Integers whose bit k is channel k -> (frame, point)."""

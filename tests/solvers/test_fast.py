@@ -2,13 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.solvers.conftest import random_matrix
+from tests.solvers.conftest import TEN, random_matrix
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.problem import CellTarget
-
-TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
 
 
 def test_no_worse_than_the_papers_method(transfer, patterns_to_points, psi):

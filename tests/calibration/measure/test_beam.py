@@ -59,16 +59,9 @@ def reading(*, response, crosstalk, shares, changed=None, bend=0.0, noise=0.0, o
     size = np.abs(commanded)
     output = np.einsum("ck,lt->kltc", mixed, commanded * (1 + bend * size)) + offset
     output = output + noise * (rng.standard_normal(output.shape) + 1j * rng.standard_normal(output.shape))
-    return BeamReading(
-        plan=PLAN,
-        commanded=commanded,
-        output=output,
-        shares=np.array(shares),
-        changed_shares=np.array([shares] if changed is None else changed),
-        slow=np.zeros(13),
-        level=0.1,
-        timing=1e-4,
-    )
+    known = {"plan": PLAN, "commanded": commanded, "slow": np.zeros(13), "level": 0.1, "timing": 1e-4}
+    changed = np.array([shares] if changed is None else changed)
+    return BeamReading(output=output, shares=np.array(shares), changed_shares=changed, **known)
 
 
 def quiet(noise=1e-6):

@@ -188,16 +188,9 @@ ALL = np.ones(BANDS, bool)
 def fit(response, relative):
     """Response of two channels to a press on one cell, with the same relative uncertainty everywhere."""
     whole = np.broadcast_to(np.asarray(response, complex), (BANDS, 2))
-    each = np.ones((BANDS, 2))
-    return FrequencyResponse(
-        frequency=np.arange(BANDS, dtype=float),
-        terms=whole[..., None],
-        uncertainty=np.where(np.abs(whole) > 0, relative, np.inf),
-        coherence=each,
-        noise=each,
-        averages=each[0],
-        excited=each,
-    )
+    known, each = {"frequency": np.arange(BANDS, dtype=float), "averages": np.ones(2)}, np.ones((BANDS, 2))
+    known |= dict.fromkeys(("coherence", "noise", "excited"), each)
+    return FrequencyResponse(terms=whole[..., None], uncertainty=np.where(whole != 0, relative, np.inf), **known)
 
 
 def test_each_channel_is_compared_with_its_own_cell():

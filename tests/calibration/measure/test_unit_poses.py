@@ -43,16 +43,8 @@ def test_the_jacobian_is_that_of_the_model():
     response = (1 + 0.1 * rng.standard_normal(24)) * np.exp(0.3j * rng.standard_normal(24))
     state = ArrayState(response, pole, SensorPlace(x=1e-3, turn=0.02))
     now = predicted_spectrum(field, 0, state)
-    fit = GroupFit(
-        field=field,
-        measured=[now],
-        state=state,
-        usual=TransducerPrior(),
-        strength=1.0,
-        centre=np.ones(24, complex),
-        pole=pole,
-        slopes=[],
-    )
+    known = {"usual": TransducerPrior(), "strength": 1.0, "centre": np.ones(24, complex), "pole": pole}
+    fit = GroupFit(field=field, measured=[now], state=state, slopes=[], **known)
     fit.slopes = [fit.slope(0)]
     found = columns_of_units(fit, 0, np.ones(28), np.zeros((24, 28)))
     for column, step in enumerate(np.tile(POSE_AIMS / 100, 4)):
@@ -73,12 +65,8 @@ def test_the_jacobian_is_that_of_the_model():
 
 
 def test_the_motion_of_the_whole_array_is_no_difference():
-    turn, shift, middle = (
-        Rotation.from_rotvec([1e-3, -2e-3, 3e-3]),
-        np.array([1e-3, 2e-3, -1e-3]),
-        WHOLE.position.mean(0),
-    )
-    moved = turn.apply(WHOLE.position - middle) + middle + shift
+    turn, middle = Rotation.from_rotvec([1e-3, -2e-3, 3e-3]), WHOLE.position.mean(0)
+    moved = turn.apply(WHOLE.position - middle) + middle + np.array([1e-3, 2e-3, -1e-3])
     pose = np.zeros((4, 7))
     for unit in range(4):
         own = WHOLE.unit == unit
@@ -164,14 +152,8 @@ def test_what_cannot_be_told_apart_is_said_in_words():
     covariance = np.diag(np.tile((0.1 * POSE_AIMS) ** 2, 4))
     direction = np.zeros(28)
     direction[[2, 6]] = 3 * POSE_AIMS[[2, 6]]
-    known = ArrayCalibration(
-        array=array,
-        response=np.ones(8),
-        pole=np.full(8, -5000 + 0j),
-        dead=np.zeros(8, bool),
-        pose_covariance=covariance + np.outer(direction, direction),
-        **numbers,
-    )
+    numbers |= {"response": np.ones(8), "pole": np.full(8, -5000 + 0j), "dead": np.zeros(8, bool)}
+    known = ArrayCalibration(array=array, pose_covariance=covariance + np.outer(direction, direction), **numbers)
     assert list(known.inseparable()) == ["z and time offset"]
     assert known.inseparable()["z and time offset"] == pytest.approx(np.sqrt(18), rel=0.01)
 
