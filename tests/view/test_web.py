@@ -49,37 +49,49 @@ def picture(page, title):
     )
 
 
-def test_known_focus_is_at_its_position(opened):
-    page = opened(focus(), reduced_motion="reduce")
+def test_a_known_focus_has_its_place_phase_words_and_colour_bar(opened):
+    shown = focus()
+    page = opened(shown, reduced_motion="reduce")
     held(page, 2)
-    played = picture(page, "Played, simulated")
+    played, field = picture(page, "Played, simulated"), propagate(focus_drive(), finer_points(GRID))[2]
     x, y = 1e3 * FOCUS[:2]
     assert (played["rows"], played["columns"]) == (64, 64)
     assert abs(played["peak"]["x"] - x) < 0.6
     assert abs(played["peak"]["y"] - y) < 0.6
-    true = np.abs(propagate(focus_drive(), finer_points(GRID))[2])
-    shown = np.array(played["shown"])
-    assert np.linalg.norm(shown - true) / np.linalg.norm(true) < 0.02
+    assert np.linalg.norm(np.array(played["shown"]) - np.abs(field)) / np.linalg.norm(field) < 0.02
     assert np.argmax(picture(page, "Target")["shown"]) == 9 * 16 + 6
 
-
-def test_phase_is_masked_where_quiet_and_correct_elsewhere(opened):
-    shown = focus()
-    page = opened(shown, reduced_motion="reduce")
-    held(page, 2)
-    found = picture(page, "Phase of the field")
-    field = propagate(focus_drive(), finer_points(GRID))[2]
-    pixels, loud = np.array(found["pixels"]), np.abs(field) > 0.06 * shown.sound.top
+    pixels, loud = np.array(picture(page, "Phase of the field")["pixels"]), np.abs(field) > 0.06 * shown.sound.top
     assert (pixels[np.abs(field) < 0.04 * shown.sound.top] == 0).all()
-
-    table = colour_table("twilight").astype(int)
     turn = np.floor((np.angle(field[loud]) / (2 * np.pi) + 1) * 256).astype(int) & 255
-    wanted = table[turn]
     got = np.stack([pixels[loud] & 255, pixels[loud] >> 8 & 255, pixels[loud] >> 16 & 255], axis=1)
-    assert np.abs(got - wanted).max() < 20, "within two of 256 colours or so"
+    assert np.abs(got - colour_table("twilight").astype(int)[turn]).max() < 20, "within two of 256 colours or so"
+
+    # Words are renewed once a second.
+    image = page.get_by_role("img", name="Played, simulated")
+    page.wait_for_function("""document.querySelector('.view-map [aria-label*="peak"][aria-label*="mm"]') !== null""")
+    assert "peak" in image.get_attribute("aria-label")
+    image.focus()
+    page.keyboard.press("ArrowLeft")
+    said = page.locator(".view-map .view-said").nth(1)
+    assert "Pa at" in said.text_content()
+    assert said.get_attribute("aria-live") == "polite"
+    assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemax") == "7"
+
     held(page, 7)
     assert set(picture(page, "Phase of the field")["pixels"]) == {0}, "silence has no phase"
     assert picture(page, "Played, simulated")["name"] == "silent"
+
+    page.set_viewport_size({"width": 688, "height": 900})
+    page.emulate_media(media="print")
+    rows = page.evaluate(
+        """() => [...document.querySelectorAll(".view-group")].map(group =>
+            [...group.querySelectorAll("figure")].map(one => one.getBoundingClientRect()).map(r => [r.top, r.right]))"""
+    )
+    assert [len(row) for row in rows if len(row) > 2], "printed, the colour bar is beside its maps"
+    for row in rows:
+        assert len({top for top, _ in row}) == 1
+        assert max(right for _, right in row) <= 688
 
 
 def test_a_part_has_the_time_of_the_whole(opened):
@@ -91,25 +103,6 @@ def test_a_part_has_the_time_of_the_whole(opened):
     held(page, 223)
     assert picture(page, "recorded")["shown"][6] == pytest.approx(abs(np.sin(2 * np.pi * 22.3)), abs=1e-3)
     assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemin") == "200"
-
-
-def test_another_table_of_colours(opened):
-    page = opened(show_recording(recording()), reduced_motion="reduce")
-    held(page, 2)
-    value = picture(page, "recorded")
-    for pressed, table in ((True, "cividis"), (False, "inferno")):
-        page.get_by_role("button", name="Cividis").click()
-        assert page.get_by_role("button", name="Cividis").get_attribute("aria-pressed") == str(pressed).lower()
-        wanted = colour_table(table)[255].astype(int)
-        pixel = picture(page, "recorded")["pixels"][6]
-        assert [pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255] == wanted.tolist()
-    assert value["shown"][6] > 0.9
-
-
-def test_view_starts_paused_with_reduced_motion(opened):
-    page = opened(show_recording(recording()), reduced_motion="reduce")
-    assert page.get_by_role("button", name="play (Space)").count() == 1
-    assert not page.evaluate("document.querySelector('.midair-view').midair.transport.playing")
 
 
 def test_every_key_of_the_transport(opened):
@@ -162,9 +155,12 @@ def test_every_key_of_the_transport(opened):
     assert state("frame") > 300, "backwards from the start is from the other end"
 
 
-def test_what_the_page_computes_of_frames(opened):
-    page = opened(show_recording(recording(600)))
-    found = page.evaluate(
+def test_scripts_of_a_paused_page(opened):
+    """Transport, rms, gaps, the limit of a live track, the spectrogram and colours, each by itself."""
+    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+    assert page.get_by_role("button", name="play (Space)").count() == 1, "reduced motion begins paused"
+    assert not page.evaluate("document.querySelector('.midair-view').midair.transport.playing")
+    passed = page.evaluate(
         f"""() => {{ {VIEW} const Transport = transport.constructor, told = [];
         const t = new Transport({{frames: 600, rate: 1000, still: false}});
         for (const [speed, at] of [[1, 0], [1, 17], [1, 33], [.1, 50], [.1, 67], [.01, 84], [.01, 184]]) {{
@@ -172,101 +168,48 @@ def test_what_the_page_computes_of_frames(opened):
         }}
         return told; }}"""
     )
-    assert found == [[0, 0], [1, 17], [18, 33], [34, 34], [36, 36], [36, 36], [37, 37]]
-    page = opened(show_recording(recording(600)), reduced_motion="reduce")
-    found = page.evaluate(
+    # At full speed a picture is the rms of its frames, in slow motion one of them.
+    assert passed == [[0, 0], [1, 17], [18, 33], [34, 34], [36, 36], [36, 36], [37, 37]]
+    rms = page.evaluate(
         f"""() => {{ {VIEW} const p = pictures[0];
         p.draw({{...p.state, from: 100, frame: 109}}); return p.shown[6]; }}"""
     )
-    assert found == pytest.approx(np.sqrt(0.5), rel=1e-3)
-    page = opened(show_recording(recording()), reduced_motion="reduce")
-    found = page.evaluate(
+    assert rms == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    gaps = page.evaluate(
         f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 100}});
         const two = (first, v) => ({{first, frames: 2, width: 1, unit: .5, values: new Int16Array([v, v])}});
         t.add(two(0, 4)).add(two(5, 0));
         return [[0, 1, 2, 4, 5, 7].map(f => String(t.value(f, 0))), t.lost, t.last]; }}"""
     )
-    assert found == [["2", "2", "NaN", "NaN", "0", "NaN"], 3, 7]
-    page = opened(show_recording(recording()), reduced_motion="reduce")
-    found = page.evaluate(
+    assert gaps == [["2", "2", "NaN", "NaN", "0", "NaN"], 3, 7], "a lost frame is a gap, and silence is not"
+    kept = page.evaluate(
         f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 10}});
         for (let f = 0; f < 25; f++) t.add({{first: f, frames: 1, width: 1, unit: 1, values: new Int16Array([f])}});
         return [t.first, t.last, t.value(15, 0), t.value(24, 0), String(t.value(14, 0))]; }}"""
     )
-    assert found == [15, 25, 15, 24, "NaN"]
-    # Against NumPy's own transform.
-    page = opened(show_recording(recording(600)), reduced_motion="reduce")
-    found = page.evaluate(
+    assert kept == [15, 25, 15, 24, "NaN"]
+    given, real, imaginary = page.evaluate(
         f"""() => {{ {VIEW} const p = pictures.find(p => p.label === 'Spectrogram');
         const real = Float32Array.from({{length: 128}}, (_, i) => Math.sin(i * .7) + i / 100);
         const given = Array.from(real), imaginary = new Float32Array(128);
         p._transform(real, imaginary); return [given, Array.from(real), Array.from(imaginary)]; }}"""
     )
-    given, real, imaginary = map(np.array, found)
-    assert np.abs(np.fft.fft(given) - (real + 1j * imaginary)).max() < 1e-3
-
-
-def test_pictures_have_labels_and_values_for_arrow_keys(opened):
-    page = opened(focus(), reduced_motion="reduce")
+    assert np.abs(np.fft.fft(given) - (np.array(real) + 1j * np.array(imaginary))).max() < 1e-3
     held(page, 2)
-    page.wait_for_timeout(1100)
-    played = page.get_by_role("img", name="Played, simulated")
-    assert "peak" in played.get_attribute("aria-label")
-    assert "mm" in played.get_attribute("aria-label")
-    played.focus()
-    page.keyboard.press("ArrowLeft")
-    said = page.locator(".view-map .view-said").nth(1)
-    assert "Pa at" in said.text_content()
-    assert said.get_attribute("aria-live") == "polite"
-    assert page.get_by_role("slider", name="Whole take").get_attribute("aria-valuemax") == "7"
+    assert picture(page, "recorded")["shown"][6] > 0.9
+    for pressed, table in ((True, "cividis"), (False, "inferno")):
+        page.get_by_role("button", name="Cividis").click()
+        assert page.get_by_role("button", name="Cividis").get_attribute("aria-pressed") == str(pressed).lower()
+        pixel = picture(page, "recorded")["pixels"][6]
+        assert [pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255] == colour_table(table)[255].astype(int).tolist()
 
 
-def test_nothing_is_wider_than_the_page(opened):
-    page = opened(show_comparison(pressure(), pressure()), reduced_motion="reduce")
-    for width in (390, 1280):
-        page.set_viewport_size({"width": width, "height": 800})
-        page.wait_for_timeout(100)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        sizes = page.evaluate("[...document.querySelectorAll('canvas')].map(c => [c.width, c.height, c.clientWidth])")
-        assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes), width
-
-
-def test_printed_colour_bar_is_beside_its_maps(opened):
-    page = opened(focus(), reduced_motion="reduce")
-    page.set_viewport_size({"width": 688, "height": 900})
-    page.emulate_media(media="print")
-    rows = page.evaluate(
-        """() => [...document.querySelectorAll(".view-group")].map(group =>
-            [...group.querySelectorAll("figure")].map(one => one.getBoundingClientRect()).map(r => [r.top, r.right]))"""
-    )
-    assert [len(row) for row in rows if len(row) > 2]
-    for row in rows:
-        assert len({top for top, _ in row}) == 1
-        assert max(right for _, right in row) <= 688
-
-
-@pytest.fixture
-def all_of_it(opened):
-    def open_it(**how):
-        shown = show_comparison(pressure(), pressure(), sound=focus().sound)
-        return opened(shown, reduced_motion="reduce", **how)
-
-    return open_it
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_serious(all_of_it, scheme):
+def test_a_whole_comparison_is_accessible_and_fits_its_page(opened):
+    """Nothing serious for axe in two schemes of colours; every part is reached by Tab; nothing is too wide."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
-    page = all_of_it(color_scheme=scheme)
+    page = opened(show_comparison(pressure(), pressure(), sound=focus().sound), reduced_motion="reduce")
     page.wait_for_timeout(1100)
-    told = axe.run(page).response
-    serious = [each for each in told["violations"] if each["impact"] in ("serious", "critical")]
-    assert [(each["id"], each["nodes"][0]["html"]) for each in serious] == []
-    assert {"color-contrast", "button-name", "aria-required-attr"} <= {each["id"] for each in told["passes"]}
-
-
-def test_everything_can_be_reached_by_tab(all_of_it):
-    page, seen = all_of_it(), set()
+    seen = set()
     for _ in range(40):
         page.keyboard.press("Tab")
         seen.add(page.evaluate("document.activeElement.ariaLabel || document.activeElement.textContent"))
@@ -274,6 +217,18 @@ def test_everything_can_be_reached_by_tab(all_of_it):
     fields = {"Target", "Played, simulated", "Phase of the field", "Array"}
     felt = {"original", "re-recorded", "Every channel, Pa", "Spectrogram", "Whole take"}
     assert fields | felt | {"play (Space)", "Loop", "1×", "1/10", "1/100"} <= names
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        told = axe.run(page).response
+        serious = [each for each in told["violations"] if each["impact"] in ("serious", "critical")]
+        assert [(each["id"], each["nodes"][0]["html"]) for each in serious] == []
+        assert {"color-contrast", "button-name", "aria-required-attr"} <= {each["id"] for each in told["passes"]}
+    for width in (390, 1280):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_timeout(100)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        sizes = page.evaluate("[...document.querySelectorAll('canvas')].map(c => [c.width, c.height, c.clientWidth])")
+        assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes)
 
 
 RUNNING = """frames => { const {transport, pictures} = document.querySelector('.midair-view').midair;
@@ -300,10 +255,10 @@ RUNNING = """frames => { const {transport, pictures} = document.querySelector('.
 
 
 def test_shifted_traces_equal_newly_drawn_ones(opened):
-    for frames in ([100, 103, 104, 104, 111], [100, 117, 134]):
-        page = opened(show_recording(recording(400)), reduced_motion="reduce")
+    page = opened(show_recording(recording(400)), reduced_motion="reduce")
+    for frames in ([100, 103, 104, 104, 111], [100, 117, 134]):  # few at once, and 17
         found = page.evaluate(RUNNING, frames)
-        assert found["moved"] == found["should"] > 0, frames
-        assert found["colours"] > 20, frames
-        assert found["most"] <= 4, f"of 255: edges of lines are rounded anew, {frames}"
-        page.wrong = [said for said in page.wrong if "willReadFrequently" not in said]
+        assert found["moved"] == found["should"] > 0
+        assert found["colours"] > 20
+        assert found["most"] <= 4, "of 255: edges of lines are rounded anew"
+    page.wrong = [said for said in page.wrong if "willReadFrequently" not in said]
