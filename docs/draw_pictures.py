@@ -68,7 +68,7 @@ def spectrum():
 def studio(folder):
     """The panel Draw in Chromium, on the way of a designer's first minutes, which is a test."""
     with tempfile.TemporaryDirectory() as steps:
-        test = "tests/studio/test_draw_page.py::test_a_designer_draws_two_touches_and_a_study_of_them"
+        test = "tests/studio/test_draw_page.py::test_a_designer_draws_two_touches_for_a_study"
         subprocess.run(
             [sys.executable, "-m", "pytest", "-m", "browser", test],
             env={**os.environ, "MIDAIR_PICTURES": steps},

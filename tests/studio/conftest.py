@@ -1,6 +1,8 @@
+import contextlib
 import http.client
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -10,9 +12,14 @@ from pathlib import Path
 import pytest
 
 from midair.studio import Studio, StudioPlan
+from midair.studio.takes_list import SAMPLES
+from midair.studio.work import SolveRequest, make_sample, solve_take
 
 PORT = 8345
 ROOT = f"http://127.0.0.1:{PORT}"
+UNTOUCHED = {"held", "orbit.drive.h5", *(f"{name}.h5" for name in SAMPLES)}
+"""Files in the folder of the samples that no test changes."""
+
 SOCKET = f"ws://127.0.0.1:{PORT}/socket"
 
 
@@ -74,20 +81,26 @@ def talk(client):
         yield PageClient(socket)
 
 
-class LoopStarted:
+class RunningStudio:
     """A studio that runs: its process, its folder, and the link that it printed."""
 
-    def __init__(self, folder, state, *words):
-        self.folder = folder
-        command = [Path(sys.executable).with_name("midair"), "studio", str(folder), "--no-browser", *words]
-        began = time.monotonic()
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, text=True, env={**os.environ, "MIDAIR_STATE": str(state)}
-        )
+    def __init__(self, place, *words):
+        self.folder, self.state, self.words, self._cookie = place / "folder", place / "state", words, ""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (place / "session").mkdir(exist_ok=True)
+        command = [Path(sys.executable).with_name("midair"), "studio", str(self.folder), "--no-browser", *words]
+        environment = {**os.environ, "MIDAIR_STATE": str(self.state), "TMPDIR": str(place / "session")}
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         self.link = self.process.stdout.readline().strip()
-        self.took = time.monotonic() - began
         self.root = self.link.partition("/enter")[0]
         self.address = f"ws://{self.root.removeprefix('http://')}/socket"
+        assert self.link.startswith("http://127.0.0.1:"), "one line with the link, flushed"
+
+    @property
+    def samples(self):
+        """Folder of the samples and of what is made from them."""
+        (found,) = (self.state.parent / "session").glob("midair-studio-*")
+        return found
 
     def ask(self, method, path, body=None, headers=()):
         """Send a request as the studio's own page; returns the answer and its text."""
@@ -99,15 +112,48 @@ class LoopStarted:
         return answer, text
 
     def enter(self):
-        """Open the link; returns the cookie."""
-        answer, _ = self.ask("GET", self.link.removeprefix(self.root))
-        return answer.getheader("set-cookie").partition(";")[0]
+        """Open the link, the first time; returns the cookie."""
+        if not self._cookie:
+            answer, _ = self.ask("GET", self.link.removeprefix(self.root))
+            self._cookie = answer.getheader("set-cookie").partition(";")[0]
+        return self._cookie
 
     def connect(self, cookie):
         """Open a page."""
         from websockets.sync.client import connect
 
         return connect(self.address, additional_headers={"Cookie": cookie}, origin=self.root, max_size=None)
+
+    def renewed(self):
+        """Remove what a test made, and end its jobs; False if more than that is left of it."""
+        if self.process.poll() is not None:
+            return False
+        with self.connect(self.enter()) as socket, contextlib.suppress(TimeoutError):
+            state, end = json.loads(socket.recv(10))["whole"], time.monotonic() + 20
+
+            def order(room, order, **given):
+                socket.send(json.dumps({"id": 1, "room": room, "order": order, "with": given}))
+
+            def until(true):
+                while not true():
+                    state.update(json.loads(socket.recv(end - time.monotonic())).get("set", {}))
+
+            def running():
+                return [one["number"] for one in state["jobs"] if one["state"] in ("waits", "runs")]
+
+            until(lambda: len(state["control"]["pages"]) == 1 and sum(one["sample"] for one in state["takes"]) == 4)
+            until(lambda: state["player"]["state"] in ("starts", "ready"))
+            order("control", "take")
+            order("air", "state", temperature="", humidity=None)
+            order("study", "end")
+            for number in running():
+                order("jobs", "cancel", number=number)
+            until(lambda: not running() and not state["air"]["temperature"] and not state.get("session"))
+            made = {*self.folder.iterdir(), *self.state.glob("*"), *self.samples.iterdir()}
+            for one in made - {self.samples / name for name in UNTOUCHED}:
+                shutil.rmtree(one) if one.is_dir() else one.unlink()
+            return state["live"]["state"] == "idle"
+        return False
 
     def close(self):
         if self.process.poll() is None:
@@ -122,13 +168,11 @@ class LoopStarted:
 
 @pytest.fixture
 def studio_at(tmp_path):
+    """Start studios."""
     made = []
 
     def open_studio(*words):
-        folder = tmp_path / f"folder-{len(made)}"
-        folder.mkdir()
-        made.append(LoopStarted(folder, tmp_path / "state", *words))
-        assert made[-1].link.startswith("http://127.0.0.1:"), "one line with the link, flushed"
+        made.append(RunningStudio(tmp_path / f"studio-{len(made)}", *words))
         return made[-1]
 
     yield open_studio
@@ -136,14 +180,41 @@ def studio_at(tmp_path):
         each.close()
 
 
+@pytest.fixture(scope="session")
+def used_studios():
+    """The studios of `used_studio`, and whether a test may take each."""
+    made = {}
+    yield made
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def used_studio(used_studios, tmp_path_factory):
+    """Take a studio that another test has used, or start one; its folder is empty and its samples are not solved."""
+    taken = []
+
+    def take(*words):
+        found = next((each for each, free in used_studios.items() if free and each.words == words), None)
+        taken.append(found or RunningStudio(tmp_path_factory.mktemp("studio"), *words))
+        used_studios[taken[-1]] = False
+        return taken[-1]
+
+    yield take
+    for each in taken:
+        used_studios[each] = each.renewed()
+        if not used_studios[each]:
+            each.close()
+
+
 class Look:
     """A page with its console errors and waits: the security policy forbids Playwright's own text predicates."""
 
-    def __init__(self, page, root):
-        self.page, self.wrong, self.elsewhere = page, [], []
+    def __init__(self, page, studio, towel_drive):
+        self.page, self.studio, self.towel_drive, self.wrong, self.elsewhere = page, studio, towel_drive, [], []
         page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
         page.on("pageerror", lambda wrong: self.wrong.append(str(wrong)))
-        page.on("request", lambda asked: self._asked(asked.url, root))
+        page.on("request", lambda asked: self._asked(asked.url, studio.root))
 
     def _asked(self, url, root):
         if not url.startswith((root, "http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:")):
@@ -191,12 +262,22 @@ class Look:
         )
 
     def towel(self):
-        """Solve the sample towel quickly and open it."""
+        """Open the sample towel with a drive."""
         self.until("studio.link.state.takes?.some((row) => row.name === 'sample:towel')", timeout=240)
-        quick = "{take: 'sample:towel', mode: 'paper', method: 'live', level: 'auto'}"
-        self.page.evaluate(f"studio.link.order('reproduce', 'solve', {quick})")
+        shutil.copy(self.towel_drive, self.studio.samples)
+        self.page.evaluate("studio.link.order('reproduce', 'list')")
         self.go("#reproduce/sample:towel")
         self.until("studio.room?.take?.name === 'sample:towel' && studio.room.take.played.last > 0", timeout=240)
+
+    def take(self, name):
+        """Open a take in Reproduce by its address."""
+        self.go(f"#reproduce/{name}")
+        self.until(f"studio.room?.take?.name === {name!r} && !!studio.room.take.facts", timeout=120)
+
+    def press(self, *keys):
+        """Press keys one after the other."""
+        for key in keys:
+            self.page.keyboard.press(key)
 
     def go(self, address):
         self.page.evaluate(f"location.hash = {address!r}")
@@ -216,17 +297,31 @@ class Look:
         self.page.mouse.up()
 
 
-@pytest.fixture
-def look(chromium):
-    contexts = []
+@pytest.fixture(scope="session")
+def towel_drive(made_once):
+    """A drive of the sample towel that is solved quickly."""
 
-    def open_page(studio, *, link=None, context=None, at="reproduce", **how):
-        how = {"viewport": {"width": 1280, "height": 800}} | how
+    def fill(folder):
+        make_sample((str(folder), "towel"), lambda *_: None)
+        files = {"take": str(folder / "towel.h5"), "drive": str(folder / "towel.drive.h5")}
+        solve_take(SolveRequest(**files, choices=(("method", "live"), ("level", "auto"))), lambda *_: None)
+
+    return made_once("towel_of_studio", fill) / "towel.drive.h5"
+
+
+@pytest.fixture
+def look(chromium, towel_drive):
+    contexts, pages = [], []
+
+    def open_page(studio, *, context=None, at="reproduce", **how):
+        how = {"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce"} | how
         if context is None:
             context = chromium.new_context(**how)
             contexts.append(context)
-        seen = Look(context.new_page(), studio.root)
-        seen.page.goto(link or studio.link)
+        name, _, value = studio.enter().partition("=")
+        context.add_cookies([{"name": name, "value": value, "url": studio.root}])
+        pages.append(seen := Look(context.new_page(), studio, towel_drive))
+        seen.page.goto(studio.root)
         seen.until("globalThis.studio?.link?.page > 0")
         seen.go(f"#{at}")
         return seen
@@ -234,3 +329,4 @@ def look(chromium):
     yield open_page
     for context in contexts:
         context.close()
+    assert [one.wrong + one.elsewhere for one in pages if one.wrong or one.elsewhere] == []

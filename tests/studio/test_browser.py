@@ -4,9 +4,9 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -14,22 +14,20 @@ import soundfile
 from axe_playwright_python.sync_playwright import Axe
 from tests.palms import palm_path
 
-from midair.files import load, save, save_palm_path
-from midair.model import Recording
+from midair.files import load, save_palm_path
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
 pytestmark = pytest.mark.browser
 
 
-def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
+def test_other_pages_cannot_reach_the_studio(used_studio, look, chromium):
     """A page of this computer, but of another port, in the very browser that has the cookie."""
-    studio = studio_at()
+    studio = used_studio()
     page = look(studio)
 
     # The rest of what is refused is in test_request_guard.py.
-    other = studio_at()
-    elsewhere = look(other, context=page.page.context)
+    elsewhere = look(used_studio(), context=page.page.context)
     said = elsewhere.page.evaluate(
         """async (root) => {
             const socket = new WebSocket(root.replace('http', 'ws') + '/socket');
@@ -44,87 +42,55 @@ def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
         studio.root,
     )
     assert said == ["refused", "refused", "refused"]
+    elsewhere.wrong.clear()  # what the browser itself refused
     assert page.until("Object.keys(studio.link.state).length > 3")
     assert list(studio.folder.iterdir()) == []
 
 
-START = """number => { studio.ended = ''; studio.link.order('play', 'play', {clearance: number})
-    .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }"""
+def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(used_studio, look):
+    """The page that watches may also take control, in silence."""
+    page = look(studio := used_studio())
+    page.towel()
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
 
-
-@pytest.fixture
-def sounding(studio_at, look):
-    """A page that plays on emulated units; the drive is long enough to be stopped."""
-
-    def begin(device="virtual", repeats=30):
-        studio = studio_at("--device", device)
-        page = look(studio)
-        page.towel()
-        page.until("studio.link.state.player.state === 'ready'", timeout=120)
-        page.page.evaluate("studio.room.transport.pause()")
-        for _ in range(3):
-            found = page.page.evaluate(
-                "n => studio.link.order('play', 'check', {take: 'sample:towel', repeats: n, attenuate: true})", repeats
-            )
-            page.page.evaluate(START, found["number"])
-            page.until("studio.ended || (studio.link.state.player.emitting && studio.link.state.player.done > 0)")
-            # On a busy machine an emulated unit may stop answering; the next drive opens it anew.
-            if "is lost" not in page.page.evaluate("studio.ended"):
-                break
-        assert page.page.evaluate("studio.ended") == ""
-        return studio, page
-
-    return begin
-
-
-def silent(page, within, words):
-    """The player reports in time that it is silent, and why."""
-    began = time.monotonic()
-    page.until("studio.ended !== ''", timeout=within + 3)
-    took = time.monotonic() - began
-    assert words in page.page.evaluate("studio.ended")
-    assert not page.page.evaluate("studio.link.state.player.emitting")
-    return took
-
-
-def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(sounding, look):
-    studio, page = sounding()
-    page.page.locator("#stop").click()
-    silent(page, 2, "stopped on request")
-
-    def again():
+    def begin():
         found = page.page.evaluate("studio.link.order('play', 'check', {take: 'sample:towel', repeats: 30})")
-        page.page.evaluate(START, found["number"])
-        page.until("studio.link.state.player.state === 'plays' && studio.link.state.player.done > 0")
+        page.page.evaluate(
+            """number => { studio.ended = ''; studio.link.order('play', 'play', {clearance: number})
+            .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }""",
+            found["number"],
+        )
+        page.until("studio.link.state.player.emitting && studio.link.state.player.done > 0")
+        assert page.page.evaluate("studio.ended") == ""
 
-    again()
+    def silent():
+        page.until("studio.ended !== ''", timeout=5)
+        assert "stopped on request" in page.page.evaluate("studio.ended")
+        assert not page.page.evaluate("studio.link.state.player.emitting")
+
+    begin()
+    page.page.locator("#stop").click()
+    silent()
+    begin()
     page.page.get_by_label("Gain").focus()
-    page.page.keyboard.press("Escape")
-    silent(page, 2, "stopped on request")
-    again()
-    watching = look(studio, link=studio.root, context=page.page.context)
+    page.press("Escape")
+    silent()
+    begin()
+    watching = look(studio, context=page.page.context)
     # The first page is behind the second one, but a browser without windows reports it as visible.
     assert not watching.page.evaluate("studio.link.controls")
+    assert "may only watch" in watching.page.locator("#banner").inner_text()
     watching.page.locator("#stop").click()
-    silent(page, 2, "stopped on request")
+    silent()
+    watching.page.locator("#take-control").click()
+    watching.until("studio.link.controls")
+    page.until("!studio.link.controls")
+    assert "may only watch" in page.page.locator("#banner").inner_text()
 
 
-def test_second_page_watches_and_takes_control_in_silence(studio_at, look):
-    studio = studio_at()
-    first = look(studio)
-    second = look(studio, link=studio.root, context=first.page.context)
-    assert first.page.evaluate("studio.link.controls")
-    assert not second.page.evaluate("studio.link.controls")
-    assert "may only watch" in second.page.locator("#banner").inner_text()
-    second.page.locator("#take-control").click()
-    second.until("studio.link.controls")
-    first.until("!studio.link.controls")
-    assert "may only watch" in first.page.locator("#banner").inner_text()
-
-
-def test_every_key_of_the_transport(studio_at, look):
+def test_every_key_of_the_transport(used_studio, look):
     """Those of the standalone view reach the transport; the address has panel, take and time, and Back works."""
-    page = look(studio_at())
+    page = look(used_studio())
     page.towel()
     press = page.page.keyboard.press
     page.page.locator("#main").focus()
@@ -159,42 +125,25 @@ def test_every_key_of_the_transport(studio_at, look):
     page.page.get_by_label("Object").focus()
     press("r")
     assert page.page.evaluate("studio.link.state.record.state") == "listening", "letters are letters in a text field"
-    assert page.wrong == []
-
-
-def test_shown_code_runs_as_printed(studio_at, look, tmp_path):
-    page = look(studio_at())
-    page.towel()
-    page.page.get_by_role("button", name="Show the code").click()
-    commands, python = page.page.locator("#code pre").all_inner_texts()
-    for line in commands.splitlines():
-        words = line.split()
-        assert words[0] == "midair"
-        done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-    done = subprocess.run([sys.executable, "-c", python], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture
-def with_takes(studio_at):
+def with_takes(used_studio, made_once):
     """A studio whose folder has a take with a drive, one without, and two invalid files."""
-    studio = studio_at()
-    record("virtual:towel", 0.2, path=studio.folder / "solved.h5")
-    record("virtual:brush", 0.2, path=studio.folder / "bare.h5")
-    choices = (("method", "glide"), ("gain", 1.5), ("height", 0.19))
-    files = {"take": str(studio.folder / "solved.h5"), "drive": str(studio.folder / "solved.drive.h5")}
-    solve_take(SolveRequest(**files, mode="paper", choices=choices), lambda *_: None)
-    (studio.folder / "solved.rerecorded.h5").write_bytes(b"heard")
-    (studio.folder / "corrupt.h5").write_bytes((studio.folder / "bare.h5").read_bytes()[:9000])
-    (studio.folder / "no.h5").write_text("no recording")
+
+    def fill(folder):
+        record("virtual:towel", 0.2, path=folder / "solved.h5")
+        record("virtual:brush", 0.2, path=folder / "bare.h5")
+        choices = (("method", "glide"), ("gain", 1.5), ("height", 0.19))
+        files = {"take": str(folder / "solved.h5"), "drive": str(folder / "solved.drive.h5")}
+        solve_take(SolveRequest(**files, mode="paper", choices=choices), lambda *_: None)
+        (folder / "solved.rerecorded.h5").write_bytes(b"heard")
+        (folder / "corrupt.h5").write_bytes((folder / "bare.h5").read_bytes()[:9000])
+        (folder / "no.h5").write_text("no recording")
+
+    studio = used_studio()
+    shutil.copytree(made_once("takes_of_studio", fill), studio.folder, dirs_exist_ok=True)
     return studio
-
-
-def opened(page, name):
-    """A take in Reproduce by its address."""
-    page.go(f"#reproduce/{name}")
-    page.until(f"studio.room.take?.name === '{name}'")
 
 
 def form(page):
@@ -202,11 +151,27 @@ def form(page):
     return page.page.evaluate("Object.values(studio.room.inputs).slice(0, 6).map(input => input.value)")
 
 
-def test_settings_and_code_belong_to_the_shown_drive(with_takes, look):
-    page = look(with_takes)
+def test_settings_and_code_belong_to_the_shown_drive_which_is_replaced_with_consent(with_takes, look, tmp_path):
+    page = look(studio := with_takes)
+
+    def code():
+        page.page.get_by_role("button", name="Show the code").click()
+        page.until("document.querySelector('#code').open")
+        shown = page.page.locator("#code pre").all_inner_texts()
+        page.press("Escape")
+        return shown
+
     page.towel()
     assert form(page) == ["paper", "", "live", "auto", "1", ""], "the sample's drive is made quickly, and tells so"
-    opened(page, "solved.h5")
+    commands, python = code()
+    runs = [["-m", *line.split()] for line in commands.splitlines()]
+    assert {words[1] for words in runs} == {"midair"}
+    for words in [*runs, ["-c", python]]:
+        done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    page.take("bare.h5")
+    assert form(page) == ["best", "", "", "", "1", ""], "without a drive: those of the command"
+    page.take("solved.h5")
     assert form(page) == ["paper", "", "glide", "", "1.5", "190"]
     said = page.page.locator("#in-view").inner_text()
     assert said == "Drive in view: paper, glide, 1000 Hz, gain 1.5, height 190mm."
@@ -217,21 +182,10 @@ def test_settings_and_code_belong_to_the_shown_drive(with_takes, look):
     assert page.page.evaluate(able) == ["", "fast", "glide"]
     assert "Solve makes a new drive" in page.page.locator("#in-view").inner_text()
     assert page.page.evaluate("studio.link.state.jobs.map(job => job.number).join()") == jobs
-    page.page.get_by_role("button", name="Show the code").click()
-    page.until("document.querySelector('#code').open")
-    commands, python = page.page.locator("#code pre").all_inner_texts()
+    commands, python = code()
     assert "midair solve solved.h5 --mode paper --gain 1.5 --height 190mm --method glide\n" in commands
     assert "settings = Settings.from_plain(" in python
-    page.page.keyboard.press("Escape")
-    opened(page, "bare.h5")
-    assert form(page) == ["best", "", "", "", "1", ""], "without a drive: those of the command"
-    assert page.wrong == []
-
-
-def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
-    studio = with_takes
-    page = look(studio, reduced_motion="reduce")
-    opened(page, "solved.h5")
+    page.page.get_by_label("Mode").select_option("paper")
     drive, again = studio.folder / "solved.drive.h5", studio.folder / "solved.rerecorded.h5"
     before = drive.read_bytes()
     page.page.get_by_label("Solver").select_option("live")
@@ -250,30 +204,30 @@ def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
     assert dialog.count() == 1
     assert page.page.evaluate("document.activeElement.innerText") == "Cancel"
     assert page.serious() == []
-    page.page.keyboard.press("Enter")
+    page.press("Enter")
     ask()
-    page.page.keyboard.press("Escape")
+    page.press("Escape")
     page.until("!document.querySelector('#replace').open")
     assert (drive.read_bytes(), again.read_bytes()) == (before, b"heard")
     ask()
     # A command writes another drive while the dialog is open: the page must ask again about that drive.
     os.utime(drive, ns=(7, 7))
-    page.page.keyboard.press("Shift+Tab")
+    page.press("Shift+Tab")
     assert page.page.evaluate("document.activeElement.innerText") == "Replace"
-    page.page.keyboard.press("Enter")
+    page.press("Enter")
     page.until("document.querySelector('#replace').open")
     assert drive.read_bytes() == before
-    page.page.keyboard.press("Shift+Tab")
-    page.page.keyboard.press("Enter")
+    page.press("Shift+Tab", "Enter")
     page.until("studio.room.take?.facts.drive?.settings.method === 'live'", timeout=120)
     assert not again.exists()
     assert page.page.locator("#in-view").inner_text() == "Drive in view: paper, live, 1000 Hz, gain 1.5, height 190mm."
-    assert page.wrong == []
 
 
-def test_a_take_is_cut_by_its_loop_undone_redone_and_exported(with_takes, look):
-    page = look(with_takes, reduced_motion="reduce")
-    opened(page, "bare.h5")
+def test_a_take_is_cut_by_its_loop_undone_redone_and_exported_and_key_b_shows_its_other_drive(with_takes, look):
+    files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
+    solve_take(SolveRequest(**files, choices=(("method", "fast"),)), lambda *_: None)
+    page = look(with_takes)
+    page.take("bare.h5")
     page.page.locator("#main").focus()
     for frame, key in ((50, "i"), (150, "o")):
         page.page.evaluate("frame => studio.room.transport.seek(frame)", frame)
@@ -282,66 +236,29 @@ def test_a_take_is_cut_by_its_loop_undone_redone_and_exported(with_takes, look):
     page.page.get_by_role("button", name="Keep").click()
     page.until("studio.room.take?.name === 'bare-01.h5' && studio.room.take.facts.frames === 100")
     page.page.locator("#main").focus()
-    page.page.keyboard.press("Control+z")
+    page.press("Control+z")
     page.until("studio.room.take?.name === 'bare.h5'")
     assert not (with_takes.folder / "bare-01.h5").exists()
-    page.page.keyboard.press("Control+Shift+z")
+    page.press("Control+Shift+z")
     page.until("studio.room.take?.name === 'bare-01.h5'")
     page.page.get_by_role("button", name="Export").click()
     page.page.get_by_label("As", exact=True).select_option(".csv")
     page.page.locator("#replace").get_by_role("button", name="Export").click()
-    page.until("!!document.querySelector('#exported')")
+    page.until("document.querySelector('#exported')?.download === 'bare-01.csv'")
     assert (with_takes.folder / "exports" / "bare-01.csv").exists()
-    assert page.wrong == []
-
-
-@pytest.mark.parametrize(("width", "height", "fixed"), [(390, 800, 190), (700, 450, 165)])
-def test_small_screens_show_pictures_first_and_scroll_one_way(studio_at, look, width, height, fixed):
-    """A telephone, and a page at 200 % zoom."""
-    page = look(studio_at(), viewport={"width": width, "height": height}, reduced_motion="reduce")
-    page.towel()
-    bars = "document.querySelector('body > header').offsetHeight + document.querySelector('#transport').offsetHeight"
-    assert page.page.evaluate(bars) <= fixed, "height of the parts that stay"
-    assert page.page.locator("#box-wanted").bounding_box()["y"] < 0.4 * height
-    page.go("#live")
-    page.until("studio.name === 'live' && !!document.querySelector('#live-keep')")
-    assert page.page.locator("#live-keep").bounding_box()["height"] < 45, "one line"
-    for room in ("record", "calibrate", "compare", "study", "live"):
-        page.go(f"#{room}")
-        page.until(f"studio.name === {room!r}")
-        page.page.wait_for_timeout(300)
-        wide = "[document.querySelector('#main').scrollWidth, document.documentElement.scrollWidth]"
-        assert max(page.page.evaluate(wide)) <= width, room
-    page.go("#record")
-    page.until("document.querySelectorAll('.meter').length === 16 && !!studio.link.state.levels")
-    over = "[...document.querySelectorAll('.meter')].filter(one => one.scrollWidth > one.clientWidth).length"
-    heights = "new Set([...document.querySelectorAll('.meter')].map(one => one.offsetHeight)).size"
-    assert page.page.evaluate(f"[{over}, {heights}]") == [0, 1], "numbers stay in their boxes, rows of one height"
-    assert "rms in V" in page.page.locator("section[aria-label='Level of each cell']").inner_text()
-    page.page.evaluate("document.querySelector('#jobs').innerHTML = '<div class=job>A job</div>'")
-    ends = "[document.querySelector('#main').getBoundingClientRect().bottom, document.querySelector('#jobs').offsetTop]"
-    content, job = page.page.evaluate(ends)
-    assert content <= job, "a job covers nothing"
-    assert page.wrong == []
-
-
-def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
-    files = {"take": str(with_takes.folder / "solved.h5"), "drive": str(with_takes.folder / "solved.best.drive.h5")}
-    solve_take(SolveRequest(**files, choices=(("method", "fast"),)), lambda *_: None)
     before = (with_takes.folder / "solved.drive.h5").read_bytes()
-    page = look(with_takes, reduced_motion="reduce")
-    opened(page, "solved.h5")
+    page.take("solved.h5")
     page.until("document.querySelectorAll('#drives button').length === 2")
     assert page.page.locator(".takes li").count() == len(page.page.evaluate("studio.link.state.takes"))
     page.page.evaluate("studio.room.transport.seek(77)")
     page.page.locator("#main").focus()
-    page.page.keyboard.press("b")
+    page.press("b")
     page.until("studio.room.take?.name === 'solved.h5@best'")
     assert "paper, fast" in page.page.locator("#in-view").inner_text()
     assert page.page.evaluate("studio.room.transport.frame") == 77
     assert "#reproduce/solved.h5@best" in page.page.url
     assert page.page.locator("#drives [aria-pressed=true]").inner_text().startswith("best E ")
-    page.page.keyboard.press("b")
+    page.press("b")
     page.until("studio.room.take?.name === 'solved.h5'")
     page.until("studio.room.played.peak?.value > 0")
     page.page.get_by_label("Solver").select_option("live")
@@ -352,40 +269,38 @@ def test_key_b_shows_the_other_drive_and_a_mode_has_its_own(with_takes, look):
     assert (with_takes.folder / "solved.drive.h5").read_bytes() == before
     page.until("document.querySelectorAll('#drives button').length === 3")
     assert page.serious() == []
-    assert page.wrong == []
 
 
-@pytest.mark.parametrize("name", ["corrupt.h5", "no.h5", "gone.h5"])
-def test_take_that_cannot_be_opened_replaces_the_previous_take(with_takes, look, name):
+def test_the_take_of_the_address_is_shown_or_why_it_cannot_be_opened(with_takes, look):
     page = look(with_takes)
-    opened(page, "solved.h5")
-    page.until("studio.link.state.player.state === 'ready' && !studio.room.play.disabled", timeout=120)
-    page.go(f"#reproduce/{name}")
-    page.until("!document.querySelector('#problem').hidden")
-    # Messages at the bottom of the page disappear after 7 s.
-    page.page.wait_for_timeout(8000)
-    said = page.page.locator("#problem").inner_text()
-    assert f"{name.removesuffix('.h5')} cannot be opened" in said
-    assert name in said
-    assert "sblock" not in said
-    assert page.page.locator("#problem").get_attribute("role") == "alert"
-    assert not page.page.locator("canvas").count()
-    assert page.page.locator("#in-view").inner_text() == ""
-    for button in ("Solve", "Play on array"):
-        assert page.page.get_by_role("button", name=button, exact=True).is_disabled()
-    assert f"#reproduce/{name}" in page.page.url
-    assert page.page.evaluate("studio.room.list.querySelectorAll('[aria-current]').length") == (name != "gone.h5")
+    page.go("#compare/gone.h5")
+    page.until("document.querySelector('#main').innerText.includes('gone.h5: there is no such take')")
+    page.go("#reproduce/%")
+    page.until("document.querySelector('#main').innerText.includes('% cannot be opened')")
+    for name in ("corrupt.h5", "no.h5", "gone.h5"):
+        page.take("solved.h5")
+        assert not page.page.locator("#problem").is_visible()
+        page.until("studio.link.state.player.state === 'ready' && !studio.room.play.disabled", timeout=120)
+        page.go(f"#reproduce/{name}")
+        page.until("!document.querySelector('#problem').hidden")
+        # Messages at the bottom of the page disappear after 7 s.
+        page.page.wait_for_timeout(8000 if name == "no.h5" else 0)
+        said = page.page.locator("#problem").inner_text()
+        assert f"{name.removesuffix('.h5')} cannot be opened" in said
+        assert name in said
+        assert "sblock" not in said
+        assert page.page.locator("#problem").get_attribute("role") == "alert"
+        assert not page.page.locator("canvas").count()
+        assert page.page.locator("#in-view").inner_text() == ""
+        for button in ("Solve", "Play on array"):
+            assert page.page.get_by_role("button", name=button, exact=True).is_disabled()
+        assert f"#reproduce/{name}" in page.page.url
+        assert page.page.evaluate("studio.room.list.querySelectorAll('[aria-current]').length") == (name != "gone.h5")
     page.page.get_by_role("button", name="Close").click()
     assert not page.page.locator("#problem").is_visible()
-    opened(page, "solved.h5")
-    assert not page.page.locator("#problem").is_visible()
-    assert page.wrong == []
 
-
-def test_last_of_two_requested_takes_is_shown(with_takes, look):
-    """The first answer arrives late, while the list of takes changes: the first take must not be shown."""
-    page = look(with_takes, reduced_motion="reduce")
-    opened(page, "bare.h5")
+    # The first answer arrives late, while the list of takes changes: the first take must not be shown.
+    page.take("bare.h5")
     page.page.evaluate(
         """() => { const order = studio.link.order.bind(studio.link); studio.late = 0;
         studio.link.order = async (room, what, given) => {
@@ -408,17 +323,13 @@ def test_last_of_two_requested_takes_is_shown(with_takes, look):
     page.page.evaluate("studio.release()")
     page.until("studio.late > 0 && studio.room.take?.name === 'bare.h5'")
     assert "#reproduce/bare.h5" in page.page.url
-    assert page.wrong == []
+    # The same, while another panel is being opened.
+    page.page.evaluate("location.hash = '#record'; studio.here('bare.h5', 0.1)")
+    page.until("studio.name === 'record'", timeout=20)
 
 
-def logged(tmp_path):
-    """The lines of the log of what was played."""
-    lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
-    return [json.loads(line) for line in lines]
-
-
-def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(studio_at, look, tmp_path):
-    page = look(studio_at("--device", "autd3:emulator"))
+def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(used_studio, look):
+    page = look(studio := used_studio("--device", "autd3:emulator"))
     page.towel()
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
     page.page.get_by_role("button", name="Play on array").click()
@@ -438,7 +349,8 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     assert not page.page.locator("#exposure .stop").is_visible(), "nothing plays"
     page.hold_to_play()
     page.until("studio.link.state.player.said === 'played to its end'", timeout=60)
-    order = next(line for line in logged(tmp_path) if line["event"] == "play")
+    lines = (studio.state / "played.jsonl").read_text(encoding="utf-8").splitlines()
+    order = next(line for line in map(json.loads, lines) if line["event"] == "play")
     assert (order["exposure"], order["override_by"]) == ("overridden", "Ada")
     # The page behind the dialog cannot be pressed: it has a STOP of its own.
     page.page.locator("#exposure").get_by_role("button", name="Close").click()
@@ -453,11 +365,11 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.said.includes('stopped on request')")
 
 
-def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
+def test_a_wav_becomes_a_take_and_an_import_asks_what_a_file_does_not_state(used_studio, look, tmp_path):
     """Choose a file, correct a wrong word, look at the preview, import; the take is that of the same command."""
     wave = tmp_path / "Corduroy.wav"
     soundfile.write(wave, 0.5 * np.sin(2 * np.pi * 150 * np.arange(8000) / 8000), 8000)
-    page = look(studio := studio_at(), at="start")
+    page = look(studio := used_studio(), at="start")
     page.until("studio.name === 'start' && !studio.room.file.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
     page.until("document.querySelector('#import .course polygon')", timeout=60)
@@ -481,24 +393,19 @@ def test_a_wav_becomes_a_take_without_a_command(studio_at, look, tmp_path):
     assert Axe().run(page.page).response["violations"] == []
     page.until("!document.querySelector('#import .main').disabled")
     command = page.page.locator("#import pre").inner_text()
-    if kept := os.environ.get("MIDAIR_PICTURES"):
-        page.page.screenshot(path=f"{kept}/import.png")
     page.page.get_by_role("button", name="Import").click()
     page.until("studio.room?.take?.name === 'Corduroy.h5'")
     words = shlex.split(command.replace("Corduroy.wav", f"{shlex.quote(str(wave))} same.h5"))
     subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, check=True)
     made, same = (load(path).samples for path in (studio.folder / "Corduroy.h5", tmp_path / "same.h5"))
     assert (made == same).all()
-    assert page.wrong == []
 
-
-def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
-    """The questions and proposals are those of `midair import` on a terminal; all else is folded away."""
+    # The questions and proposals are those of `midair import` on a terminal; all else is folded away.
     bare, whole = tmp_path / "bare.csv", tmp_path / "whole.csv"
     wave = np.sin(np.arange(200) / 3)
     bare.write_text("x,y\n" + "".join(f"{each:.6f},{-each:.6f}\n" for each in wave))
     whole.write_text("time [s],x [V]\n" + "".join(f"{i / 1000},{each:.6f}\n" for i, each in enumerate(wave)))
-    page = look(studio_at())
+    page.go("#reproduce")
     page.until("studio.room?.add && !studio.room.add.disabled")
     page.page.locator("input[type=file]").set_input_files(bare)
     page.until("document.querySelector('#import .course polygon')", timeout=60)
@@ -517,8 +424,6 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     assert "--rate=2kHz --channels=0" in page.page.locator("#import pre").inner_text()
     labels = "[...document.querySelectorAll('#import [aria-label]')].map((one) => one.ariaLabel)"
     assert not [label for label in page.page.evaluate(labels) if "/" in label], "the folder of the upload"
-    if kept := os.environ.get("MIDAIR_PICTURES"):
-        page.page.screenshot(path=f"{kept}/import-asks.png")
     page.page.locator("#import").get_by_role("button", name="Cancel", exact=True).click()
     page.page.locator("input[type=file]").set_input_files(whole)
     page.until("document.querySelector('#import-title').textContent.includes('whole')", timeout=60)
@@ -527,78 +432,25 @@ def test_an_import_asks_what_the_file_does_not_state(studio_at, look, tmp_path):
     assert page.page.get_by_text("The file gives all values that are needed.").is_visible()
 
 
-def test_takes_are_found_renamed_deleted_and_stay_chosen(studio_at, look):
-    studio, noise = studio_at(), np.random.default_rng(1).normal(size=(400, 4, 4))
-    for name in ("denim", "wool"):
-        save(Recording(samples=noise, rate=1000, unit="Pa"), studio.folder / f"{name}.h5")
-    page = look(studio)
-    page.go("#reproduce/wool.h5")
-    page.until("studio.room?.take?.name === 'wool.h5'")
-    page.page.get_by_role("searchbox").fill("den")
-    page.until("[...document.querySelectorAll('.takes li:not([hidden])')].length === 1")
-    page.page.get_by_role("searchbox").fill("")
-    assert page.page.locator(".takes").bounding_box()["height"] > 100, "four takes are seen without scrolling"
-    tabbed = (
-        "[...document.querySelectorAll('.takes a')].filter((one) => one.tabIndex === 0).map((one) => one.dataset.take)"
-    )
-    assert page.page.evaluate(tabbed) == ["wool.h5"], "Tab reaches the chosen take, and then the settings"
-    page.until("document.querySelectorAll('.takes a').length === 6")
-    page.page.locator(".takes [tabindex='0']").focus()
-    for key in ("Home", "ArrowDown", "ArrowUp", "End", "ArrowUp"):
-        page.page.keyboard.press(key)
-    page.page.keyboard.press("Enter")
-    page.until("studio.room?.take?.name === 'sample:brush'")
-    page.go("#reproduce/wool.h5")
-    page.until("studio.room?.take?.name === 'wool.h5'")
-    page.page.get_by_role("link", name="Compare").click()
-    page.until("studio.room.name === 'wool.h5'")
-    page.page.get_by_role("link", name="Reproduce").click()
-    page.until("studio.room?.take?.name === 'wool.h5'")
-    page.page.get_by_role("button", name="Rename").click()
-    page.page.get_by_label("New name").fill("felt")
-    page.page.get_by_label("New name").press("Enter")
-    page.until("studio.room?.take?.name === 'felt.h5'")
-    page.page.get_by_role("button", name="Duplicate").click()
-    page.until("studio.room?.take?.name === 'felt-01.h5'")
-    page.page.get_by_role("button", name="Delete").click()
-    page.until("!studio.link.state.takes.some((row) => row.name === 'felt-01.h5')")
-    if kept := os.environ.get("MIDAIR_PICTURES"):
-        page.page.screenshot(path=f"{kept}/takes.png")
-    page.page.locator("#undo").click()
-    page.until("studio.room?.take?.name === 'felt-01.h5'")
-    assert {path.name for path in studio.folder.glob("*.h5")} == {"denim.h5", "felt.h5", "felt-01.h5"}
-    assert page.wrong == []
-
-
 @pytest.mark.timeout(1800)
-def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tmp_path):
+def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(used_studio, look, tmp_path):
     """WAV, level, best mode, play, correction, A/B with sound, cut, study of three takes, report; no command typed."""
-    wave, kept, began = tmp_path / "Corduroy.wav", os.environ.get("MIDAIR_PICTURES", str(tmp_path)), time.monotonic()
-    ribs = np.sin(2 * np.pi * 150 * np.arange(3200) / 8000) * (1 + np.sin(2 * np.pi * 12 * np.arange(3200) / 8000))
+    wave = tmp_path / "Corduroy.wav"
+    ribs = np.sin(2 * np.pi * 150 * np.arange(2000) / 8000) * (1 + np.sin(2 * np.pi * 12 * np.arange(2000) / 8000))
     soundfile.write(wave, 0.4 * ribs, 8000)
-    studio = studio_at()
-    page = look(studio, viewport={"width": 1440, "height": 900}, reduced_motion="reduce")
+    studio = used_studio()
+    page = look(studio, viewport={"width": 1440, "height": 900})
     page.page.evaluate(
-        """() => { studio.acts = 0; studio.signs = [];
-        for (const name of ['click', 'change']) addEventListener(name, () => { studio.acts += 1;
-          const began = performance.now(), changes = new MutationObserver(() => {
-            studio.signs.push(performance.now() - began); changes.disconnect(); });
-          changes.observe(document, {subtree: true, childList: true, attributes: true, characterData: true});
-        }, true); }"""
+        """() => { studio.acts = 0;
+        for (const name of ['click', 'change']) addEventListener(name, () => { studio.acts += 1; }, true); }"""
     )
     button = lambda name: page.page.get_by_role("button", name=name, exact=True)  # noqa: E731
-    taken = []
-
-    def picture(name, of=page.page):
-        taken.append(name)
-        of.screenshot(path=f"{kept}/designer-{len(taken)}-{name}.png")
 
     def compared(take):
         """Play the take in view and wait for its comparison."""
         page.until("!studio.room.play.disabled && document.querySelectorAll('.job').length === 0", timeout=120)
         button("Play on array").click()
         page.until("!document.querySelector('#hold').disabled", timeout=60)
-        picture("play")
         page.hold_to_play()
         page.until("!!document.querySelector('#to-compare')", timeout=60)
         button("Check and play again").click()
@@ -615,37 +467,31 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     page.page.get_by_role("textbox", name="How fast").press("Tab")
     page.until("document.querySelector('#import pre')?.textContent.includes('150mm')")
     page.until("!document.querySelector('#import .main').disabled")
-    picture("import")
     button("Import").click()
     page.until("studio.room?.take?.name === 'Corduroy.h5'")
     assert page.page.get_by_label("Mode").input_value() == "best"
     button("Solve").click()
     page.until("!!studio.room.take?.facts.drive && studio.room.played?.peak?.value > 0", timeout=240)
-    picture("solved")
     before = page.page.evaluate("studio.acts")
     compared("Corduroy.h5")
-    picture("compared")
     judged = page.page.locator(".compare .verdict").inner_text()
     page.go("#reproduce/Corduroy.h5")
     page.until("document.querySelector('.reproduce .verdict')?.hidden === false")
     assert page.page.locator(".reproduce .verdict").inner_text() == judged
-    picture("judged")
     page.go("#compare/Corduroy.h5")
     page.until("!!studio.room.found")
     gain = page.page.evaluate("studio.room.found.measured_gain")
     button("Apply").click()
     page.until("document.querySelector('#replace').open")
-    picture("correction")
     button("Keep both").click()
     page.until("studio.room.take?.name === 'Corduroy.h5@best' && !!studio.room.take.facts.drive", timeout=240)
     compared("Corduroy.h5@best")
     assert abs(page.page.evaluate("studio.room.found.measured_gain") - 1) < abs(gain - 1)
     page.page.evaluate("studio.room.listen.sounds.again.preload = 'metadata'; studio.room.listen.sounds.again.load()")
-    page.until("studio.room.listen.sounds.again.duration > 0.3")
+    page.until("studio.room.listen.sounds.again.duration > 0.2")
     page.page.locator("#main").focus()
-    page.page.keyboard.press("b")
+    page.press("b")
     page.until("studio.room.name === 'Corduroy.h5' && !!studio.room.transport")
-    picture("side-by-side")
     page.until("document.querySelectorAll('.job').length === 0", timeout=120)
     button("Make the report").click()
     page.until("!document.querySelector('#to-report').hidden", timeout=300)
@@ -655,10 +501,8 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     for edit, made in (("Keep", 1), ("Fade in", 2)):
         page.until("!!studio.room?.take && !studio.room.editing[0].disabled")
         page.page.evaluate("studio.room.transport.setLoop({from: studio.room.transport.rate / 10, on: true})")
-        picture(edit)
         button(edit).click()
         page.until(f"studio.room.take?.name === 'Corduroy-0{made}.h5'", timeout=60)
-    picture("takes")
     page.page.get_by_role("link", name="Study").click()
     page.until("document.querySelectorAll('#own-study option[value$=\".h5\"]').length === 3")
     page.page.get_by_label("Name", exact=True).fill("cord")
@@ -673,7 +517,6 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
     assert "Choose one:" in page.page.locator("#own-study").inner_text()
     assert not page.page.get_by_label("Question", exact=True).is_visible()
     kind.select_option("own")
-    picture("study")
     assert page.serious() == []
     page.page.locator("#new-study").click()
     page.until("document.querySelector('#simulate')?.disabled === false", timeout=240)
@@ -685,28 +528,19 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tm
         "studio.link.order('study', 'simulate', {study: 'cord'}).catch((wrong) => wrong.message)"
     )
     assert again.startswith("cord: expected a study without answers")
-    picture("simulated")
     with page.page.context.expect_page() as opened:
         page.page.locator("#to-report").click()
     opened.value.wait_for_load_state()
     report = opened.value.inner_text("body")
     for words in ("SIMULATED", "5 participants", "Corduroy-02", "Which cloth did you feel?", "How rough was it?"):
         assert words in report
-    opened.value.screenshot(path=f"{kept}/designer-report.png", full_page=True)
-    acts, signs = page.page.evaluate("[studio.acts, studio.signs]")
-    print(
-        f"{acts} clicks and entries, {acts - beside} of them without play, correction and report of the take; "
-        f"first change of the page after {max(signs):.0f} ms at most, {np.median(signs):.0f} ms as a rule; "
-        f"{(time.monotonic() - began) / 60:.1f} minutes, {len(taken) + 1} pictures in {kept}"
-    )
+    acts = page.page.evaluate("studio.acts")
     assert acts < 60
-    assert acts - beside <= 20
-    assert len(signs) > acts / 2
-    assert page.wrong == page.elsewhere == []
+    assert acts - beside <= 20, "without play, correction and report of the take"
 
 
-def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_keyboard(studio_at, look, tmp_path):
-    studio = studio_at()
+def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_keyboard(used_studio, look):
+    studio = used_studio()
     time_s = np.arange(3000) / 50
     away = np.stack([8 * np.sin(time_s), 5 * np.cos(time_s), 4 * np.sin(2 * time_s)], axis=1) * 1e-3
     away[time_s > 50] += [0.06, 0, 0]
@@ -728,12 +562,9 @@ def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_key
     assert "Confidence 1.00" in words
     assert page.page.locator("#palm svg .limit").count() == page.page.locator("#palm svg .ahead").count() == 2
     page.until("!document.querySelector('#hold').disabled", timeout=60)
-    for scheme, width in (("dark", 1280), ("light", 1280), ("light", 390)):
-        page.page.emulate_media(color_scheme=scheme)
-        page.page.set_viewport_size({"width": width, "height": 900})
-        page.page.locator("#palm").scroll_into_view_if_needed()
-        page.page.screenshot(path=os.environ.get("MIDAIR_PICTURES", str(tmp_path)) + f"/palm-{scheme}-{width}.png")
-    assert page.page.evaluate("document.querySelector('dialog[open]').scrollWidth <= innerWidth")
+    page.page.emulate_media(color_scheme="light")
+    page.page.set_viewport_size({"width": 390, "height": 900})
+    page.until("document.querySelector('dialog[open]').scrollWidth <= innerWidth", timeout=5)
     assert Axe().run(page.page, "dialog[open]").response["violations"] == []
     page.page.locator("#hold").focus()
     keyboard.down("Enter")
@@ -743,4 +574,3 @@ def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_key
     tracker.fill("replay:nothing.csv")
     keyboard.press("Tab")
     page.until("document.querySelector('#toasts').textContent.includes('nothing.csv')")
-    assert page.wrong == []

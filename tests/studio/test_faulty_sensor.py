@@ -78,4 +78,3 @@ def test_sensor_faults_are_shown_and_stored_in_the_file(sender, studio_at, look)
     page.page.get_by_role("button", name="Open the sensor again").click()
     page.until("studio.link.state.record.state === 'listening'", timeout=60)
     assert page.page.locator("#sensor-lost").is_hidden()
-    assert page.wrong == []

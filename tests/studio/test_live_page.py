@@ -1,4 +1,3 @@
-import os
 import time
 
 import numpy as np
@@ -13,10 +12,9 @@ PLAYS = "studio.link.state.live.state === 'plays'"
 
 
 @pytest.fixture
-def feeling(studio_at, look):
-    def begin(**how):
-        studio = studio_at()
-        page = look(studio, **how)
+def feeling(used_studio, look):
+    def begin():
+        page = look(studio := used_studio())
         page.until("studio.link.state.player?.state === 'ready'", timeout=120)
         page.go("#live")
         page.until("studio.name === 'live' && !document.querySelector('#live-check').disabled")
@@ -37,41 +35,20 @@ def in_silence(page):
 def test_every_frame_arrives_and_a_stalled_page_catches_up(feeling):
     _, page = feeling()
     first, drawn, began = *page.page.evaluate("[studio.room.track.last, studio.room.drawn]"), time.monotonic()
-    page.page.wait_for_timeout(4000)
-    last, lost, more = page.page.evaluate("[studio.room.track.last, studio.room.track.lost, studio.room.drawn]")
+    page.page.wait_for_timeout(2000)
+    page.until(f"studio.room.drawn > {drawn} + 20", timeout=10)
+    last, lost = page.page.evaluate("[studio.room.track.last, studio.room.track.lost]")
     took = time.monotonic() - began
     assert 0.8 * 1000 * took < last - first < 1.2 * 1000 * took + 500
     assert lost == page.page.evaluate("studio.room.sound.lost") == 0
-    assert more - drawn > 20
     # The virtual array makes no sound: it goes on while the page does not respond, and no frame is lost.
-    page.page.evaluate("() => { const end = performance.now() + 3000; while (performance.now() < end); }")
+    page.page.evaluate("() => { const end = performance.now() + 2000; while (performance.now() < end); }")
     assert page.page.evaluate(PLAYS)
-    page.page.keyboard.press("Escape")
+    page.press("Escape")
     assert "stopped on request" in in_silence(page)
     felt = page.page.evaluate("studio.link.state.live_goes.frames")
     page.until(f"studio.room.track.last === {felt} && studio.room.sound.last === {felt}")
     assert page.page.evaluate("studio.room.track.lost") == page.page.evaluate("studio.room.sound.lost") == 0
-    assert page.wrong == []
-
-
-def test_the_palm_of_a_tracker_is_followed(studio_at, look, tmp_path):
-    times = np.arange(6000) / 100
-    centre = np.stack([5e-3 * np.sin(6 * times), 0 * times, 0.2 + 0 * times], axis=1)
-    save_palm_path(palm_path(times, centre), tmp_path / "hand.csv")
-    page = look(studio_at())
-    page.until("studio.link.state.player?.state === 'ready'", timeout=120)
-    page.go("#live")
-    page.until("studio.name === 'live' && !document.querySelector('#live-check').disabled")
-    page.page.get_by_label("Follow the palm of a tracker").fill(f"replay:{tmp_path / 'hand.csv'}")
-    page.page.get_by_label("Its latency, ms").fill("10")
-    page.page.locator("#live-check").click()
-    page.hold_to_begin()
-    page.until("/the palm is followed/.test(document.querySelector('#main').innerText)", timeout=120)
-    if "MIDAIR_PICTURES" in os.environ:
-        page.page.screenshot(path=f"{os.environ['MIDAIR_PICTURES']}/live-follows.png", full_page=True)
-    page.page.locator("#live-end").click()
-    assert "ended normally" in in_silence(page)
-    assert page.wrong == []
 
 
 def test_freeze_slow_motion_and_keep(feeling):
@@ -130,22 +107,34 @@ def test_freeze_slow_motion_and_keep(feeling):
     page.until(f"studio.room.take?.name === {kept['name']!r} && studio.room.take.samples.last > 1000", timeout=60)
     # Leaving the panel stops live touch.
     in_silence(page)
-    assert page.wrong == []
 
 
-def test_stop_and_a_closed_tab_silence_live_touch_which_can_restart(feeling, look):
+def test_live_touch_follows_a_palm_and_is_silenced_by_stop_and_a_closed_tab(feeling, look, tmp_path):
     studio, page = feeling()
     page.page.get_by_label("Loudness, per cent").fill("30")
     page.until("studio.link.state.live.share === 0.3")
     began = time.monotonic()
-    page.page.keyboard.press("Escape")
+    page.press("Escape")
     assert "stopped on request" in in_silence(page)
     assert time.monotonic() - began < 5
-    page.page.locator("#live-check").click()
-    drawn = page.page.evaluate("studio.room.drawn")
-    page.hold_to_begin()
-    page.until(f"studio.link.state.live.state === 'plays' && studio.room.drawn > {drawn} + 10", timeout=60)
-    watching = look(studio, link=studio.root, context=page.page.context)
+
+    def again(tracker, latency):
+        page.page.get_by_label("Follow the palm of a tracker").fill(tracker)
+        page.page.get_by_label("Its latency, ms").fill(latency)
+        page.page.locator("#live-check").click()
+        drawn = page.page.evaluate("studio.room.drawn")
+        page.hold_to_begin()
+        page.until(f"studio.link.state.live.state === 'plays' && studio.room.drawn > {drawn} + 10", timeout=60)
+
+    times = np.arange(6000) / 100
+    centre = np.stack([5e-3 * np.sin(6 * times), 0 * times, 0.2 + 0 * times], axis=1)
+    save_palm_path(palm_path(times, centre), tmp_path / "hand.csv")
+    again(f"replay:{tmp_path / 'hand.csv'}", "10")
+    page.until("/the palm is followed/.test(document.querySelector('#main').innerText)", timeout=120)
+    page.page.locator("#live-end").click()
+    assert "ended normally" in in_silence(page)
+    again("", "")
+    watching = look(studio, context=page.page.context)
     watching.go("#live")
     watching.until("studio.room.track?.last > 100", timeout=30)
     assert watching.page.locator("#live-check").is_disabled()

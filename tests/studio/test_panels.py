@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,9 @@ PLAYED = (PLANS / "felt.toml").read_text(encoding="utf-8")
 PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
 """The experimenter presents as soon as the page requests it. Void, since Playwright calls returned functions."""
+
+SCREENS = (("dark", 1280, 800, 0), ("light", 1280, 800, 0), ("light", 390, 800, 190), ("dark", 700, 450, 165))
+"""Scheme, width and height; on small screens, the most height of the parts that stay."""
 
 ROOMS = ("record", "calibrate", "reproduce", "compare", "draw", "study", "live", "gallery")
 
@@ -54,19 +56,19 @@ def trials(page, count):
     for _ in range(count):
         page.until("!!document.querySelector('#next') && studio.link.state.session.step.kind === 'present'")
         page.until(HEEDED)
-        page.page.keyboard.press("Enter")
+        page.press("Enter")
         page.until("studio.link.state.session.step.kind === 'ask' && !!document.querySelector('#question')")
         page.until(HEEDED)
         number = page.page.evaluate("studio.link.state.session.step.number")
-        page.page.keyboard.press("2")
+        page.press("2")
         page.until(
             f"studio.link.state.session.step.number !== {number} || studio.link.state.session.step.kind === 'done'"
         )
 
 
 @pytest.fixture
-def study(studio_at):
-    studio = studio_at()
+def study(used_studio):
+    studio = used_studio()
     return studio, StudyFolder.create(studio.folder / "three", DESIGN, read_design(DESIGN))
 
 
@@ -79,7 +81,7 @@ def texts(page):
             page.until(f"studio.link.state.session.step.text !== {json.dumps(shown)}")
 
 
-def test_a_study_of_27_trials_by_keyboard_survives_a_reload_and_a_kill(study, studio_at, look):
+def test_a_study_of_12_trials_by_keyboard_survives_a_reload_and_a_kill(study, used_studio, look):
     studio, study = study
     page = look(studio)
     begin(page)
@@ -97,30 +99,29 @@ def test_a_study_of_27_trials_by_keyboard_survives_a_reload_and_a_kill(study, st
     assert len(answers(study)) == 5
     studio.process.kill()
     studio.process.wait()
-    again = studio_at()
+    page.page.close()
+    page.wrong.clear()  # connections to the studio that is gone
+    again = used_studio()
     again.folder.rmdir()
     studio.folder.rename(again.folder)
     second = look(again)
     begin(second)
     texts(second)
-    trials(second, 22)
+    trials(second, 7)
     second.until("studio.link.state.session.step.kind === 'done'")
     kept = answers(StudyFolder(again.folder / "three"))
-    assert len(kept) == 27
+    assert len(kept) == 12
     assert {event["answer"] for event in kept} == {"sponge"}
-    assert second.wrong == []
 
 
-def test_pilot_is_marked_and_stored_apart_and_keys_choose_only_what_they_name(study, look, tmp_path):
+def test_pilot_is_marked_and_stored_apart_and_keys_choose_only_what_they_name(study, look):
     studio, study = study
     page = look(studio)
     begin(page, pilot=True)
     assert page.page.evaluate("document.body.classList.contains('pilot')")
     assert "PILOT" in page.page.locator("#transport").inner_text()
     page.until(HEEDED)
-    for _ in range(5):
-        page.page.keyboard.press("Space")
-        page.page.keyboard.press("Enter")
+    page.press(*5 * ["Space", "Enter"])
     assert page.page.evaluate("studio.link.state.session.step.consent") == "take part", "a key is no consent"
     texts(page)
     # After a reload, nobody answers for the experimenter, who finds the way to the button from this page.
@@ -129,27 +130,24 @@ def test_pilot_is_marked_and_stored_apart_and_keys_choose_only_what_they_name(st
     page.page.evaluate("studio.link.controls || studio.link.order('control', 'take')")
     page.until("studio.link.controls")
     page.until(HEEDED)
-    page.page.keyboard.press("Enter")
+    page.press("Enter")
     page.page.locator("#to-confirm").click()
     page.page.locator("#presented").click()
     page.until("studio.link.state.session.step.kind === 'ask'")
     page.go("#study/participant")
     page.page.locator("#question").wait_for()
     assert page.page.evaluate("document.activeElement.id") == "question", "no answer has the focus"
-    page.page.screenshot(path=os.environ.get("MIDAIR_PICTURES", str(tmp_path)) + "/participant-question.png")
     page.page.evaluate("studio.room.asked = performance.now(); dispatchEvent(new KeyboardEvent('keydown', {key: '2'}))")
     page.until(HEEDED)
-    for _ in range(5):
-        page.page.keyboard.press("Space")
-        page.page.keyboard.press("Enter")
+    page.press(*5 * ["Space", "Enter"])
     assert page.page.evaluate("studio.link.state.session.step.kind") == "ask"
     assert answers(study, "pilot") == []
-    page.page.keyboard.press("2")
+    page.press("2")
     page.until("studio.link.state.session.step.kind === 'present'")
     assert page.page.evaluate("studio.link.state.session.log") == ["trial 1 presented", "trial 1: answered"]
     assert not (study.path / "sessions" / "sub-01.jsonl").exists()
     assert len(answers(study, "pilot")) == 1
-    page.page.keyboard.press("Escape")
+    page.press("Escape")
     page.until("studio.link.state.session.step.kind === 'stopped'")
     events = read_events(study.path / "pilot" / "sub-01.jsonl")
     assert events[-1]["event"] == "stop"
@@ -172,9 +170,9 @@ def drive_of(folder):
     return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}
 
 
-def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tmp_path):
+def test_trial_plays_its_drive_with_the_player_of_the_studio(used_studio, look):
     """Consent, a form, a drive and an equally long silence on emulated units; form questions appear once."""
-    studio = studio_at("--device", "autd3:emulator")
+    studio = used_studio("--device", "autd3:emulator")
     study = StudyFolder.create(studio.folder / "felt", PLAYED, read_design(PLAYED), drives=drive_of)
     page = look(studio)
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
@@ -191,9 +189,9 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     page.until("document.querySelector('#question')?.innerText.startsWith('How old')")
     turn = page.page.evaluate("studio.link.state.session.step.turn")
     page.page.get_by_label("How old are you?").fill("31")
-    page.page.keyboard.press("Tab")
+    page.press("Tab")
     page.until(HEEDED)
-    page.page.keyboard.press("Enter")
+    page.press("Enter")
     page.until("document.querySelector('#question')?.innerText.startsWith('How tired')")
     # After a double click, the second click must not answer the second question.
     again = (
@@ -202,17 +200,15 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     assert "got one to an earlier question" in page.page.evaluate(again)
     assert page.page.locator("#next").is_disabled()
     page.until(HEEDED)  # the slider has the focus: Enter does nothing before it was moved
-    page.page.keyboard.press("Enter")
-    page.page.keyboard.press("ArrowRight")
-    page.page.keyboard.press("Enter")
+    page.press("Enter", "ArrowRight", "Enter")
     for _ in range(2):
         page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
         page.until(HEEDED)
-        page.page.keyboard.press("Enter")
+        page.press("Enter")
         page.until("document.querySelector('.participant').innerText.startsWith('It comes now.')")
         page.until("studio.link.state.session.step.kind === 'ask' && !!document.querySelector('#question')", timeout=60)
         page.until(HEEDED)
-        page.page.keyboard.press("1")
+        page.press("1")
         page.until("studio.link.state.session.step.kind !== 'ask'")
     page.until("studio.link.state.session.step.kind === 'done'")
     events = read_events(study.path / "sessions" / "sub-01.jsonl")
@@ -221,17 +217,16 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look, tm
     opened = next(event for event in events if event["event"] == "open")
     assert (opened["array"], opened["noise_dbfs"], opened["simulated"]) == ("autd3:emulator", None, True)
     assert [event["event"] for event in events].count("presented") == 2
-    lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
+    lines = (studio.state / "played.jsonl").read_text(encoding="utf-8").splitlines()
     [order] = [line for line in map(json.loads, lines) if line["event"] == "play"]
     assert order["exposure"] == "kept"
-    assert page.wrong == []
 
 
-def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_path):
+def test_a_study_of_every_kind_of_stimulus_and_question(used_studio, look, tmp_path):
     """Touch, silence, an object, text, picture, sound and pairs; seven kinds of answers, by keyboard, to the table."""
     Image.new("RGB", (40, 30), "red").save(tmp_path / "photo.png")
     soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 8000), 8000)
-    studio = studio_at()
+    studio = used_studio()
     text = plan_text(media=True)
     design = read_design(text)
     study = StudyFolder.create(
@@ -254,14 +249,13 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
             page.until(HEEDED)
             assert not page.page.locator("#jobs").is_visible(), "jobs belong to the experimenter's page"
             if question["kind"] == "slider":
-                page.page.keyboard.press("ArrowRight")
-                page.page.keyboard.press("Enter")
+                page.press("ArrowRight", "Enter")
             elif question["answers"]:
-                page.page.keyboard.press("1")
+                page.press("1")
             else:
                 # The field has the focus: typing and Enter are enough.
                 page.page.keyboard.type("3")
-                page.page.keyboard.press("Enter")
+                page.press("Enter")
         else:
             page.until("!studio.link.state.session.busy && !!document.querySelector('#next')")
             page.until(HEEDED)
@@ -276,11 +270,10 @@ def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_pat
     }  # fmt: skip
     assert set(table.loc[table["question"] == "slider", "answer"]) == {"51"}
     assert set(table.loc[table["question"] == "choice", "answer"]) == {"first"}
-    assert page.wrong == []
 
 
-def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
-    page = look(studio_at())
+def test_taps_identify_channels_and_the_response_is_shown(used_studio, look):
+    page = look(used_studio())
     page.until("studio.link.state.takes?.some((row) => row.name === 'sample:towel')", timeout=120)
     page.go("#calibrate/sample:orbit")
     page.until("document.querySelector('.cells').innerText.includes('this take has no calibration')")
@@ -291,42 +284,61 @@ def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
     page.until("studio.link.state.taps?.state === 'done'", timeout=90)
     assert page.page.evaluate("studio.link.state.taps.channel") == list(range(16))
     assert "Every channel belongs to its cell" in page.page.locator(".left").inner_text()
-    assert page.wrong == []
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_every_panel_is_accessible(studio_at, look, scheme):
-    """No serious finding of axe; nothing empty; SIMULATED is shown; nothing overflows; each control has its help."""
-    page = look(studio_at(), color_scheme=scheme, reduced_motion="reduce")
-    page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
+@pytest.mark.timeout(600)
+def test_every_panel_is_accessible_and_fits_every_screen(used_studio, look):
+    """Two schemes of colours, a telephone, and 200 % zoom; nothing serious for axe, and each control has its help."""
+    page = look(used_studio())
+    page.towel()
     assert not page.page.evaluate("studio.room.transport.playing"), "reduced motion begins paused"
     # A sample that is replaced while axe looks at colours disables buttons for a moment.
-    page.until("studio.link.state.takes.length > 2 && !document.querySelector('.job')", timeout=240)
+    page.until("studio.link.state.takes.length > 3 && !document.querySelector('.job')", timeout=240)
+    value = page.page.evaluate
+    high = "['body > header', '#transport'].reduce((sum, one) => sum + document.querySelector(one).offsetHeight, 0)"
+    meters = "[...document.querySelectorAll('.meter')]"
+
+    def small(room, height, bars):
+        """Look at what changes on a small screen."""
+        if room == "reproduce":
+            page.until(f"{high} <= {bars}", timeout=5)  # the parts that stay
+            assert page.page.locator("#box-wanted").bounding_box()["y"] < 0.4 * height, "pictures come first"
+        if room == "live":
+            assert page.page.locator("#live-keep").bounding_box()["height"] < 45, "one line"
+        if room == "record":
+            page.until(f"{meters}.length === 16 && !!studio.link.state.levels")
+            assert not value(f"{meters}.some(one => one.scrollWidth > one.clientWidth)"), "numbers stay in their boxes"
+            assert value(f"new Set({meters}.map(one => one.offsetHeight)).size") == 1, "rows of one height"
+            assert "rms in V" in page.page.locator("section[aria-label='Level of each cell']").inner_text()
+
     for room in ROOMS:
         page.go(f"#{room}")
         page.until(f"studio.name === '{room}' && document.querySelector('main').innerText.length > 40")
         page.until("!['reproduce', 'compare'].includes(studio.name) || !!studio.room.take || !!studio.room.name")
         page.page.wait_for_timeout(400)
-        assert page.page.locator("#simulated").is_visible()
-        assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), room
-        assert page.unhelped() == [], room
-        assert page.serious() == [], room
+        for scheme, width, height, bars in SCREENS:
+            page.page.emulate_media(color_scheme=scheme)
+            page.page.set_viewport_size({"width": width, "height": height})
+            wide = ["document.documentElement.scrollWidth"]
+            if bars:
+                wide += ["document.querySelector('#main').scrollWidth"] * (room not in ("reproduce", "draw", "gallery"))
+                small(room, height, bars)
+            else:
+                assert page.page.locator("#simulated").is_visible()
+                assert page.unhelped() == [], room
+                assert page.serious() == [], (room, scheme)
+            assert max(value(f"[{', '.join(wide)}]")) <= width, (room, width)
+    value("document.querySelector('#jobs').innerHTML = '<div class=job>A job</div>'")
+    ends = "[document.querySelector('#main').getBoundingClientRect().bottom, document.querySelector('#jobs').offsetTop]"
+    content, job = value(ends)
+    assert content <= job, "a job covers nothing"
     page.page.set_viewport_size({"width": 640, "height": 400})
     page.go("#reproduce")
     page.until("studio.name === 'reproduce' && !!studio.room.take")
     for name in ("Edit", "Export", "Play on array", "air not stated"):
         page.page.get_by_role("button", name=name).click()
         assert page.unhelped() == [], name
-        page.page.keyboard.press("Escape")
+        page.press("Escape")
     page.page.get_by_label("Solver").focus()
     page.until("document.querySelector('#hint').innerText === 'Method that finds the phases'")
-    assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth + 1"), "200 % of 1280 pixels"
-    assert page.wrong == []
-
-
-def test_typed_address_is_not_overwritten(studio_at, look):
-    """A panel updates the time in the address at every picture, also while another panel is being opened."""
-    page = look(studio_at())
-    page.until("!!studio.room?.take")
-    page.page.evaluate("location.hash = '#record'; studio.here('sample:towel', 0.5)")
-    page.until("studio.name === 'record'", timeout=20)
+    assert value("document.documentElement.scrollWidth <= innerWidth + 1"), "200 % of 1280 pixels"

@@ -13,8 +13,8 @@ def state_air(page, temperature):
     page.page.get_by_role("button", name="Use this air").click()
 
 
-def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(studio_at, look):
-    page = look(studio_at())
+def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(used_studio, look):
+    page = look(used_studio())
     assert page.page.locator("#state-air").inner_text() == "air not stated"
     page.towel()
     assert page.page.locator("#other-air").is_hidden()
@@ -37,21 +37,14 @@ def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(studio_at,
     page.until("Math.abs(studio.room.take?.facts.drive?.air_c - 22) < 1e-6", timeout=180)
     page.until("document.querySelector('#other-air').hidden")
     assert "temperature 22C" in page.page.locator("#in-view").inner_text()
-    assert page.wrong == []
 
 
-def with_new_take(studio, look):
-    """A page that shows the take new.h5, which has no drive."""
-    record("virtual:towel", 0.2, path=studio.folder / "new.h5")
+def test_a_take_without_a_drive_plays_while_it_is_solved_and_a_loop_takes_the_newest_drive(used_studio, look):
+    studio = used_studio()
+    for name in ("new", "other"):
+        record("virtual:towel", 0.2, path=studio.folder / f"{name}.h5")
     page = look(studio)
-    page.until("studio.link.state.takes.some((row) => row.name === 'new.h5')", timeout=60)
-    page.page.evaluate("studio.go('reproduce', 'new.h5')")
-    page.until("studio.room.take?.name === 'new.h5' && studio.room.take.facts", timeout=60)
-    return page
-
-
-def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
-    page = with_new_take(studio_at(), look)
+    page.take("new.h5")
     page.page.get_by_label("Mode").select_option("paper")
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!document.querySelector('#hold').disabled", timeout=120)
@@ -59,11 +52,9 @@ def test_a_take_without_a_drive_plays_while_it_is_solved(studio_at, look):
     page.hold_to_play()
     page.until("document.querySelector('#exposure').textContent.includes('new.rerecorded.h5')", timeout=120)
     page.until("studio.link.state.takes.some((row) => row.name === 'new.h5' && row.solved)", timeout=60)
-    assert page.wrong == []
+    page.page.locator("#exposure").get_by_role("button", name="Close").click()
 
-
-def test_a_drive_that_is_solved_while_it_loops_is_played_from_the_next_pass(studio_at, look):
-    page = with_new_take(studio_at(), look)
+    page.take("other.h5")
 
     def solve(gain):
         page.page.get_by_label("Mode").select_option("quick")
@@ -84,11 +75,10 @@ def test_a_drive_that_is_solved_while_it_loops_is_played_from_the_next_pass(stud
     page.page.locator("#replace").get_by_role("button", name="Replace").click()
     page.until(f"studio.link.state.exposure.pressure_pa > {2 * first}", timeout=120)
     page.until("studio.link.state.player.emitting", timeout=60)
-    page.page.keyboard.press("Escape")
+    page.press("Escape")
     page.until("studio.link.state.player.state === 'ready'", timeout=30)
     time.sleep(1.0)
     assert page.page.evaluate("studio.link.state.player.state") == "ready", "a STOP ends the loop"
-    assert page.wrong == []
 
 
 def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at, look, tap):
@@ -98,7 +88,7 @@ def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
     page.page.get_by_role("button", name="Play on array").click()
     page.page.get_by_label("Times").fill("10")
-    page.page.keyboard.press("Tab")
+    page.press("Tab")
     page.until("!document.querySelector('#hold').disabled || !!document.querySelector('#exposure .bad')")
     if page.page.locator("#hold").is_disabled():
         page.page.get_by_role("button", name="Attenuate").click()
@@ -121,4 +111,3 @@ def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at
     page.page.locator("#hot-play").get_by_role("button", name="Stop").click()
     page.until("studio.link.state.player.said.includes('stopped on request')")
     assert page.page.locator("#hot-play").is_hidden()
-    assert page.wrong == []
