@@ -16,21 +16,19 @@ def control():
 def test_only_the_holder_can_give_control_while_playing(control):
     control, sounding = control
     sounding[0] = True
+    # A page that requested and left, and one that is refused, do not get it.
+    for ends in (lambda: control.refuse(1), lambda: control.leave(2)):
+        assert not control.take(2)
+        ends()
+        with pytest.raises(DeviceStateError, match="requests it"):
+            control.give(1, to=2)
+    control.enter(2)
     assert not control.take(2)
     control.check(1)
     with pytest.raises(DeviceStateError, match="this page may only watch"):
         control.give(2, to=2)
     control.give(1, to=2)
     control.check(2)
-
-
-def test_holder_may_keep_control(control):
-    control, sounding = control
-    sounding[0] = True
-    control.take(2)
-    control.refuse(1)
-    with pytest.raises(DeviceStateError, match="requests it"):
-        control.give(1, to=2)
 
 
 def test_control_is_free_after_its_page_has_left(control):
@@ -40,12 +38,3 @@ def test_control_is_free_after_its_page_has_left(control):
         control.check(2)
     sounding[0] = True
     assert control.take(2)
-
-
-def test_page_that_requested_and_left_cannot_get_control(control):
-    control, sounding = control
-    sounding[0] = True
-    control.take(2)
-    control.leave(2)
-    with pytest.raises(DeviceStateError):
-        control.give(1, to=2)

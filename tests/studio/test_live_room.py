@@ -31,44 +31,40 @@ def test_state_is_known_before_anything_plays(talk, studio):
     assert studio.store.state["live"]["calibrations"] == ["skin.calibration.h5"]
 
 
-def test_nothing_is_armed_without_a_player(talk, studio):
-    """Without a player, checked settings do not start and the lease stays revoked."""
-    studio.panels["live"]._checked = {3: _request()}
-    assert "player" in begin(talk)
-    assert "just checked" in begin(talk), "a check is used up by what it allowed"
+@pytest.fixture
+def checked(studio):
+    """The settings that were checked last."""
+    request = {"sensor": "virtual:towel", "device": "virtual", "acoustics": None}
+    studio.panels["live"]._checked = {3: request}
+    yield request
     assert not studio.playing.lease.armed
     assert studio.store.state["live"]["state"] == "idle"
 
 
-def test_an_error_of_the_studio_is_answered(talk, studio, capsys):
-    studio.panels["live"]._checked = {3: {}}
+def test_nothing_is_armed_without_a_player(talk, checked):
+    assert "player" in begin(talk)
+    assert "just checked" in begin(talk), "a check is used up by what it allowed"
+
+
+def test_an_error_of_the_studio_is_answered(talk, checked, capsys):
+    checked.clear()
     assert "error in midair, please report it: KeyError" in begin(talk)
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_stop_while_the_sensor_is_closed_is_not_forgotten(talk, studio, monkeypatch):
+def test_a_stop_while_the_sensor_is_closed_is_not_forgotten(talk, studio, checked, monkeypatch):
     async def release():
         studio.playing.lease.stop()
 
     monkeypatch.setattr(studio.panels["record"], "release", release)
-    studio.panels["live"]._checked = {3: _request()}
     assert "stopped on request" in begin(talk)
-    assert not studio.playing.lease.armed
-    assert studio.store.state["live"]["state"] == "idle"
 
 
-def test_live_begins_only_in_the_air_of_its_check(talk, studio):
-    request = _request() | {"acoustics": Acoustics(medium=Medium.at(temperature=22.0))}
-    studio.panels["live"]._checked = {3: request}
+def test_live_begins_only_in_the_air_of_its_check(talk, checked):
+    checked["acoustics"] = Acoustics(medium=Medium.at(temperature=22.0))
     assert "the air of the room changed" in begin(talk)
 
 
-def test_hidden_page_cannot_begin(talk, studio):
-    studio.panels["live"]._checked = {3: _request()}
+def test_hidden_page_cannot_begin(talk, studio, checked):
     studio.playing._show(device="autd3:emulator")
     assert "to be visible" in begin(talk, alive=False)
-    assert not studio.playing.lease.armed
-
-
-def _request():
-    return {"sensor": "virtual:towel", "device": "virtual", "acoustics": None}

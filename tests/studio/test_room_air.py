@@ -31,17 +31,14 @@ def test_a_typed_temperature_is_stated_and_an_empty_one_takes_it_back(air):
     assert air.medium is None
 
 
-@pytest.mark.parametrize(
-    ("temperature", "humidity", "words"),
-    [
+def test_wrong_air_is_refused_and_the_stated_one_stays(air):
+    state(air, "23C", 30)
+    for temperature, humidity, words in (
         ("warm", None, "expected degrees Celsius such as 22C"),
         ("70C", None, "expected 0 to 50 degrees Celsius, got 70"),
         ("", 50, "expected a temperature with it"),
         ("lsl:Room", None, "expected degrees Celsius such as 22C"),
-    ],
-)
-def test_wrong_air_is_refused_and_the_stated_one_stays(air, temperature, humidity, words):
-    state(air, "23C", 30)
-    with pytest.raises(MidairError, match=words):
-        state(air, temperature, humidity)
-    assert air.medium == Medium.at(temperature=23.0, humidity=0.3)
+    ):
+        with pytest.raises(MidairError, match=words):
+            state(air, temperature, humidity)
+        assert air.medium == Medium.at(temperature=23.0, humidity=0.3)

@@ -72,30 +72,27 @@ REFUSED = {
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-@pytest.mark.parametrize("case", REFUSED)
-def test_any_other_project_is_refused_as_a_whole(refused, case, monkeypatch):
-    files, words = REFUSED[case]
+def test_any_other_project_is_refused_as_a_whole(refused, subtests, monkeypatch):
     monkeypatch.setattr(folders, "PROJECT_FILES", 50)
-    refused(MidairError, words, [("good.h5", "x"), *((name, "") for name in files)])
+    for case, (files, words) in REFUSED.items():
+        with subtests.test(case):
+            refused(MidairError, words, [("good.h5", "x"), *((name, "") for name in files)])
 
 
-def test_the_size_of_a_project_is_checked_before_it_is_unpacked_or_packed(refused, folder, monkeypatch):
+def test_a_project_that_is_too_large_or_damaged_is_neither_unpacked_nor_packed(refused, folder, monkeypatch):
     refused(BrokenFileError, "expected expansion to at most 100 times", [("a.h5", "x")], claiming(300 << 20))
-    refused(
-        InputError, r"at most 4 GiB in 10000 files, got 4\.9 GiB", [("a.h5", "x"), ("b.h5", "x")], claiming(2500 << 20)
-    )
-    monkeypatch.setattr(folders, "PROJECT", 2)
-    (folder / "exports").mkdir()
-    with pytest.raises(InputError, match="copy the folder itself"):
-        pack_folder(str(folder / "exports" / "p.zip"), idle)
+    large = r"at most 4 GiB in 10000 files, got 4\.9 GiB"
+    refused(InputError, large, [("a.h5", "x"), ("b.h5", "x")], claiming(2500 << 20))
 
-
-def test_a_damaged_project_leaves_nothing_behind(refused):
     def damaged(data):
         at = data.rindex(b"b.h5", 0, data.index(b"PK\1\2")) + 30
         return data[:at] + bytes([data[at] ^ 255]) + data[at + 1 :]
 
     refused(BrokenFileError, "project", [("a.h5", os.urandom(500)), ("b.h5", os.urandom(500))], damaged)
+    monkeypatch.setattr(folders, "PROJECT", 2)
+    (folder / "exports").mkdir()
+    with pytest.raises(InputError, match="copy the folder itself"):
+        pack_folder(str(folder / "exports" / "p.zip"), idle)
 
 
 def claiming(size):
