@@ -151,17 +151,17 @@ def test_a_terminal_refuses_pictures_before_the_session_starts(source):
         pass
 
 
-@pytest.mark.parametrize(
-    ("name", "spoil", "error", "words"),
-    [
-        ("a.png", lambda path: path.write_bytes(b"no picture"), BrokenFileError, "a.png"),
-        ("b.wav", lambda path: path.write_bytes(b"no sound"), BrokenFileError, "b.wav"),
-        ("a.png", lambda path: os.truncate(path, 20_000_001), FileError, "a.png"),
-        ("b.wav", Path.unlink, MissingFileError, "b.wav: expected the sound in"),
-    ],
-)
-def test_files_that_are_missing_no_media_or_too_large_are_refused(source, name, spoil, error, words):
-    spoil(source / name)
-    (source / "into").mkdir()
-    with pytest.raises(error, match=words):
-        prepare_media(read_design(PLAN), source / "into", found_in=source)
+def test_files_that_are_missing_no_media_or_too_large_are_refused(source):
+    for number, (name, spoil, error, words) in enumerate(
+        (
+            ("a.png", lambda path: path.write_bytes(b"no picture"), BrokenFileError, "a.png"),
+            ("a.png", lambda path: os.truncate(path, 20_000_001), FileError, "a.png"),
+            ("b.wav", lambda path: path.write_bytes(b"no sound"), BrokenFileError, "b.wav"),
+            ("b.wav", Path.unlink, MissingFileError, "b.wav: expected the sound in"),
+        )
+    ):
+        spoil(source / name)
+        (source / f"into{number}").mkdir()
+        with pytest.raises(error, match=words):
+            prepare_media(read_design(PLAN), source / f"into{number}", found_in=source)
+        Image.new("RGB", (4, 3)).save(source / "a.png")

@@ -36,16 +36,12 @@ def reported():
 
 
 @pytest.mark.long
-def test_every_column_is_explained_in_the_page(reported):
+def test_every_column_is_explained_in_the_page_and_p_values_are_rounded(reported):
     report, page = reported
     for finding in report.findings:
         for name, meaning in legend_of(finding):
             if name != "note":
                 assert f"<b>{name}</b>: {meaning}".replace("'", "&#39;") in page, (finding.title, name)
-
-
-def test_format_of_p_values(reported):
-    _, page = reported
     cells = [part.split("</td>")[0] for part in page.split('data-name="p_Holm">')[1:]]
     assert len(cells) == 7
     assert all(cell in ("&lt; .001", "none") or 0.001 <= float(cell) <= 1 for cell in cells)
@@ -61,10 +57,10 @@ def test_a_picture_is_no_wider_than_half_a_page(reported):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("width", "media"), [(1200, "screen"), (390, "screen"), (718, "print")])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_does_not_overflow(reported, overflowing, width, media, scheme):
-    assert overflowing(reported[1], width, media=media, color_scheme=scheme) == []
+def test_the_page_does_not_overflow(reported, overflowing):
+    for width, media in ((1200, "screen"), (390, "screen"), (718, "print")):
+        for scheme in ("light", "dark"):
+            assert overflowing(reported[1], width, media=media, color_scheme=scheme) == [], (width, media, scheme)
 
 
 def choices(name):
@@ -85,16 +81,15 @@ def test_confusions_show_every_count_and_bars_the_f_measures_above_chance():
     assert not figure.texts
 
 
-@pytest.mark.parametrize("factors", [1, 2])
-def test_ratings_are_drawn_by_one_or_two_factors(factors):
-    names = ["object", "rated"][2 - factors :]
-    where = np.indices((3, 3)[2 - factors :]).reshape(factors, -1)
-    columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
-    mean = np.linspace(2, 6, where.shape[1])
-    ratings = pd.DataFrame({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
-    (axes,) = rating_figure(ratings, names, simulated=False, title="", span=(0, 8)).axes
-    shown = [y for box in axes.containers for y in box.lines[0].get_ydata()]
-    assert sorted(shown) == pytest.approx(mean.tolist())
+def test_ratings_are_drawn_by_one_or_two_factors():
+    for names in (["rated"], ["object", "rated"]):
+        where = np.indices((3,) * len(names)).reshape(len(names), -1)
+        columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
+        mean = np.linspace(2, 6, where.shape[1])
+        ratings = pd.DataFrame({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
+        (axes,) = rating_figure(ratings, names, simulated=False, title="", span=(0, 8)).axes
+        shown = [y for box in axes.containers for y in box.lines[0].get_ydata()]
+        assert sorted(shown) == pytest.approx(mean.tolist()), names
 
 
 @pytest.mark.long
