@@ -16,7 +16,7 @@ from tests.printed import PAGES, ROOT, blocks, not_printed
 import midair
 from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS
-from midair.settings import CHOICES, MODES, Settings
+from midair.settings import CHOICES, MODES
 from midair.study import Design, SilentPresenter, StudyFolder, read_design, template_text
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question, Stimulus
@@ -74,22 +74,13 @@ def test_the_python_of_a_page_runs(page, holds, folder):
         assert holds(names)
 
 
-def test_the_page_on_trackers_reads_a_pose(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_page_on_trackers_reads_a_pose(folder):
     Path("hand.csv").write_text("time,x,y,z,nx,ny,nz,dx,dy,dz,confidence\n0,0,0.1,0.2,0,0,-1,0,1,0,1\n")
     Path("leap.toml").write_text(blocks("docs/follow.md", "toml")[0])
     (script,) = blocks("docs/follow.md", "python")
-    names = {}
-    exec(script, names)
+    exec(script, names := {})
     assert names["pose"].centre[0] == pytest.approx([0, -0.22, 0.215])
     assert names["lines"] == []
-
-
-def test_the_toml_of_the_settings_page_is_one(folder):
-    (text,) = blocks("docs/settings.md", "toml")
-    (folder / "mine.toml").write_text(text, encoding="utf-8")
-    made = Settings.load(folder / "mine.toml")
-    assert (made.target.mapping, made.target.grid.height, made.solver.guard.margin) == ("slow-bias", 0.18, 0.025)
 
 
 def test_the_doctests_of_the_sensor_page_hold():
@@ -98,12 +89,6 @@ def test_the_doctests_of_the_sensor_page_hold():
     runner.run(parser.get_doctest(text, {}, "build-a-sensor", None, 0))
     assert runner.summarize(verbose=False).failed == 0
     assert runner.tries > 0
-
-
-def parts_of_a_plan(page):
-    """What the table of a page says a plan may have: where, and the names in its code."""
-    rows = re.findall(r"^\| (plan|`\[exclusions\]`|question|block|stimulus) \| (.*?) \|", page, re.MULTILINE)
-    return [(where.strip("`[]"), name) for where, cell in rows for name in re.findall(r"`\[*(\w+)", cell)]
 
 
 def test_the_plans_of_the_page_on_studies_can_be_drawn(folder):
@@ -125,7 +110,9 @@ def test_the_plans_of_the_page_on_studies_can_be_drawn(folder):
 
 def test_every_part_of_a_plan_that_the_page_on_studies_names_is_one():
     kinds = {"plan": Design, "exclusions": Exclusions, "question": Question, "block": Block, "stimulus": Stimulus}
-    named = parts_of_a_plan((ROOT / "docs" / "study.md").read_text(encoding="utf-8"))
+    page = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (plan|`\[exclusions\]`|question|block|stimulus) \| (.*?) \|", page, re.MULTILINE)
+    named = [(where.strip("`[]"), name) for where, cell in rows for name in re.findall(r"`\[*(\w+)", cell)]
     assert len(named) > 20
     for where, name in named:
         assert name in {field.name for field in dataclasses.fields(kinds[where])}, (where, name)

@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.hostile import hostile_folder
@@ -38,25 +39,21 @@ def test_the_path_is_safe_until_the_last_block_ends(monkeypatch):
             assert os.environ[processes.SAFE_PATH] == "1"
         assert os.environ[processes.SAFE_PATH] == "1"
     assert os.environ[processes.SAFE_PATH] == ""
-
-
-def test_python_that_reads_no_variables_must_have_a_safe_path(monkeypatch):
-    class Flags:
-        ignore_environment, safe_path = 1, False
-
-    monkeypatch.setattr(sys, "flags", Flags)
+    # Python that reads no variables must have one.
+    monkeypatch.setattr(sys, "flags", SimpleNamespace(ignore_environment=1, safe_path=False))
     with pytest.raises(InputError, match="python -E: expected"), safe_path():
         pass
 
 
-@pytest.mark.parametrize(("path", "left"), [([os.getcwd(), "/x"], ["/x"]), (["/x", os.getcwd()], ["/x", os.getcwd()])])
-def test_the_command_imports_nothing_from_the_current_folder(monkeypatch, path, left):
+def test_the_command_imports_nothing_from_the_current_folder(monkeypatch):
     """`python -m` puts it first."""
-    monkeypatch.setattr(sys, "path", path)
-    monkeypatch.delenv(processes.SAFE_PATH, raising=False)
-    protect_command()
-    assert (sys.path, os.environ[processes.SAFE_PATH]) == (left, "1")
-    monkeypatch.undo()
+    here = os.getcwd()
+    for path, left in (([here, "/x"], ["/x"]), (["/x", here], ["/x", here])):
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "path", path)
+            patch.setenv(processes.SAFE_PATH, "")
+            protect_command()
+            assert (sys.path, os.environ[processes.SAFE_PATH]) == (left, "1")
 
 
 def test_one_module_starts_every_python_process():

@@ -6,23 +6,15 @@ import pytest
 from midair.ram import available_memory
 
 
-@pytest.fixture
-def meminfo(tmp_path):
-    path = tmp_path / "meminfo"
-    path.write_text("MemTotal:       24684100 kB\nMemFree:          100000 kB\nMemAvailable:    2000000 kB\n")
-    return path
-
-
-def test_the_available_memory(meminfo, tmp_path):
+def test_the_available_memory_of_which_a_container_may_have_less(tmp_path):
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:       24684100 kB\nMemFree:          100000 kB\nMemAvailable:    2000000 kB\n")
     assert available_memory(meminfo, tmp_path / "none") == 2000000 * 1024
-
-
-@pytest.mark.parametrize(("limit", "left"), [("1000000000", 450_000_000), ("max", 2000000 * 1024)])
-def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
-    (tmp_path / "memory.max").write_text(f"{limit}\n")
     (tmp_path / "memory.current").write_text("600000000\n")
     (tmp_path / "memory.stat").write_text("anon 550000000\ninactive_file 50000000\nactive_file 7\n")
-    assert available_memory(meminfo, tmp_path) == left
+    for limit, left in (("1000000000", 450_000_000), ("max", 2000000 * 1024)):
+        (tmp_path / "memory.max").write_text(f"{limit}\n")
+        assert available_memory(meminfo, tmp_path) == left
 
 
 HELD = """

@@ -28,6 +28,8 @@ def registry(tmp_path, monkeypatch):
 def test_own_objects_come_first_and_are_not_replaced(registry):
     assert list(registry) == ["pi", "own", "added", "absent", "gone", "broken"]
     assert len(registry) == 6
+    assert "broken" in repr(registry)
+    assert "broken_module" not in sys.modules, "nothing is imported before it is read"
     assert registry["pi"] == pytest.approx(3.14159, abs=1e-5)
     assert registry["added"]("1") == 1
     assert "added" in registry
@@ -36,20 +38,12 @@ def test_own_objects_come_first_and_are_not_replaced(registry):
         registry["other"]
 
 
-def test_nothing_is_imported_before_it_is_read(registry):
-    assert "broken" in repr(registry)
-    assert "broken_module" not in sys.modules
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
+def test_what_cannot_be_imported_is_one_line(registry):
+    for name, message in (
         ("own", 'own: expected the package no_such_package, it is not installed; pip install "midair[lsl]"'),
         ("absent", 'absent: expected the package no_such_package.*pip install "other-package[fast]"'),
         ("gone", "gone: expected json:no_such_name, got: .*no_such_name"),
         ("broken", "broken: expected broken_module:thing, got: no library$"),
-    ],
-)
-def test_what_cannot_be_imported_is_one_line(registry, name, message):
-    with pytest.raises(MissingExtraError, match=message.replace("[", r"\[").replace("]", r"\]")):
-        registry[name]
+    ):
+        with pytest.raises(MissingExtraError, match=message.replace("[", r"\[").replace("]", r"\]")):
+            registry[name]

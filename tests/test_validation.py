@@ -20,14 +20,12 @@ def test_the_copy_is_read_only(value):
         frozen[0, 0] = 1
 
 
-def test_a_non_finite_number_is_named_with_its_index(subtests):
+def test_a_non_finite_number_is_named_with_its_index():
     for bad in [np.nan, np.inf, -np.inf]:
-        with subtests.test(bad=bad):
-            value = np.zeros((3, 2))
-            value[2, 1] = bad
-            with pytest.raises(NonFiniteError, match=r"x: .*\(2, 1\)"):
-                frozen_array(value, "x", ("a", "b"))
-            assert frozen_array(value, "x", ("a", "b"), finite=False).shape == (3, 2)
+        value = np.array([[0, 0], [0, 0], [0, bad]])
+        with pytest.raises(NonFiniteError, match=r"x: .*\(2, 1\)"):
+            frozen_array(value, "x", ("a", "b"))
+        assert frozen_array(value, "x", ("a", "b"), finite=False).shape == (3, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
