@@ -84,12 +84,16 @@ def test_a_recording_in_pascals_only_passes_the_band():
     assert same == pytest.approx(calibrate(of(pressure)).pressure)
 
 
-def test_a_slow_recording_takes_another_band():
+def test_a_slow_recording_takes_another_band_and_one_beyond_the_calibration_is_refused():
     time = np.arange(400) / 35.6
     slow = np.broadcast_to((10 * np.sin(2 * np.pi * 2 * time) ** 2)[:, None, None], (400, 4, 4))
     frames = calibrate(of(slow, rate=35.6), band=(0.5, 15.0))
     assert frames.rate == 35.6
     assert frames.pressure[100:300] == pytest.approx(slow[100:300] - 5, abs=0.1)
+    short = calibration_of(MODEL, highest=300.0)
+    with pytest.raises(BandError, match="calibration's 0 to 300 Hz, got 20 to 470 Hz"):
+        calibrate(of(noise(0), unit="V"), short)
+    assert calibrate(of(noise(0), unit="V"), short, band=(20, 290)).band == (20, 290)
 
 
 def test_a_real_recording_of_denim():
@@ -108,7 +112,7 @@ def test_a_real_recording_of_denim():
     assert not frames.provenance.simulated
 
 
-def test_provenance_records_the_settings():
+def test_provenance_records_the_settings_and_a_dead_channel_that_stays_silent():
     recording = recorded(noise(0))
     frames = calibrate(recording, CALIBRATION)
     step = frames.provenance.steps[-1]
@@ -121,21 +125,11 @@ def test_provenance_records_the_settings():
     # Also with a real recording, if the calibration is simulated.
     assert calibrate(of(noise(0), unit="V"), CALIBRATION).provenance.simulated
     assert not calibrate(of(noise(0))).provenance.simulated
-
-
-def test_a_dead_channel_stays_silent_and_is_named():
     samples = np.array(recorded(noise(0)).samples)
     samples[:, 1, 3] = 0.7
     frames = calibrate(of(samples, unit="V"), CALIBRATION)
     assert frames.provenance.steps[-1].settings["dead_channels"] == (7,)
     assert np.abs(frames.pressure[:, 1, 3]).max() < 1e-9
-
-
-def test_a_band_beyond_the_calibration_is_refused():
-    short = calibration_of(MODEL, highest=300.0)
-    with pytest.raises(BandError, match="calibration's 0 to 300 Hz, got 20 to 470 Hz"):
-        calibrate(of(noise(0), unit="V"), short)
-    assert calibrate(of(noise(0), unit="V"), short, band=(20, 290)).band == (20, 290)
 
 
 def test_a_short_tap_anywhere_a_weak_texture_on_a_strong_drift_and_a_short_recording_are_detected():

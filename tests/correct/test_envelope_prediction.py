@@ -83,7 +83,7 @@ def test_silent_points_stay_silent(asked):
     assert quiet.mean() < 0.9 * loud.mean()
 
 
-def test_blocks_are_the_same_bits_whatever_the_parts(asked):
+def test_blocks_are_the_same_bits_whatever_the_parts_and_have_no_seam(asked):
     solution, target = asked
     whole = list(WAY.corrected(iter([solution]), target))
     assert [part.drive.frames for part in whole] == [32, 32, 16]
@@ -91,10 +91,7 @@ def test_blocks_are_the_same_bits_whatever_the_parts(asked):
         parts = list(WAY.corrected(parts_of(solution, size), target))
         for one, other in zip(whole, parts, strict=True):
             np.testing.assert_array_equal(one.drive.phase, other.drive.phase)
-
-
-def test_a_block_has_no_seam(asked):
-    """One block of all frames and many blocks correct equally well."""
+    # One block of all frames and many blocks correct equally well.
     solution, target = asked
     one, many = (
         missed(Solution.joined(list(replace(WAY, block=size).corrected(iter([solution]), target))).drive, target)

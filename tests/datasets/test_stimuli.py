@@ -30,7 +30,7 @@ def test_stimuli_have_their_lines_on_their_channels(subtests):
             assert frames.provenance.simulated
 
 
-def test_each_cell_is_tapped_in_its_own_second():
+def test_each_cell_is_tapped_in_its_own_second_by_a_half_sine_of_20_ms():
     made = taps(every=1.0, quiet=1.0, peak=30.0, spread=0.25, rate=1000.0)
     assert made.provenance.simulated
     cells = made.pressure.reshape(len(made.pressure), 16)
@@ -42,9 +42,6 @@ def test_each_cell_is_tapped_in_its_own_second():
     assert seconds[0, 1] == seconds[0, 4] == pytest.approx(0.25 * own[0])
     assert seconds[0, 5] == pytest.approx(0.0625 * own[0])
     assert seconds[0, 15] == 0
-
-
-def test_a_tap_is_a_half_sine_of_20_ms():
     made = taps(sensor=SensorGrid(rows=1, columns=1), rate=8000.0, seed=3)
     push = made.pressure[:, 0, 0]
     (pressed,) = np.nonzero(push)

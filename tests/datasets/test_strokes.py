@@ -127,7 +127,7 @@ def test_one_seed_makes_one_stroke_at_every_rate():
     assert stroke("brush", seed=3, rate=35.6).rate == 35.6
 
 
-def test_a_duration_cuts_or_adds_silence():
+def test_a_duration_cuts_or_adds_silence_and_the_provenance_names_the_object():
     whole = stroke("towel", seed=1)
     assert whole.frames == pytest.approx(1000 * Motion().duration(SensorGrid()), abs=1.5)
     assert (stroke("towel", seed=1, duration=0.4).pressure == whole.pressure[:400]).all()
@@ -135,9 +135,6 @@ def test_a_duration_cuts_or_adds_silence():
     assert longer.frames == 2000
     assert (longer.pressure[: whole.frames] == whole.pressure).all()
     assert not longer.pressure[whole.frames :].any()
-
-
-def test_provenance_has_simulated_and_object():
     frames = stroke("brush", groove=True, seed=9)
     assert frames.provenance.simulated
     assert frames.provenance.source == "virtual:brush"

@@ -61,18 +61,7 @@ def test_distortion_that_a_later_stage_cancels_costs_nothing():
     assert [(stage.name, loss) for stage, loss in perfect] == [("only", 0.0)]
 
 
-def test_faint_frames_are_weighted_by_their_power():
-    """Nine frames with 3 % error, and ninety-one of a ten-thousandth of their power with an error of 100."""
-    error = np.r_[np.full(9, 0.03), np.full(91, 100.0)]
-    power = np.r_[np.full(9, 4.0), np.full(91, 4e-10)]
-    found = error_by_energy(error, power)
-    assert (found.mean, found.worst, found.faint, found.frames) == (pytest.approx(0.03), 0.03, 91, 100)
-    assert found.energy == pytest.approx(np.sqrt((9 * 0.03**2 + 91 * 1e-10 * 1e4) / 9), rel=1e-6)
-    assert found.faint_text().startswith("91 of 100 ")
-    assert "--set solver.level=auto" in found.faint_text()
-
-
-def test_the_error_by_energy_is_the_norm_of_all_frames_and_silent_ones_are_left_out():
+def test_the_error_by_energy_is_the_norm_of_all_frames_in_which_faint_ones_hardly_count():
     rng = np.random.default_rng(0)
     asked = rng.random((50, 7)) + 0.2
     came = asked + 0.1 * rng.standard_normal(asked.shape)
@@ -84,6 +73,14 @@ def test_the_error_by_energy_is_the_norm_of_all_frames_and_silent_ones_are_left_
     assert error_by_energy(np.array([0.5, np.nan]), np.array([1.0, 0.0])).mean == 0.5
     names = ("E_energy", "E_mean", "E_worst", "faint_frames", "E_faint")
     assert error_by_energy(np.zeros(3), np.zeros(3)).plain() == dict.fromkeys(names, 0)
+    # Nine frames with 3 % error, and ninety-one of a ten-thousandth of their power with an error of 100.
+    error = np.r_[np.full(9, 0.03), np.full(91, 100.0)]
+    power = np.r_[np.full(9, 4.0), np.full(91, 4e-10)]
+    found = error_by_energy(error, power)
+    assert (found.mean, found.worst, found.faint, found.frames) == (pytest.approx(0.03), 0.03, 91, 100)
+    assert found.energy == pytest.approx(np.sqrt((9 * 0.03**2 + 91 * 1e-10 * 1e4) / 9), rel=1e-6)
+    assert found.faint_text().startswith("91 of 100 ")
+    assert "--set solver.level=auto" in found.faint_text()
 
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)

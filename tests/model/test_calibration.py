@@ -28,7 +28,7 @@ def test_a_flat_one_is_the_same_everywhere(frequency, sensitivity):
     assert "nominal" in flat.provenance.source
 
 
-def test_bins_come_back_the_middle_is_the_mean_and_the_ends_are_held():
+def test_bins_come_back_the_middle_is_the_mean_also_of_uncertainties_and_the_ends_are_held():
     calibration = made()
     assert calibration.response_at(calibration.frequency) == pytest.approx(calibration.response)
     between = calibration.response_at(np.array([5.0, 15.0]))
@@ -37,9 +37,6 @@ def test_bins_come_back_the_middle_is_the_mean_and_the_ends_are_held():
     calibration = made(frequency=np.array([5.0, 10.0, 30.0]))
     ends = calibration.response_at(np.array([0.0, 1e4]))
     assert ends == pytest.approx(calibration.response[[0, -1]])
-
-
-def test_uncertainty_between_the_bins():
     bins, cells = np.ones((3, 2, 3)), np.ones((2, 3))
     known = Measurement(
         magnitude_uncertainty=np.array([0.01, 0.02, 0.04])[:, None, None] * bins,

@@ -9,16 +9,13 @@ from scipy.spatial.transform import Rotation
 from midair.model import ControlGrid, Placement, SensorGrid, TransducerArray
 
 
-def test_four_units_have_996_transducers_centred_on_their_mean():
+def test_four_units_are_centred_on_their_mean_each_in_the_order_of_the_firmware():
     array = TransducerArray.autd3(columns=2, rows=2)
     assert array.count == 996
     assert array.position.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-15)
     assert np.bincount(array.unit).tolist() == [249] * 4
     assert array.normal.tolist() == [[0, 0, 1]] * 996
     assert array.pressure == pytest.approx(4.38590, abs=1e-5)
-
-
-def test_a_unit_in_the_order_of_the_firmware():
     one = TransducerArray.autd3(columns=1, rows=1)
     cell = np.rint((one.position - one.position[0])[:, :2] / 10.16e-3).astype(int)
     assert cell[:18].tolist() == [[x, 0] for x in range(18)]
@@ -28,12 +25,14 @@ def test_a_unit_in_the_order_of_the_firmware():
     assert len(cell) == 249
 
 
-def test_arrays_are_the_same_to_a_micrometre():
+def test_a_grid_is_the_paper_s_array_and_arrays_are_the_same_to_a_micrometre():
     array = TransducerArray.autd3(columns=1, rows=1)
     assert array.same_as(replace(array, position=array.position + np.array([2e-7, 0, 0])))
     assert not array.same_as(replace(array, position=array.position + np.array([2e-6, 0, 0])))
     assert not array.same_as(replace(array, frequency=70e3))
     assert not array.same_as(TransducerArray.autd3(columns=2, rows=1))
+    for grid in ({"columns": 1, "rows": 1}, {"columns": 2, "rows": 2}, {"columns": 3, "rows": 1}):
+        assert Placement.grid(**grid).array().same_as(TransducerArray.autd3(**grid)), grid
 
 
 def test_channels_run_row_by_row_from_the_top_left_surrounded_by_the_papers_control_points():
@@ -57,11 +56,6 @@ def test_points_run_row_by_row_around_the_centre(rows, columns, centre, height):
     assert place[..., 1] == pytest.approx(np.broadcast_to((grid.y + centre[1])[:, None], (rows, columns)))
     assert (place[..., 2] == height).all()
     assert place.mean(axis=(0, 1)) == pytest.approx([*centre, height], abs=1e-12)
-
-
-def test_a_grid_is_the_paper_s_array():
-    for grid in ({"columns": 1, "rows": 1}, {"columns": 2, "rows": 2}, {"columns": 3, "rows": 1}):
-        assert Placement.grid(**grid).array().same_as(TransducerArray.autd3(**grid)), grid
 
 
 def test_a_quarter_turn_by_hand():

@@ -20,7 +20,7 @@ def test_a_disc_has_its_area_and_a_square_in_it_leaves_the_rest():
     assert not palm.beyond(42.5e-3, 42.5e-3).any()
 
 
-def test_an_outline_may_have_dents():
+def test_an_outline_may_have_dents_and_letters_draw_it():
     # An L of three squares of 20 mm.
     corners = np.array([[-20, -20], [20, -20], [20, 0], [0, 0], [0, 20], [-20, 20]]) * 1e-3
     palm = Palm.within(corners, pitch=0.4e-3)
@@ -28,9 +28,6 @@ def test_an_outline_may_have_dents():
     x, y = palm.grid(0.1).x, palm.grid(0.1).y
     assert not palm.inside[y > 1e-3][:, x > 1e-3].any()
     assert palm.inside[(y < -1e-3) & (y > -19e-3)][:, np.abs(x) < 19e-3].all()
-
-
-def test_letters_draw_the_same_palm():
     palm = Palm.within(np.array([[-20, -20], [20, -20], [0, 25]]) * 1e-3)
     np.testing.assert_array_equal(Palm.of_rows(palm.rows, pitch=palm.pitch).inside, palm.inside)
     assert set("".join(palm.rows)) == {"#", "."}

@@ -26,7 +26,7 @@ def test_phases_change_little_from_one_air_to_the_next():
         assert np.abs(np.diff(phase, axis=0)).max() < 1.05 * STEP, (room, array, place)
 
 
-def test_they_hold_all_that_the_room_may_have():
+def test_they_hold_all_that_the_room_may_have_which_a_stated_humidity_narrows():
     unknown = [each.medium for each in airs_of_room(None, PLACES, TransducerArray.autd3())]
     stated = [each.medium for each in airs_of_room(Medium.at(temperature=22.0), PLACES, TransducerArray.autd3())]
     for airs, coldest, warmest in ((unknown, 15.0, 30.0), (stated, 20.0, 24.0)):
@@ -36,9 +36,6 @@ def test_they_hold_all_that_the_room_may_have():
             assert airs[-1].speed >= ends[1].speed
             for one, air in ((airs[0], ends[0]), (airs[-1], ends[1])):
                 assert one.attenuation < air.attenuation + 5e-3
-
-
-def test_a_stated_humidity_narrows_the_range_and_a_lower_attenuation_counts():
     array = TransducerArray.autd3()
     dry = Medium.at(temperature=22.0, humidity=0.15)
     airs = [each.medium for each in airs_of_room(dry, PLACES, array)]

@@ -43,7 +43,7 @@ def turning(rate, turn):
     return drive(still + 2 * np.pi * turn * np.arange(24)[:, None] / rate, rate)
 
 
-def test_what_arrives_at_once_counts():
+def test_what_arrives_at_once_counts_so_that_a_phase_that_turns_is_louder_than_each_frame():
     for rate in (1000.0, 4000.0, 8000.0):
         rng, point = np.random.default_rng(1), profile().places[0].position
         two = np.stack([turning(4000.0, 900.0).phase[0], rng.uniform(0, 6, FEW.count)])
@@ -56,9 +56,6 @@ def test_what_arrives_at_once_counts():
         }
         errors = {name: exposure(each, profile()).peak[0] - over_time(each, point) for name, each in drives.items()}
         assert all(-0.5 < each < 5 for each in errors.values()), (rate, errors)
-
-
-def test_a_phase_that_turns_is_louder_than_each_frame():
     told = turning(8000.0, -1600.0)
     assert exposure(told, profile()).peak[0] > exposure(told, profile(), alone=True).peak[0] + 5
 

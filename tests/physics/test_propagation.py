@@ -123,16 +123,13 @@ def test_rounded_phases_are_near_and_on_the_steps(phase, bits):
     assert rounded[0] / step == pytest.approx(round(rounded[0] / step), abs=1e-9)
 
 
-def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(array):
+def test_a_row_is_the_same_to_the_last_bit_beside_any_other_and_single_precision_keeps_the_phases(array):
     places = ControlGrid(rows=13, columns=11).position
     for kind in KINDS:
         acoustics = Acoustics(directivity=kind)
         together = transfer_matrix(places, array, acoustics=acoustics)
         alone = np.concatenate([transfer_matrix(place[None], array, acoustics=acoustics) for place in places])
         np.testing.assert_array_equal(together, alone, err_msg=kind)
-
-
-def test_single_precision_keeps_the_phases(array):
     exact, single = (transfer_matrix(ControlGrid(), array, precision=kind) for kind in ("double", "single"))
     assert single.dtype == np.complex64
     assert np.abs(single / exact - 1).max() < 1e-4

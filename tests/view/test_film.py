@@ -62,16 +62,13 @@ def test_a_focus_is_at_its_target_whose_map_the_played_one_covers():
     assert not (wanted == (13, 17, 23)).all(axis=2).any()
 
 
-def test_simulated_films_are_marked(subtests):
+def test_simulated_films_are_marked_and_every_view_can_be_filmed(subtests):
     for simulated in [True, False]:
         with subtests.test(simulated=simulated):
             shown = focus() if simulated else show_recording(recording())
             picture = Film(shown, side=64).picture(0)
             red = (np.asarray(picture) == (255, 123, 114)).all(axis=2)
             assert red.any() == simulated
-
-
-def test_every_view_can_be_filmed(subtests):
     for shown, maps in [
         (show_target(focus_target()), 1),
         (show_drive(focus_drive()), 1),

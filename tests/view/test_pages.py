@@ -94,16 +94,13 @@ def test_both_sounds_have_one_scale():
     assert comparison_sounds(focus()) == ()
 
 
-def test_samples_come_in_sections_of_a_quarter_of_a_second():
+def test_samples_come_in_sections_of_a_quarter_of_a_second_with_the_numbers_of_their_frames():
     shown = show_recording(recording(600))
     parts = unpack(sections(shown)["samples"])
     assert [(part.first, len(part.values)) for part in parts] == [(0, 250), (250, 250), (500, 100)]
     assert {part.values.dtype.str for part in parts} == {"<i2"}
     found = np.concatenate([part.values * part.unit for part in parts])
     assert np.abs(found - shown.samples.values).max() < 1e-4
-
-
-def test_a_part_keeps_the_numbers_of_its_frames():
     part = (0.002, 0.004)
     shown = show_drive(focus_drive(), target=focus_target(), part=part)
     held = {name: [each.first for each in unpack(data)] for name, data in sections(shown).items()}

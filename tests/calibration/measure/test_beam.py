@@ -31,7 +31,7 @@ def test_the_plan_at_hand_computed_numbers():
     assert BeamPlan().tones[[0, 1, 8, 9, -1]].tolist() == [20, 25, 60, 70, 470]
 
 
-def test_tones_are_found_at_their_level_and_phase():
+def test_tones_are_found_at_their_level_phase_and_lag():
     amplitude = np.arange(1, 14)[:, None] * np.exp(1j * np.arange(13))[:, None]
     time = (np.arange(PLAN.stretch) - 50) / PLAN.rate
     one = (amplitude * np.exp(2j * np.pi * PLAN.tones[:, None] * time)).real.sum(axis=0)
@@ -41,9 +41,6 @@ def test_tones_are_found_at_their_level_and_phase():
     assert found[..., 0] == pytest.approx(np.arange(1, 6)[:, None] * amplitude.T, abs=1e-9)
     with pytest.raises(ShapeError, match="s of beam or more"):
         tone_amplitudes(signal[:400, None], PLAN.rate, PLAN)
-
-
-def test_the_lag_is_found():
     rng = np.random.default_rng(0)
     signal = np.concatenate([np.zeros(17), PLAN.waveform, np.zeros(30)]) + 0.05 * rng.standard_normal(647)
     assert find_lag(signal, PLAN.waveform) == 17
@@ -102,16 +99,13 @@ def test_a_bend_shows():
     assert measured().linearity.curvature == pytest.approx(np.zeros((1, 2)), abs=1e-6)
 
 
-def test_noise_is_covered():
+def test_noise_is_covered_and_a_channel_without_signal_is_named():
     inside = []
     found = measured(noise=2e-4)
     random = np.sqrt(found.measurement.magnitude_uncertainty**2 - 0.1**2)
     inside = np.abs(np.abs(found.response) / [[[0.02, 0.03]]] - 1) < 2 * random
     assert inside.mean() > 0.85
     assert np.median(random) < 0.02
-
-
-def test_a_channel_without_signal_is_named():
     with pytest.raises(InputError, match="got none on channels 1"):
         measured(response=[0.02, 0.0], noise=1e-4)
 

@@ -166,7 +166,7 @@ def test_a_straight_sensor_is_straight(bench, covered):
     assert (np.abs(scores) < 2).mean() > 0.93
 
 
-def test_saturation_is_reported_and_increases_the_uncertainty(bench, blind_model, covered):
+def test_saturation_is_reported_and_increases_the_uncertainty_from_five_levels_on(bench, blind_model, covered):
     lab = bench(2, model=blind_model(2, saturation=2.0))
     calibration = measure_calibration(levels(lab, np.random.default_rng(2)), settings=COARSE)
     line = calibration.linearity
@@ -174,9 +174,6 @@ def test_saturation_is_reported_and_increases_the_uncertainty(bench, blind_model
     # .8 V rms in an amplifier of 2 V: the small-signal response is still within the limits
     assert np.median(calibration.measurement.magnitude_uncertainty) > 0.02
     assert covered(calibration, lab.model)[0] > 0.85
-
-
-def test_four_levels_give_no_linearity(bench):
     takes = levels(bench(0), np.random.default_rng(0), rms=(5, 10, 20, 20.1))
     assert measure_calibration(takes, settings=COARSE).linearity is None
 

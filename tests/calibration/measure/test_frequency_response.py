@@ -41,7 +41,7 @@ def test_the_noiseless_response_is_exact_for_any_signal():
         assert np.median(error) < 1e-5, name
 
 
-def test_a_constant_response_is_h1_with_bendat_and_piersols_error():
+def test_a_constant_response_is_h1_with_bendat_and_piersols_error_and_no_bias_by_noise():
     rng = np.random.default_rng(5)
     x = rng.standard_normal(200_000)
     y = (0.5 * x + 0.4 * rng.standard_normal(len(x)))[:, None]
@@ -54,9 +54,6 @@ def test_a_constant_response_is_h1_with_bendat_and_piersols_error():
     assert np.mean(found.response.real) == pytest.approx(0.5, abs=0.002)
     # the residual is the noise: .4^2 in 500 Hz
     assert np.median(found.noise) == pytest.approx(0.16 / 500, rel=0.01)
-
-
-def test_h1_is_not_biased_by_noise_at_the_output():
     rng = np.random.default_rng(6)
     x = rng.standard_normal(100_000)
     found = fit(x, (2 * x + 5 * rng.standard_normal(len(x)))[:, None])
@@ -82,16 +79,13 @@ def test_records_add_up():
     assert np.median(twice.uncertainty[band] / once.uncertainty[band]) == pytest.approx(np.sqrt(0.5), rel=0.1)
 
 
-def test_an_excluded_channel_has_no_weight():
+def test_an_excluded_channel_and_no_input_have_no_weight():
     x = SIGNALS["noise"]
     sums = band_sums(x[:, None], heard(x), RATE, resolution=1.0, width=2.0)
     only = solve_sums([sums.only(np.arange(16) == 3)])
     assert not only.response[:, np.arange(16) != 3].any()
     assert np.isinf(only.uncertainty[:, 0]).all()
     assert only.response[:, 3] == pytest.approx(solve_sums([sums]).response[:, 3], rel=1e-9)
-
-
-def test_no_input_gives_no_response_and_no_certainty():
     y = np.random.default_rng(0).standard_normal((20000, 2))
     found = fit(np.zeros(20000), y)
     assert not found.response.any()
@@ -112,10 +106,12 @@ def test_units_scale_the_response(a, b):
     assert scaled.coherence[band] == pytest.approx(plain.coherence[band], abs=1e-6)
 
 
-def test_a_short_record_is_refused_with_the_length_it_needs():
+def test_a_short_record_is_refused_and_few_averages_widened_by_students_t():
     with pytest.raises(BandError, match=r"6 s or more for bands of 2 Hz, got 3 s"):
         fit(np.ones(3000), np.ones((3000, 1)))
     assert len(fit(np.random.default_rng(0).standard_normal(6000), np.ones((6000, 1))).frequency) > 400
+    # t(.975) over 1.95996: 12.706 for one degree of freedom, 4.303 for two, 1.9600 for very many
+    assert widened(np.ones(3), np.array([1, 2, 1e7])) == pytest.approx([12.706 / 1.95996, 4.303 / 1.95996, 1], rel=1e-4)
 
 
 def test_number_of_excited_frequencies():
@@ -128,11 +124,6 @@ def test_number_of_excited_frequencies():
     found = fit(tone, heard(tone))
     assert found.excited[np.argmin(np.abs(found.frequency - 100.5)), 0] < 1.5
     assert not fit(np.zeros(20000), heard(tone)).excited.any()
-
-
-def test_students_t():
-    # t(.975) over 1.95996: 12.706 for one degree of freedom, 4.303 for two, 1.9600 for very many
-    assert widened(np.ones(3), np.array([1, 2, 1e7])) == pytest.approx([12.706 / 1.95996, 4.303 / 1.95996, 1], rel=1e-4)
 
 
 @pytest.mark.long

@@ -48,13 +48,10 @@ def test_lines_through_noise_scatter_as_stated():
         assert (np.abs(value) < 2 * unsure).mean() == pytest.approx(0.953, abs=0.012)
 
 
-def test_levels_that_differ():
+def test_takes_are_selected_for_levels_that_differ():
     assert distinct(np.array([3.0, 1.0, 1.02, 2.0, 3.1])).tolist() == [1.0, 2.0, 3.0]
     with pytest.raises(InputError, match="at least 5 different levels, got 4"):
         levels([1, 2, 3, 4, 4.1], [1, 2, 3, 4, 4])
-
-
-def test_selection_of_takes_for_the_levels():
     # five on all cells, in any order
     assert same_levels(np.array([5.0, 1, 2, 3, 4]), [None] * 5, 2).T.tolist() == [[1, 2, 3, 4, 0]] * 2
     # or five on each cell alone
@@ -65,12 +62,9 @@ def test_selection_of_takes_for_the_levels():
     assert same_levels(np.arange(1.0, 10), cells[:9], 2) is None
 
 
-def test_nonlinearity_is_a_uniform_distribution():
+def test_share_of_the_predicted_output_whose_nonlinearity_is_a_uniform_distribution():
     share = np.array([[1.06, 1.0], [1.03, 1.0], [1.0, 1.001]])
     assert bend_uncertainty(share, np.full(share.shape, 0.001)) == pytest.approx([0.058 / np.sqrt(3), 0])
-
-
-def test_share_of_the_predicted_output():
     rng = np.random.default_rng(5)
     x = rng.standard_normal((20_000, 1))
     noise = 0.05 * rng.standard_normal((20_000, 2))

@@ -21,14 +21,11 @@ def reference(frames=8000, **changes):
     return Reference(**({"pressure": pressure, "rate": RATE} | changes))
 
 
-def test_volts_over_the_sensitivity_are_pascals():
+def test_volts_over_the_sensitivity_are_pascals_and_a_level_is_the_rms_of_what_changes():
     said = recording(sensor=SensorGrid(rows=1, columns=3, name="hydrophone"))
     told = Reference.read(said, sensitivity=0.05, channel=2, uncertainty=0.01)
     assert told.pressure == pytest.approx(said.samples[:, 0, 2] / 0.05)
     assert (told.uncertainty, told.name, told.rate) == (0.01, "hydrophone", RATE)
-
-
-def test_a_level_is_the_rms_of_what_changes():
     take = ReferencedTake(recording=recording(), reference=reference(pressure=7 + 3 * np.tile([1.0, -1.0], 4000)))
     assert take.level == pytest.approx(3.0)
     assert take.presses().tolist() == [True, True]

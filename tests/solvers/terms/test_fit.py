@@ -77,7 +77,7 @@ def test_they_go_where_the_grid_goes():
         np.testing.assert_allclose(moved.wanted, here.wanted, atol=1e-12, err_msg=str(means))
 
 
-def test_wanted_are_means_of_the_pressure_that_is_interpolated():
+def test_wanted_are_means_of_the_pressure_that_is_interpolated_kept_for_the_next_part():
     """Pressure interpolated linearly between cells, 10 times as dense as the control points."""
     sensor, cells = SensorModel(), np.random.default_rng(2).uniform(0, 1, 16)
     amplitude = np.sqrt(interpolation_matrix(sensor.grid, GRID) @ cells)[None]
@@ -86,6 +86,10 @@ def test_wanted_are_means_of_the_pressure_that_is_interpolated():
     np.testing.assert_allclose(Windows().target(amplitude, GRID, 1.0).wanted[0], expected, rtol=2e-3)
     even = Windows().target(np.full((1, GRID.count), 2.0), GRID, 1.0)
     np.testing.assert_allclose(even.wanted, 4.0, rtol=1e-3)
+    for grid, kept in ((ControlGrid(height=0.21), True), (ControlGrid(rows=60, columns=60, pitch=2e-3), False)):
+        one, again = (Windows().target(np.ones((1, grid.count)), grid, 1.0).weights for _ in range(2))
+        assert (one is again) == kept
+        np.testing.assert_array_equal(one, again)
 
 
 def test_the_error_of_a_faint_frame_is_relative_to_random_phases():
@@ -115,10 +119,3 @@ def test_a_sensor_that_is_moved_reads_the_same():
     assert max(worst["windows"]) < 2 * min(worst["windows"])
     assert worst["cells"][0] < min(worst["windows"])
     assert worst["cells"][-1] > 10 * worst["windows"][-1]
-
-
-def test_weights_are_kept_for_the_next_part_but_not_those_of_a_large_grid():
-    for grid, kept in ((ControlGrid(height=0.21), True), (ControlGrid(rows=60, columns=60, pitch=2e-3), False)):
-        one, again = (Windows().target(np.ones((1, grid.count)), grid, 1.0).weights for _ in range(2))
-        assert (one is again) == kept
-        np.testing.assert_array_equal(one, again)
