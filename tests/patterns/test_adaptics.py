@@ -14,7 +14,7 @@ import pytest
 from benchmarks.adaptics import EXAMPLES, HERE, compared, evaluated
 
 from midair.errors import BrokenFileError, InputError
-from midair.patterns import Pattern, load_adaptics
+from midair.patterns import load_adaptics
 
 PACKAGE = os.environ.get("MIDAIR_ADAPTICS", "")
 
@@ -95,13 +95,6 @@ def test_a_pattern_with_too_many_parts_is_refused_before_they_are_read(tmp_path)
     path.write_text(changed(lambda content: content.update(keyframes=1001 * [None])), encoding="utf-8")
     with pytest.raises(InputError, match=r"x\.adaptics: keyframes: expected at most 1000 in a pattern, got 1001"):
         load_adaptics(path, {})
-    key = {"at_s": 0.0, "centre_mm": [0.0, 0.0]}
-    for spots, said in (
-        (33 * [{}], "spot: expected at most 32 in a pattern, got 33"),
-        ([{"key": 600 * [key]}, {"key": 401 * [key]}], "key: expected at most 1000 in a pattern, got 1001"),
-    ):
-        with pytest.raises(InputError, match=said):
-            Pattern.from_plain({"spot": spots})
 
 
 @pytest.mark.long

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.simulators.exposure_override import clear_any_exposure
 
-from midair.errors import InputError, RateError
+from midair.errors import InputError
 from midair.model import Acoustics, Medium, Placement, TransducerArray
 from midair.patterns import (
     AmplitudeModulation,
@@ -90,8 +90,6 @@ def test_three_receptors_get_a_turning_mean_and_two_lines_at_their_focus(emitted
     assert 2 * np.delete(lines, [0, 3, 20]).max() < 0.03 * 100
     place, _ = summit(q[42], np.round(places[42, :2], 3))
     assert np.linalg.norm(place - places[42, :2]) < 0.2e-3
-    with pytest.raises(InputError, match=r"slow, fast and pacinian with a sum of 1 at most, got 1\.1"):
-        ReceptorWeights(slow=0.7)
 
 
 @EMITTED
@@ -141,16 +139,12 @@ def test_reach_is_what_full_drive_gives_and_asking_for_more_is_an_error():
     full = np.exp(1j * focus_phase(ARRAY, place, acoustics=AIR))
     assert most == pytest.approx(pressure_at(full[None], place)[0, 0], rel=1e-9)
 
-    def at(pressure, x=0.02):
-        return Foci(position=np.array([[[x, 0.0, 0.2]]]), pressure=np.array([[pressure]]), rate=1000.0)
+    def at(pressure):
+        return Foci(position=place[None, None], pressure=np.array([[pressure]]), rate=1000.0)
 
     assert draw(at(0.999 * most), ARRAY, acoustics=AIR).drive.level[0] == pytest.approx(np.sqrt(0.999))
     with pytest.raises(InputError, match=r"expected at most 1\d\d\d Pa at \(20, 0, 200\) mm, all that this array"):
         draw(at(1.01 * most), ARRAY, acoustics=AIR)
-    with pytest.raises(InputError, match=r"45 degrees beside it, got \(500, 0, 200\) mm"):
-        draw(at(1.0, x=0.5), ARRAY, acoustics=AIR)
-    with pytest.raises(RateError):
-        draw(Foci(position=np.zeros((1, 1, 3)) + 0.2, pressure=np.ones((1, 1)), rate=3000.0), ARRAY)
 
 
 def test_several_foci_at_once_have_their_pressures():

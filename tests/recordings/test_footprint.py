@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.errors import InputError
 from midair.model import Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
 
@@ -83,8 +82,6 @@ def test_a_circle_stays_on_the_sensor_and_runs_at_its_speed():
     area = covered(forth, SENSOR, np.linspace(0, 2 * lap, 50)).sum(axis=(1, 2)) * SENSOR.pitch**2
     np.testing.assert_allclose(area, np.pi * 10e-3**2, rtol=1e-9)
     assert (forth.crossing(SENSOR), *Footprint(path="circle", speed=0).centre([1.0], SENSOR)[0]) == (np.inf, 0, 0)
-    with pytest.raises(InputError, match="diagonal for a line, got circle"):
-        Footprint(shape="line", path="circle")
 
 
 def test_turning_back_and_starting_again():

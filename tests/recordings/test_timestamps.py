@@ -60,13 +60,11 @@ def test_a_few_rows_with_a_stamp_of_others_are_spread():
     assert even.report[0] == "10 of 500 rows have the time stamp of the row before: they were spread evenly."
 
 
-def test_rows_that_were_written_twice_are_left_out_or_refused_and_later_repeats_reported():
+def test_rows_that_were_written_twice_are_left_out_and_later_repeats_reported():
     numbers = np.arange(100.0)
     even = to_fixed_rate(np.sort(np.r_[numbers, 7.0, 50.0]), np.sort(np.r_[numbers, 7.0, 50.0])[:, None])
     np.testing.assert_array_equal(even.samples[:, 0], numbers)
     assert even.report[0] == "2 of 102 rows repeat stamp and numbers of the row before: they were left out."
-    with pytest.raises(RateError, match="at least 90% of the rows to differ; 100 of 200 rows repeat stamp"):
-        to_fixed_rate(np.repeat(numbers, 2), np.repeat(numbers, 2)[:, None])
     even = to_fixed_rate(np.arange(5) / 10, np.array([[0.0, 4], [1, 5], [1, 5], [2, 5], [3, 6]]))
     assert len(even.samples) == 5
     assert "1 of 5 rows repeat every channel" in even.report[0]
@@ -90,8 +88,6 @@ def test_rows_lost_in_a_stream_are_found_by_its_rate(subtests):
 def test_uses_the_stated_rate_when_it_fits():
     time = np.array([0, 28, 56, 85, 113]) / 1e3
     assert to_fixed_rate(time, np.zeros((5, 1)), rate=35.5).rate == 35.5
-    with pytest.raises(RateError, match=r"expected about 35\.\d+ Hz from the time stamps, got 40 Hz"):
-        to_fixed_rate(time, np.zeros((5, 1)), rate=40)
 
 
 def test_losses_that_jitter_hides_are_refused(subtests):

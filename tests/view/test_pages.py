@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from tests.view.shown import ARRAY, GRID, focus, focus_drive, focus_target, pressure, recording
 from tests.view.test_frame_encoding import node
 
-from midair.errors import InputError, RateError
+from midair.errors import InputError
 from midair.physics import propagate
 from midair.view import (
     WEB,
@@ -151,8 +151,6 @@ def test_the_played_field_is_that_of_the_drive_on_the_scale_of_its_target():
     assert np.abs(shown.sound.played[0]).argmax() == 9 * 16 + 6
 
 
-def test_a_comparison_is_as_long_as_both_and_of_one_rate():
+def test_a_comparison_is_as_long_as_both():
     shown = show_comparison(pressure(60), pressure(50))
     assert (shown.frames, len(shown.samples.values), len(shown.again.values)) == (50, 50, 50)
-    with pytest.raises(RateError, match="at one rate"):
-        show_comparison(pressure(60), replace(pressure(60), rate=500))

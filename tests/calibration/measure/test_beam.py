@@ -13,7 +13,7 @@ from midair.calibration.measure.beam import (
     measure_beam,
     tone_amplitudes,
 )
-from midair.errors import InputError, ShapeError
+from midair.errors import InputError
 from midair.model import Recording, SensorGrid, TransducerArray
 
 PLAN = BeamPlan(levels=5, spacing=20.0, settle=0.05, high=460.0)
@@ -39,13 +39,9 @@ def test_tones_are_found_at_their_level_phase_and_lag():
     found = tone_amplitudes(signal[:, None], PLAN.rate, PLAN, lag=3)
     assert found.shape == (5, 13, 1)
     assert found[..., 0] == pytest.approx(np.arange(1, 6)[:, None] * amplitude.T, abs=1e-9)
-    with pytest.raises(ShapeError, match="s of beam or more"):
-        tone_amplitudes(signal[:400, None], PLAN.rate, PLAN)
     rng = np.random.default_rng(0)
     signal = np.concatenate([np.zeros(17), PLAN.waveform, np.zeros(30)]) + 0.05 * rng.standard_normal(647)
     assert find_lag(signal, PLAN.waveform) == 17
-    with pytest.raises(ShapeError, match="600 frames"):
-        find_lag(signal[:500], PLAN.waveform)
 
 
 def reading(*, response, crosstalk, shares, changed=None, bend=0.0, noise=0.0, offset=0.0):

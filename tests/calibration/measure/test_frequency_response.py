@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from midair.calibration import noise_equivalent_pressure
 from midair.calibration.measure.frequency_response import band_sums, quiet_density, solve_sums, white_level, widened
 from midair.calibration.measure.referenced_take import noise_signal, sweep_signal
-from midair.errors import BandError
 from midair.model import Calibration, Measurement, Recording, SensorGrid
 from midair.physics import SensorModel, channel_response, sense
 
@@ -106,9 +105,7 @@ def test_units_scale_the_response(a, b):
     assert scaled.coherence[band] == pytest.approx(plain.coherence[band], abs=1e-6)
 
 
-def test_a_short_record_is_refused_and_few_averages_widened_by_students_t():
-    with pytest.raises(BandError, match=r"6 s or more for bands of 2 Hz, got 3 s"):
-        fit(np.ones(3000), np.ones((3000, 1)))
+def test_few_averages_are_enough_and_widened_by_students_t():
     assert len(fit(np.random.default_rng(0).standard_normal(6000), np.ones((6000, 1))).frequency) > 400
     # t(.975) over 1.95996: 12.706 for one degree of freedom, 4.303 for two, 1.9600 for very many
     assert widened(np.ones(3), np.array([1, 2, 1e7])) == pytest.approx([12.706 / 1.95996, 4.303 / 1.95996, 1], rel=1e-4)
@@ -161,5 +158,3 @@ def test_noise_equivalent_pressure_at_hand_computed_numbers():
         np.full((1, 2), 2e-3 * np.sqrt(400 / 3)), rel=1e-4
     )
     assert np.isinf(noise_equivalent_pressure(flat(1e-6, response=0.0))).all()
-    with pytest.raises(BandError, match="within 0 to 500 Hz, got 20 to 600 Hz"):
-        noise_equivalent_pressure(flat(1e-6), (20, 600))

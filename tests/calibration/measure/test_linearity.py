@@ -10,7 +10,6 @@ from midair.calibration.measure.frequency_response import (
     same_levels,
     solve_sums,
 )
-from midair.errors import InputError
 
 
 def levels(x, y, noise=0.0):
@@ -50,8 +49,6 @@ def test_lines_through_noise_scatter_as_stated():
 
 def test_takes_are_selected_for_levels_that_differ():
     assert distinct(np.array([3.0, 1.0, 1.02, 2.0, 3.1])).tolist() == [1.0, 2.0, 3.0]
-    with pytest.raises(InputError, match="at least 5 different levels, got 4"):
-        levels([1, 2, 3, 4, 4.1], [1, 2, 3, 4, 4])
     # five on all cells, in any order
     assert same_levels(np.array([5.0, 1, 2, 3, 4]), [None] * 5, 2).T.tolist() == [[1, 2, 3, 4, 0]] * 2
     # or five on each cell alone
