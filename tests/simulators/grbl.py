@@ -12,7 +12,7 @@ import select
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,10 +212,7 @@ class GrblSimulator(BehindPty):
 
     def _move(self, now: float) -> None:
         if self._now is None and self._plan and not self._held:
-            begun = self._plan.popleft()
-            self._now = PlannedMove(
-                start=self._place.copy(), end=begun.end, speed=begun.speed, growth=begun.growth, begun=now
-            )
+            self._now = replace(self._plan.popleft(), start=self._place.copy(), begun=now, stopped=None)
             self.moves.append(self._now)
         if self._now is None:
             return
@@ -233,7 +230,7 @@ class GrblSimulator(BehindPty):
             return
         self._held = True
         if self._now is not None and self._now.stopped is None:
-            self._now = self._moves_now(stopped=now)
+            self._now = self.moves[-1] = replace(self.moves[-1], stopped=now)
 
     def _resume(self) -> None:
         if not self._held:
@@ -243,18 +240,9 @@ class GrblSimulator(BehindPty):
             self._plan.appendleft(self._now)
             self._now = None
 
-    def _moves_now(self, *, stopped: float) -> PlannedMove:
-        """The current move, held from now on."""
-        move = self.moves[-1]
-        held = PlannedMove(
-            start=move.start, end=move.end, speed=move.speed, growth=move.growth, begun=move.begun, stopped=stopped
-        )
-        self.moves[-1] = held
-        return held
-
     def _alarm(self, number: int, now: float) -> None:
         if self._now is not None:
-            self._moves_now(stopped=now)
+            self.moves[-1] = replace(self.moves[-1], stopped=now)
         self._now = None
         self._plan.clear()
         self._locked = self._critical = True

@@ -11,43 +11,22 @@ from websockets.sync.server import serve
 def frame(number, stamp, values, confidence=1.0, hand=7):
     """A frame with one hand; `values` are m with z up, `stamp` s."""
     x, y, z, nx, ny, nz, dx, dy, dz = values
-    axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    return {
-        "currentFrameRate": 110.0,
-        "id": number,
-        "timestamp": round(stamp * 1e6),
-        "r": axes,
-        "s": 1.0,
-        "t": [0, 0, 0],
-        "gestures": [],
-        "pointables": [],
-        "interactionBox": {"center": [0, 200, 0], "size": [235, 235, 147]},
-        "hands": [
-            {
-                "id": hand,
-                "type": "right",
-                "confidence": confidence,
-                "timeVisible": number / 110,
-                "palmPosition": [1e3 * x, 1e3 * z, -1e3 * y],
-                "palmNormal": [nx, nz, -ny],
-                "direction": [dx, dz, -dy],
-                "palmVelocity": [0, 0, 0],
-                "stabilizedPalmPosition": [1e3 * x, 1e3 * z, -1e3 * y],
-                "palmWidth": 85.0,
-                "grabStrength": 0.0,
-                "pinchStrength": 0.0,
-                "sphereCenter": [0, 0, 0],
-                "sphereRadius": 50,
-                "r": axes,
-                "s": 1.0,
-                "t": [0, 0, 0],
-                "armBasis": axes,
-                "armWidth": 60.0,
-                "elbow": [0, 0, 0],
-                "wrist": [0, 0, 0],
-            }
-        ],
+    place, axes = [1e3 * x, 1e3 * z, -1e3 * y], [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    still = {"r": axes, "s": 1.0, "t": [0, 0, 0]}
+    box = {"center": [0, 200, 0], "size": [235, 235, 147]}
+    palm = {
+        "palmPosition": place,
+        "palmNormal": [nx, nz, -ny],
+        "direction": [dx, dz, -dy],
+        "stabilizedPalmPosition": place,
     }
+    size = {"palmWidth": 85.0, "grabStrength": 0.0, "pinchStrength": 0.0, "sphereCenter": [0, 0, 0], "sphereRadius": 50}
+    arm = {"armBasis": axes, "armWidth": 60.0, "elbow": [0, 0, 0], "wrist": [0, 0, 0]}
+    moves = {"palmVelocity": [0, 0, 0], "stabilizedPalmPosition": place}
+    seen = {"id": hand, "type": "right", "confidence": confidence, "timeVisible": number / 110}
+    about = {"currentFrameRate": 110.0, "id": number, "timestamp": round(stamp * 1e6), "interactionBox": box}
+    one = {**seen, **palm, **size, **still, **arm, **moves}
+    return {**about, **still, "gestures": [], "pointables": [], "hands": [one]}
 
 
 class LeapServer:

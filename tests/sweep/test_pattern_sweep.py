@@ -9,7 +9,7 @@ import pytest
 
 from midair.errors import BrokenFileError, InputError, MidairError, MismatchError, MissingFileError
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, SensorGrid, TransducerArray
-from midair.sweep import PatternSweep, load_sweep, run_sweep, sweep_report, write_sweep_report
+from midair.sweep import PatternSweep, SweepResults, load_sweep, run_sweep, sweep_report, write_sweep_report
 
 SWEEP = PatternSweep(count=10, chunk=4, strengths=(0.1, 0.2), iterations=2)
 
@@ -27,7 +27,6 @@ def cheap(monkeypatch):
 
 def made_up(error, **changes):
     """Results with these errors of 24 patterns at three strengths."""
-    from midair.sweep import SweepResults
 
     sweep = PatternSweep(**({"count": 24, "strengths": (0.1, 0.2, 0.3)} | changes))
     error = np.broadcast_to(error, (len(sweep.conditions()), sweep.count))
@@ -42,18 +41,16 @@ def made_up(error, **changes):
     )
 
 
-def test_the_default_is_the_paper_s_experiment():
+def test_the_default_is_the_paper_s_experiment_and_tasks_are_every_pattern_of_every_condition_once():
     sweep = PatternSweep()
     assert len(sweep.patterns()) == len(set(sweep.patterns())) == 65535
     assert sweep.conditions() == [(0.2, 0.1), (0.2, 0.2)]
     assert sweep.acoustics == Acoustics(medium=Medium(attenuation=0.0), directivity="point")
-
-
-def test_the_tasks_are_every_pattern_of_every_condition_once():
-    done = [(task.condition, item) for task in SWEEP.tasks() for item in range(task.first, task.last)]
+    tasks = SWEEP.tasks()
+    done = [(task.condition, item) for task in tasks for item in range(task.first, task.last)]
     assert sorted(done) == [(condition, item) for condition in (0, 1) for item in range(10)]
-    assert [task.first for task in SWEEP.tasks()] == sorted(task.first for task in SWEEP.tasks())
-    assert len({task.file for task in SWEEP.tasks()}) == len(SWEEP.tasks()) == 6
+    assert [task.first for task in tasks] == sorted(task.first for task in tasks)
+    assert len({task.file for task in tasks}) == len(tasks) == 6
 
 
 def test_a_sweep_is_resumed_by_what_is_there(tmp_path, here, cheap):
@@ -111,13 +108,8 @@ def test_damaged_files_are_one_line(tmp_path, here, cheap):
             assert "delete the file" in str(wrong)
     part.write_bytes(whole)
     settings = json.loads((folder / "sweep.json").read_text())
-    for change in (
-        {"shape": 1},
-        {"shape": [1, 10**15]},
-        {"settings": 3},
-        {"settings": {"x": 1}},
-        {"kind": "recordings"},
-    ):
+    shapes = [{"shape": 1}, {"shape": [1, 10**15]}]
+    for change in [*shapes, {"settings": 3}, {"settings": {"x": 1}}, {"kind": "recordings"}]:
         (folder / "sweep.json").write_text(json.dumps(settings | change))
         with pytest.raises(MidairError):
             sweep_report(load_sweep(folder))

@@ -25,11 +25,17 @@ from midair.sweep.run import cluster
 SWEEP = PatternSweep(count=10, chunk=4, strengths=(0.1, 0.2), iterations=2)
 
 
+HERE = {"protocol": "tcp", "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
+"""A cluster on this machine that clients reach over TCP."""
+
+
 @pytest.fixture(scope="module")
-def scheduler(threads):
-    """A scheduler on this machine that clients reach over TCP, with one worker in a thread."""
-    with threads() as address:
-        yield address
+def scheduler():
+    """Address of a cluster with one worker in a thread of this process."""
+    import distributed
+
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, **HERE) as local:
+        yield local.scheduler_address
 
 
 def expected(sweep):
@@ -86,18 +92,13 @@ def test_a_local_cluster_starts_again_if_a_worker_ends_at_its_start(monkeypatch)
         processes._started_cluster(2)
 
 
-def test_an_address_without_a_scheduler_is_one_line():
-    with pytest.raises(MidairError, match=r"tcp://127\.0\.0\.1:1"), cluster("tcp://127.0.0.1:1", patience=0.5):
-        pass
-
-
-def test_a_scheduler_without_workers_is_one_line():
+def test_an_address_without_a_scheduler_or_without_workers_is_one_line():
     import distributed
 
+    with pytest.raises(MidairError, match=r"tcp://127\.0\.0\.1:1"), cluster("tcp://127.0.0.1:1", patience=0.5):
+        pass
     with (
-        distributed.LocalCluster(
-            n_workers=0, protocol="tcp", host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs="CRITICAL"
-        ) as empty,
+        distributed.LocalCluster(n_workers=0, **HERE) as empty,
         pytest.raises(MidairError, match="expected one with workers"),
         cluster(empty.scheduler_address, patience=0.5),
     ):
