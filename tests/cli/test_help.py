@@ -62,18 +62,14 @@ HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL, *SERVED)]
 RUN = [line for line in HERE if not line.removeprefix("midair ").startswith(ELSEWHERE)]
 
 
-def test_every_command_has_an_example_that_names_it():
+def test_every_command_is_in_a_group_and_has_an_example_that_names_it():
+    assert {below.group[0].name for names, below in ALL.items() if len(names) == 1} == set(GROUPS)
     for names, below in ALL.items():
         assert "midair " in below.help_epilogue, names
         if below.default_command is not None:
             examples = examples_of(below.default_command)
             assert examples, names
             assert all(f"midair {' '.join(names)}" in line for line in examples), names
-
-
-def test_every_command_is_in_a_group():
-    shown = [below.group[0].name for names, below in ALL.items() if len(names) == 1]
-    assert set(shown) == set(GROUPS)
 
 
 def test_help_fits_and_loses_nothing():

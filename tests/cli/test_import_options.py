@@ -90,16 +90,11 @@ def test_a_field_needs_one_channel_and_the_layout_places_several(capsys):
     assert load("b.h5").sensor.pitch == 5e-3
 
 
-@pytest.fixture
-def calibrated():
+def test_export_prints_a_line_for_every_loss(answer, capsys):
     samples = np.random.default_rng(0).normal(size=(300, 4, 4))
     recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
     pressure = PressureFrames(pressure=50 * samples, rate=1000, sensor=recording.sensor)
     save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02), pressure=pressure)
-    return recording
-
-
-def test_export_prints_a_line_for_every_loss(calibrated, answer, capsys):
     rest = {"provenance", "calibration", "pressure"}
     for ending, known in {"h5": set(), "csv": rest, "npz": rest, "wav": None, "mat": None}.items():
         told = answer("export", "take.h5", f"out.{ending}")
@@ -109,16 +104,15 @@ def test_export_prints_a_line_for_every_loss(calibrated, answer, capsys):
         lost = {loss["what"] for loss in told["lost"]}
         assert lost == known if known is not None else lost >= {"calibration", "pressure"}, ending
         if known is not None:
-            np.testing.assert_array_equal(load(f"out.{ending}").samples, calibrated.samples)
+            np.testing.assert_array_equal(load(f"out.{ending}").samples, samples)
     told = answer("export", "take.h5", "pressure.csv", "--pressure")
-    assert [loss["what"] for loss in told["lost"]] == ["provenance"]
-    assert load("pressure.csv").unit == "Pa"
-    np.testing.assert_allclose(load("pressure.csv").samples, 50 * calibrated.samples)
+    assert ([loss["what"] for loss in told["lost"]], load("pressure.csv").unit) == (["provenance"], "Pa")
+    np.testing.assert_allclose(load("pressure.csv").samples, 50 * samples)
     # A file of midair is imported and exported with its calibration and pressure.
     assert run(["import", "take.h5", "again.h5"]) == 0
     assert load_calibration("again.h5") is not None
     for name in ("again.h5", "out.h5"):
-        np.testing.assert_array_equal(load_pressure(name).pressure, 50 * calibrated.samples)
+        np.testing.assert_array_equal(load_pressure(name).pressure, 50 * samples)
 
 
 def test_a_terminal_is_asked_for_what_the_file_lacks(monkeypatch, capsys):

@@ -9,32 +9,25 @@ from midair.cli.keys import Keys, signals_noted
 termios = pytest.importorskip("termios", reason="terminals of POSIX")
 
 
-@pytest.fixture
-def terminal():
-    """Both ends of a terminal: who types, and what the program reads."""
+def test_keys_come_without_enter_and_the_terminal_is_as_before_also_after_an_error():
     master, slave = os.openpty()
     with os.fdopen(slave, "r") as stream:
-        yield master, stream
+        before = termios.tcgetattr(stream)
+        with Keys(stream) as keys:
+            assert (keys.active, keys.pressed()) == (True, "")
+            os.write(master, "qä ".encode())
+            assert (keys.pressed(), keys.pressed()) == ("qä ", "")
+        assert not keys.active
+
+        def fail():
+            with Keys(stream):
+                assert termios.tcgetattr(stream) != before
+                raise ValueError("the sensor went away")
+
+        with pytest.raises(ValueError, match="went away"):
+            fail()
+        assert termios.tcgetattr(stream) == before
     os.close(master)
-
-
-def test_keys_come_without_enter_and_the_terminal_is_as_before_also_after_an_error(terminal):
-    master, stream = terminal
-    before = termios.tcgetattr(stream)
-    with Keys(stream) as keys:
-        assert (keys.active, keys.pressed()) == (True, "")
-        os.write(master, "qä ".encode())
-        assert (keys.pressed(), keys.pressed()) == ("qä ", "")
-    assert not keys.active
-
-    def fail():
-        with Keys(stream):
-            assert termios.tcgetattr(stream) != before
-            raise ValueError("the sensor went away")
-
-    with pytest.raises(ValueError, match="went away"):
-        fail()
-    assert termios.tcgetattr(stream) == before
 
 
 def test_without_a_terminal_there_are_no_keys():

@@ -79,8 +79,7 @@ def test_without_a_terminal_lines_are_printed_and_no_meters():
         shown.show(view(sensor_of()))
         shown.tell(Event(kind="lost", frame=1200, frames=16))
     lines = console.file.getvalue().splitlines()
-    assert lines[0] == "towel-03.h5, take 3 of 5"
-    assert lines[1] == "12.3 of 20.0 s, lost 16 frames"
+    assert (lines[0], lines[1]) == ("towel-03.h5, take 3 of 5", "12.3 of 20.0 s, lost 16 frames")
     assert lines[2].startswith("1.200 s: 16 frames")
     assert "\x1b" not in console.file.getvalue()
 

@@ -69,11 +69,6 @@ def test_a_mistake_is_one_line(files, monkeypatch, capsys, part):
     assert wrong == []
 
 
-def test_there_are_as_many_as_were_tried():
-    assert len(MISTAKES) >= 150
-    assert len({typed for _, typed, _ in MISTAKES}) == len(MISTAKES)
-
-
 def test_a_request_to_end_leaves_no_unfinished_file(tmp_path, monkeypatch):
     def work(tokens):
         with atomic_file(tmp_path / tokens[0]):

@@ -17,10 +17,6 @@ from midair.targets import Circle
 FEW = "--set target.grid={rows=6,columns=6,pitch=0.011} --method fast --set solver.iterations=[2,2]"
 
 
-def stages(path):
-    return {step.stage: step.settings for step in load_solution(path).drive.provenance.steps}
-
-
 def test_default_options_are_those_of_the_best_mode_and_the_default_band_is_the_paper_s():
     assert SolveOptions().settings() == best_mode()
     assert BandOptions().settings() == Settings()
@@ -40,9 +36,9 @@ def test_the_command_line_of_fidelity(stroke, tmp_path):
     more = "--set compensation.decouple=true --set compensation.precompensate=true"
     small = f"{more} {FEW} --start-at 20ms --duration 10ms --lead 0s"
     assert run(["solve", str(stroke), str(drive), *words.split(), *small.split()]) == 0
-    made = stages(drive)
-    assert load_solution(drive).drive.rate == 4000
-    assert load_solution(drive).drive.frames == 40
+    solved = load_solution(drive).drive
+    made = {step.stage: step.settings for step in solved.provenance.steps}
+    assert (solved.rate, solved.frames) == (4000, 40)
     assert list(made)[-4:] == ["decouple", "prepare", "precompensate sound", "solve"]
     assert made["prepare"]["mapping"] == "slow-bias"
     assert made["prepare"]["motion"] == "circle of 3 mm at 5 Hz, not validated on people"

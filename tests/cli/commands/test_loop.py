@@ -20,8 +20,7 @@ pytestmark = pytest.mark.usefixtures("with_take")
 def test_an_iterative_loop_prints_passes_and_perceptual_metrics(answer):
     told = answer("loop", "take.h5", *QUICK, "--iterate", "2", "--force")
     assert told["simulated"] is True
-    assert len(told["passes"]) + told["taken_back"] == 4
-    assert [one["step"] for one in told["passes"][:2]] == [None, None]
+    assert (len(told["passes"]) + told["taken_back"], [one["step"] for one in told["passes"][:2]]) == (4, [None, None])
     errors = [one["figures"]["waveform error"]["value"] for one in told["passes"][1:]]
     assert errors == sorted(errors, reverse=True)
     assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in told["perception"]}
@@ -61,6 +60,5 @@ def test_budget_as_json_and_as_a_figure(answer):
     assert "the slow press below 150 Hz" in told["left_out"]
     assert answer("solve", "take.h5", *words)["not_reproduced"]["text"] == told["left_out"], "the same part, once"
     assert sum(told["losses_db"].values()) == pytest.approx(60 - told["stages"][-1]["sdr_so_far_db"], abs=1e-6)
-    assert told["palm"]["palm"] == "disc of 85 mm"
-    assert len(told["palm"]["sdr_displacement_db"]) == 4
+    assert (told["palm"]["palm"], len(told["palm"]["sdr_displacement_db"])) == ("disc of 85 mm", 4)
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")

@@ -49,8 +49,7 @@ def test_a_quiet_drive_plays_with_a_timing_report(capsys):
     printed = capsys.readouterr().out
     words = "played 0.04 s on autd3:emulator", "every frame in time", "ns of device time", "silencer", "SIMULATED"
     assert [each for each in words if each not in printed] == []
-    assert [entry["event"] for entry in log()] == ["play", "end"]
-    assert log()[1]["reason"] == "played"
+    assert ([entry["event"] for entry in log()], log()[1]["reason"]) == (["play", "end"], "played")
     assert list(Path("state").glob("playing-*")) == []
 
 
@@ -264,8 +263,7 @@ def test_units_that_are_too_hot_end_the_play_with_status_1_and_the_log_says_why(
     (line,) = said(capsys)
     words = r"after \d+ of 3000 frames \([\d.]+ s\)"
     assert re.search(rf"units 0, 1, 2, 3 too hot {words}; let them cool, then use a lower --level or pauses$", line)
-    assert status == [1]
-    assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
+    assert (status, (log()[-1]["event"], log()[-1]["outcome"])) == ([1], ("end", "failed"))
     assert log()[-1]["reason"] == f"TooHotError: {line.removeprefix('midair: ')}"
     last = tap.frames()[-1][3]
     assert (last[5], any(last[-249:])) == (SILENCE, False)
@@ -309,8 +307,7 @@ def test_midair_stop_ends_a_play_that_waits_for_hot_units(tap):
     player, status = play_until_it_pauses(tap)
     assert run(["stop"]) == 0
     player.join(60)
-    assert status == [1]
-    assert [entry["event"] for entry in log()] == ["play", "pause", "end"]
+    assert (status, [entry["event"] for entry in log()]) == ([1], ["play", "pause", "end"])
     assert log()[-1]["outcome"] == "stopped"
     assert not any(tap.frames()[-1][3][-249:])
 

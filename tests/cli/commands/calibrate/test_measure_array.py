@@ -25,8 +25,7 @@ def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, answer):
     assert step.settings["id"] == calibration.identifier
     assert run(["play", "take.drive.h5"]) == 0
     told = answer("info", "mine.array.h5")
-    assert told["dead"] == "1: 7"
-    assert told["array"] == "AUTD3 2 x 2, 996 transducers"
+    assert (told["dead"], told["array"]) == ("1: 7", "AUTD3 2 x 2, 996 transducers")
 
 
 @pytest.mark.long

@@ -16,14 +16,10 @@ import pytest
 from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
-PROMPTS = [
-    ("Press Enter to continue", ["Enter"]),
-    ("Enter to continue", ["Enter"]),
-    ("Press Enter after the presentation", ["Enter"]),
-    ("Press 1, 2, 3, 4, 5, 6, 7", ["5"]),
-    ("Press 1, 2, 3", ["2"]),
-    (">", ["AB12", "Enter"]),
-]
+PROMPTS = {
+    **dict.fromkeys(("Press Enter to continue", "Enter to continue", "Press Enter after the presentation"), ("Enter",)),
+    **{"Press 1, 2, 3, 4, 5, 6, 7": ("5",), "Press 1, 2, 3": ("2",), ">": ("AB12", "Enter")},
+}
 """Last line of the terminal, and the keys to type."""
 
 
@@ -40,9 +36,6 @@ class Terminal:
             check=True,
         )
 
-    def close(self):
-        subprocess.run([*self._tmux, "kill-server"], check=False)
-
     def type(self, *keys):
         subprocess.run([*self._tmux, "send-keys", *keys], check=True)
 
@@ -50,11 +43,8 @@ class Terminal:
         page = subprocess.run([*self._tmux, "capture-pane", "-p", "-J"], capture_output=True, text=True, check=True)
         return page.stdout
 
-    def run(self, command, limit, prompts=PROMPTS):
-        """Type a command and answer until it is over; gives its status and how often each prompt was answered.
-
-        Of a prompt without keys, the text of the page is asked for them.
-        """
+    def run(self, command, limit):
+        """Type a command and answer until it is over; gives its status and how often each prompt was answered."""
         self._commands += 1
         told = f"status{self._commands}="
         self.type(f"clear; {command}; echo {told}$?", "Enter")
@@ -64,17 +54,12 @@ class Terminal:
             page = self.shown()
             last = next((line for line in reversed(page.splitlines()) if line.strip()), "")
             # A line that begins with > and goes on is an answer that was given.
-            asked = [
-                (text, keys)
-                for text, keys in prompts
-                if last.strip() == text or (text != ">" and last.startswith(text))
-            ]
-            keys = next(iter(asked), None)
-            if keys and page != before:
-                answered[keys[0]] += 1
+            asked = [text for text in PROMPTS if last.strip() == text or (text != ">" and last.startswith(text))]
+            if asked and page != before:
+                answered[asked[0]] += 1
                 # An answer within 0.2 s cannot be a considered one: the plan excludes it.
-                time.sleep(0.3 * keys[0].startswith("Press"))
-                self.type(*(keys[1](page) if callable(keys[1]) else keys[1]))
+                time.sleep(0.3 * asked[0].startswith("Press"))
+                self.type(*PROMPTS[asked[0]])
                 before = page
                 if "Please rest" in page:
                     time.sleep(1)
@@ -88,20 +73,15 @@ def terminal(tmp_path):
         pytest.skip("tmux is not there: apt-get install tmux")
     made = Terminal(tmp_path)
     yield made
-    made.close()
-
-
-def printed(after="one session on a virtual array"):
-    """The commands of a walk through a session that the page on studies prints after some words."""
-    page = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
-    block = page.partition(after)[2].partition("```console\n")[2].partition("```")[0]
-    return [line.removeprefix("$ ").split("#")[0].strip() for line in block.splitlines()]
+    subprocess.run([*made._tmux, "kill-server"], check=False)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1500)
 def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
-    commands = printed()
+    page = (ROOT / "docs" / "study.md").read_text(encoding="utf-8").partition("one session on a virtual array")[2]
+    block = page.partition("```console\n")[2].partition("```")[0]
+    commands = [line.removeprefix("$ ").split("#")[0].strip() for line in block.splitlines()]
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
     for line in commands:
         status, answered = terminal.run(line, limit=500)
@@ -109,11 +89,9 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
         if " run " in line:
             # 42 trials, each with a choice; 30 of them with three ratings; the hand; 12 objects by the experimenter.
             assert answered["Press 1, 2, 3"] == 42 + 1
-            assert answered["Press 1, 2, 3, 4, 5, 6, 7"] == 90
-            assert answered[">"] == 1
+            assert (answered["Press 1, 2, 3, 4, 5, 6, 7"], answered[">"]) == (90, 1)
     (session,) = StudyFolder(tmp_path / "touch").sessions()
-    assert len(session.answers) == 132
-    assert {given.by for given in session.answers.values()} == {"key"}
+    assert (len(session.answers), {given.by for given in session.answers.values()}) == (132, {"key"})
     assert session.form == {"pseudonym": "AB12", "hand": "right"}
     assert session.simulated, "the array was"
     played = [json.loads(line) for line in (tmp_path / "state" / "played.jsonl").read_text().splitlines()]

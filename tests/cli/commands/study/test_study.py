@@ -24,6 +24,17 @@ def study(*words):
     return app([str(word) for word in words], exit_on_error=False, result_action="return_value")
 
 
+@pytest.fixture
+def typed(monkeypatch):
+    """Type lines in a terminal."""
+    return lambda lines: monkeypatch.setattr("sys.stdin", io.StringIO(lines))
+
+
+@pytest.fixture(autouse=True)
+def _state(monkeypatch, tmp_path):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+
+
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """A study of ten simulated participants through new and run."""
@@ -60,8 +71,7 @@ def test_ratings_of_a_plan_and_of_its_table_have_the_same_analysis(tmp_path, cap
     study("analyse", "s", "--draws", 20, "--json")
     findings = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
     mine = findings["Ratings: analysis of variance"]["table"]
-    assert [row["effect"] for row in mine][:3] == ["surface", "object", "rated"]
-    assert len(mine) == 7
+    assert ([row["effect"] for row in mine][:3], len(mine)) == (["surface", "object", "rated"], 7)
     assert (mine[0]["df1"], mine[0]["df2"]) == (1, 5)
     assert (
         "Factors between people (hand) are tested by the R script" in findings["Ratings: analysis of variance"]["words"]
@@ -172,10 +182,10 @@ blocks = [{ name = "all", stimuli = ["b", "t"], questions = ["which"] }]
 """
 
 
-def test_a_whole_session_by_hand(tmp_path, monkeypatch, capsys):
+def test_a_whole_session_by_hand(tmp_path, typed, capsys):
     (tmp_path / "hand.toml").write_text(BY_HAND)
     study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n\ncat\nbrush\n\ntowel\n"))
+    typed("\n\ncat\nbrush\n\ntowel\n")
     assert study("run", tmp_path / "s", "--participant", 1) == 0
     said = capsys.readouterr()
     assert "expected one of brush, towel, got 'cat'" in said.out
@@ -202,10 +212,9 @@ def study_of_drives(folder, level, frames=10):
 
 @pytest.mark.long
 @pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
-def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch, capsys):
+def test_drives_play_on_any_array_and_are_logged(array, tmp_path, typed, capsys):
     folder = study_of_drives(tmp_path, level=0.001)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    typed("\nbrush\ntowel\n")
     assert study("run", folder, "--participant", 1, "--array", array, "--temperature", "15C", "--humidity", "40%") == 0
     assert (
         " ".join(capsys.readouterr().err.split()).count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
@@ -222,12 +231,11 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch, c
 
 
 @pytest.mark.long
-def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, capsys):
+def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, typed, capsys):
     folder, moving = study_of_drives(tmp_path, level=0.004, frames=400), np.arange(6000) / 100
     centre = np.stack([5e-3 * np.sin(2 * np.pi * moving), 0 * moving, 0.2 + 0 * moving], axis=1)
     save_palm_path(palm_path(moving, centre), tmp_path / "hand.csv")
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    typed("\nbrush\ntowel\n")
     line = ("--array", f"autd3:{tap.address}", "--follow", f"replay:{tmp_path / 'hand.csv'}")
     with pytest.raises(MidairError, match=r"--follow: expected --array autd3.*, got virtual"):
         study("run", folder, "--participant", 1, "--array", "virtual", "--follow", line[-1])
@@ -239,21 +247,19 @@ def test_drives_follow_a_palm_on_emulated_units(tap, tmp_path, monkeypatch, caps
 
 
 @pytest.mark.long
-def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypatch):
+def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, typed):
     folder = study_of_drives(tmp_path, level=1.0)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     with pytest.raises(InputError, match="dB at the"):
         study("run", folder, "--participant", 1, "--array", "pyautd3:audit")
     assert not (tmp_path / "played.jsonl").exists()
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    typed("\nbrush\ntowel\n")
     answered_for = ("--override-exposure", "A. Person")
     assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
     assert {entry.get("override_by") for entry in log() if entry["event"] == "play"} == {"A. Person"}
 
 
-def test_no_session_begins_without_its_hardware_stop(tmp_path, monkeypatch):
+def test_no_session_begins_without_its_hardware_stop(tmp_path):
     folder = study_of_drives(tmp_path, level=0.001)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     for line, word in (("serial:/dev/none", "nothing plays"), ("keyboard", "the answers need")):
         with pytest.raises(MidairError, match=word):
             study("run", folder, "--participant", 1, "--array", "virtual", "--stop-input", line)
@@ -261,7 +267,7 @@ def test_no_session_begins_without_its_hardware_stop(tmp_path, monkeypatch):
         assert not (folder / "sessions").exists()
 
 
-def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatch):
+def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path):
     folder = study_of_drives(tmp_path, level=0.001)
     with pytest.raises(InputError, match="expected 1 to 1, got 9"):
         study("run", folder, "--participant", 9, "--array", "virtual")
@@ -273,10 +279,9 @@ def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatc
 
 
 @pytest.mark.long
-def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
+def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, typed):
     folder = study_of_drives(tmp_path, level=0.001)
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    typed("\nbrush\ntowel\n")
     assert study("run", folder, "--participant", 1, "--array", "virtual") == 0
     study("analyse", folder, "--draws", 20)
     study("export", folder, folder / "bids")
@@ -286,15 +291,14 @@ def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
+def test_the_printed_next_runs_as_printed(tmp_path, typed, capsys):
     """With drives that are there already, since virtual strokes take half a minute."""
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     study_of_drives(tmp_path, level=0.001)
     said = [line for line in capsys.readouterr().out.splitlines() if "midair study run" in line]
     assert len(said) == 2
     for number, line in enumerate(said, start=1):
         words = shlex.split(line.partition("midair study ")[2])
-        monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+        typed("\nbrush\ntowel\n")
         assert study(*words) == 0, line
         if number == 1:
             (tmp_path / "s" / "sessions" / "sub-01.jsonl").unlink()
@@ -318,10 +322,10 @@ def test_every_command_reports_a_damaged_log(tmp_path, capsys):
             study(*words)
 
 
-def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
+def test_a_terminal_that_is_closed_stops_the_session(tmp_path, typed):
     (tmp_path / "hand.toml").write_text(BY_HAND)
     study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n1\n"))
+    typed("\n\n1\n")
     with pytest.raises(InputError, match="end of input"):
         study("run", tmp_path / "s", "--participant", 1)
     folder = StudyFolder(tmp_path / "s")
