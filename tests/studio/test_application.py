@@ -93,8 +93,7 @@ def test_drive_and_re_recording_are_replaced_only_with_consent(studio, talk):
 
     asks = solve()["asks"]
     assert asks["files"] == ["towel.drive.h5", "towel.rerecorded.h5"]
-    assert asks["made"] == "made with paper, fast, 1000 Hz"
-    assert asks["new"] == "paper, live, 1000 Hz"
+    assert (asks["made"], asks["new"]) == ("made with paper, fast, 1000 Hz", "paper, live, 1000 Hz")
     assert solve(replaces="true")["asks"] == asks
     # A command wrote another one since the question.
     os.utime(drive, ns=(1, 1))

@@ -67,8 +67,7 @@ def test_jobs_run_in_sequence_and_failures_have_messages(shared):
     jobs.add("broken", break_down, None, ended=watch.done)
     jobs.add("last", add_one, 41, ended=watch.done)
     watch.await_(4)
-    assert watch.ended["first"] == ("done", 2, "")
-    assert watch.ended["bad"] == ("failed", None, "expected something else")
+    assert (watch.ended["first"], watch.ended["bad"]) == (("done", 2, ""), ("failed", None, "expected something else"))
     assert watch.ended["broken"][0] == "failed"
     assert "please report it: ValueError: nobody foresaw this" in watch.ended["broken"][2]
     assert watch.ended["last"] == ("done", 42, "")

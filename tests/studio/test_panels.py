@@ -227,7 +227,7 @@ def test_a_study_of_every_kind_of_stimulus_and_question(used_studio, look, tmp_p
     Image.new("RGB", (40, 30), "red").save(tmp_path / "photo.png")
     soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 8000), 8000)
     studio = used_studio()
-    text = plan_text(media=True)
+    text = plan_text()
     design = read_design(text)
     study = StudyFolder.create(
         studio.folder / "kinds",

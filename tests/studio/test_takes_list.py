@@ -47,8 +47,7 @@ def test_further_drives_belong_to_their_take(takes):
 
 def test_a_copy_has_a_free_name_and_no_drive(takes):
     copies = [takes.duplicate(name) for name in ("a.h5", "a-01.h5", "b.wav")]
-    assert copies == ["a-01.h5", "a-02.h5", "b-01.wav"]
-    assert (takes.folder.path / "a-02.h5").read_text() == "a.h5"
+    assert (copies, (takes.folder.path / "a-02.h5").read_text()) == (["a-01.h5", "a-02.h5", "b-01.wav"], "a.h5")
     assert "a-01.drive.h5" not in names(takes)
 
 

@@ -70,8 +70,7 @@ def test_request_fails_when_its_process_dies_and_the_process_can_be_started_agai
     with pytest.raises(DeviceStateError, match="it died"):
         worker.ask("die")
     assert worker.ended.wait(30)
-    assert worker.events == [{"kind": "gone"}]
-    assert worker.process.process == 0
+    assert (worker.events, worker.process.process) == ([{"kind": "gone"}], 0)
     with pytest.raises(DeviceStateError, match="no process"):
         worker.ask("add", value=1)
     with pytest.raises(DeviceStateError, match="no process"):

@@ -1,4 +1,4 @@
-"""A study with every kind of stimulus and question, for sessions in a browser and in a terminal."""
+"""A study with every kind of stimulus and question, for a session in a browser."""
 
 QUESTIONS = {  # kind: further lines
     "yes-no": "",
@@ -18,20 +18,19 @@ STIMULI = {  # name: lines
     "word": "kind = 'text'\nsource = 'sandpaper'\nduration_s = 0.3",
     "pair": "kind = 'pair'\nmembers = ['touch', 'nothing']\neither_order = 'interval'",
     "mixed": "kind = 'pair'\nmembers = ['word', 'touch']",
+    "photo": "kind = 'picture'\nsource = 'photo.png'",
+    "noise": "kind = 'sound'\nsource = 'noise.wav'",
 }
-MEDIA = {"photo": "kind = 'picture'\nsource = 'photo.png'", "noise": "kind = 'sound'\nsource = 'noise.wav'"}
-"""Stimuli that only a browser presents."""
 
 
-def plan_text(*, media: bool) -> str:
-    stimuli = STIMULI | (MEDIA if media else {})
-    single = [name for name in stimuli if name not in ("pair", "mixed")]
+def plan_text() -> str:
+    single = [name for name in STIMULI if name not in ("pair", "mixed")]
     head = "name = 'kinds'\nparticipants = 1\nseed = 1\nconsent = 'You may stop at any time.'\nform = ['text']\n"
     questions = [
         f"[[questions]]\nname = '{kind}'\nkind = '{kind}'\ntext = 'Question {kind}?'\n{more}\n"
         for kind, more in QUESTIONS.items()
     ]
-    named = [f"[[stimuli]]\nname = '{name}'\n{lines}\n" for name, lines in stimuli.items()]
+    named = [f"[[stimuli]]\nname = '{name}'\n{lines}\n" for name, lines in STIMULI.items()]
     blocks = [
         f"[[blocks]]\nname = '{name}'\nstimuli = {which}\nquestions = {asked}\norder = 'fixed'\n"
         for name, which, asked in (

@@ -65,8 +65,13 @@ def replies(number, count, percent):
     return Reply(text=felt, reaction_s=20.0 if late else slow, by="key", late=late)
 
 
-@pytest.fixture
-def folder(tmp_path):
+def trials(table):
+    scored = table[table["scored"].astype(bool)]
+    return sorted(zip(scored["participant"].tolist(), scored["trial"].astype(int).tolist(), strict=True))
+
+
+@pytest.mark.long
+def test_every_output_has_the_same_trials(tmp_path, capsys):
     folder = StudyFolder.create(tmp_path / "felt", PLAN + BLOCK, read_design(PLAN + BLOCK))
     plan = folder.plan()
     for number in range(1, 9):
@@ -79,17 +84,7 @@ def folder(tmp_path):
                 count += 1
                 percent = float(plan.design.stimulus(presenter.felt[-1]).levels.get("percent", 0))
                 session.answer(replies(number, count, percent))
-    return folder
-
-
-def trials(table):
-    scored = table[table["scored"].astype(bool)]
-    return sorted(zip(scored["participant"].tolist(), scored["trial"].astype(int).tolist(), strict=True))
-
-
-@pytest.mark.long
-def test_every_output_has_the_same_trials(folder, tmp_path, capsys):
-    plan, sessions = folder.plan(), folder.sessions()
+    sessions = folder.sessions()
     analysed = trials(answers_table(plan, sessions))
     people = {who for who, _ in analysed}
     assert people == {"sub-01", "sub-07", "sub-08"}

@@ -5,7 +5,6 @@ import os
 import re
 import threading
 import tty
-from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -58,17 +57,20 @@ def line():
 
 def study(tmp_path, outputs):
     text = PLAN.format(outputs=outputs)
-    return StudyFolder.create(tmp_path / "s", text, read_design(text))
+    folder = StudyFolder.create(tmp_path / "s", text, read_design(text))
+    return folder, folder.plan()
 
 
-def answer_all(folder):
-    """Answer the first question in time and the second one late; returns the session's plan."""
-    plan = folder.plan()
-    with ExitStack() as hold:
-        markers = hold.enter_context(EventMarkers(plan.design.markers))
-        one = hold.enter_context(
-            Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers)
-        )
+def session(folder, plan, markers=None):
+    return Session(
+        plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), **{"markers": markers} if markers else {}
+    )
+
+
+def test_every_event_is_one_byte_on_the_serial_line_and_a_row_of_the_bids_dataset(line, tmp_path):
+    far, port = line
+    folder, plan = study(tmp_path, f'serial = "{port}"')
+    with EventMarkers(plan.design.markers) as markers, session(folder, plan, markers=markers) as one:
         one.present()
         with pytest.raises(InputError, match="expected one of"):
             one.answer(Reply(text="maybe"))
@@ -76,13 +78,6 @@ def answer_all(folder):
         one.present()
         one.answer(Reply(text="", reaction_s=5, late=True))
         assert one.step.kind == "done"
-    return plan
-
-
-def test_every_event_is_one_byte_on_the_serial_line_and_a_row_of_the_bids_dataset(line, tmp_path):
-    far, port = line
-    folder = study(tmp_path, f'serial = "{port}"')
-    plan = answer_all(folder)
     # trial, towel (code 20), answer; trial, nothing (default code), late answer. An invalid answer has no marker.
     got = b""
     while len(got) < 6:  # a line gives its bytes when it has them
@@ -101,8 +96,7 @@ def test_every_event_is_one_byte_on_the_serial_line_and_a_row_of_the_bids_datase
 def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
     pylsl = pytest.importorskip("pylsl")
     name = f"midair test {os.getpid()}"
-    folder = study(tmp_path, f'lsl = "{name}"')
-    plan = folder.plan()
+    folder, plan = study(tmp_path, f'lsl = "{name}"')
     got, clocks = [], []
     ready, ended = threading.Event(), threading.Event()
 
@@ -119,7 +113,7 @@ def test_a_real_inlet_receives_the_markers_at_the_logged_times(tmp_path):
     with EventMarkers(plan.design.markers) as markers:
         threading.Thread(target=receive, daemon=True).start()
         assert ready.wait(60)
-        with Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers) as one:
+        with session(folder, plan, markers=markers) as one:
             while one.step.kind != "done":
                 one.present() if one.step.kind == "present" else one.answer(Reply(text="yes"))
         assert ended.wait(60)
@@ -133,7 +127,7 @@ def test_a_study_without_markers_has_no_table_of_events(tmp_path):
     text = re.sub(r"\[markers\]\n.*\n", "", PLAN)
     folder = StudyFolder.create(tmp_path / "s", text, read_design(text))
     plan = folder.plan()
-    with Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock()) as one:
+    with session(folder, plan) as one:
         one.present()
         one.answer(Reply(text="yes"))
     sessions = folder.sessions()
@@ -143,20 +137,17 @@ def test_a_study_without_markers_has_no_table_of_events(tmp_path):
 
 def test_an_answer_is_stored_even_if_its_marker_fails(line, tmp_path):
     _, port = line
-    folder = study(tmp_path, f'serial = "{port}"')
-    plan = folder.plan()
+    folder, plan = study(tmp_path, f'serial = "{port}"')
     with (
         pytest.raises(DeviceError, match="to accept a byte"),
         EventMarkers(plan.design.markers) as markers,
-        Session(plan, 1, folder.log(1), SilentPresenter(), clock=InstantClock(), markers=markers) as one,
+        session(folder, plan, markers=markers) as one,
     ):
         one.present()
         markers.port.close()
         one.answer(Reply(text="yes"))
     assert folder.sessions()[0].answers["p01-t001", "felt"].answer == "yes"
-
-
-def test_a_missing_port_is_an_error_that_names_it(tmp_path):
+    # A missing port is an error that names it.
     plan = draw_plan(read_design(PLAN.format(outputs='serial = "/dev/none"')))
     with pytest.raises(DeviceError, match="expected the serial port /dev/none"), EventMarkers(plan.design.markers):
         pass

@@ -126,19 +126,19 @@ def test_a_report_is_complete(killer, finished, kills):
 
 @pytest.mark.long
 @pytest.mark.parametrize("kills", KILLS)
-@pytest.mark.parametrize("kind", ["bids", "csv"])
-def test_an_export_is_complete_or_absent(killer, finished, tmp_path, kind, kills):
-    first = {}
+def test_an_export_is_complete_or_absent(killer, finished, tmp_path, kills):
+    for kind in ("bids", "csv"):
+        first = []
 
-    def look(number):
-        there = tmp_path / f"e{number}"
-        if there.exists():
-            files = {
-                path.relative_to(there).as_posix(): path.read_bytes() for path in there.rglob("*") if path.is_file()
-            }
-            content = files or {"": there.read_bytes()}
-            assert content == first.setdefault(kind, content)
+        def look(number, kind=kind, first=first):
+            there = tmp_path / f"{kind}{number}"
+            if there.exists():
+                files = {path.relative_to(there): path.read_bytes() for path in there.rglob("*") if path.is_file()}
+                first.append(files or there.read_bytes())
+                assert first[-1] == first[0]
 
-    killed(killer, kills, lambda number: ("study", "export", finished, tmp_path / f"e{number}", "--format", kind), look)
-    if kind == "csv":
-        assert len(read_csv(tmp_path / "e-1")) == 2 * (6 + 2 * (3 + 6) * 4)
+        def words(number, kind=kind):
+            return "study", "export", finished, tmp_path / f"{kind}{number}", "--format", kind
+
+        killed(killer, kills, words, look)
+    assert len(read_csv(tmp_path / "csv-1")) == 2 * (6 + 2 * (3 + 6) * 4)

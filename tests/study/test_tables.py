@@ -56,9 +56,7 @@ def test_sessions_have_folders_of_their_own_without_date_and_pseudonym(datasets)
     name = "sub-01/ses-{0}/beh/sub-01_ses-{0}_task-paper_beh.tsv"
     assert found == [name.format("01"), name.format("02")]
     back = read_bids(datasets / "two")
-    assert set(back["participant"]) == {"sub-01"}
-    assert sorted(set(back["session"])) == [1, 2]
-    assert set(back["hand"]) == {"left"}
+    assert (set(back["participant"]), sorted(set(back["session"])), set(back["hand"])) == ({"sub-01"}, [1, 2], {"left"})
     description = json.loads((datasets / "two" / "dataset_description.json").read_text())
     assert (description["Authors"], description["License"]) == (["A. Person", "B. Person"], "CC0")
     words = "".join(path.read_text() for path in (datasets / "two").rglob("*.*") if path.suffix == ".tsv")
@@ -67,18 +65,18 @@ def test_sessions_have_folders_of_their_own_without_date_and_pseudonym(datasets)
 
 
 @pytest.mark.parametrize("program", ["bids-validator-deno", "bids-validator"])
-@pytest.mark.parametrize(("name", "warnings"), [("one", ["NO_AUTHORS"]), ("two", [])])
-def test_the_public_validators_find_no_error(datasets, program, name, warnings):
+def test_the_public_validators_find_no_error(datasets, program):
     if shutil.which(program) is None:
         pytest.skip(f"needs the public {program}")
-    done = subprocess.run([program, str(datasets / name), "--json"], capture_output=True, text=True, check=False)
-    issues = json.loads(done.stdout)["issues"]
-    if program == "bids-validator":
-        assert issues["errors"] == []
-        assert [issue["key"] for issue in issues["warnings"]] == warnings
-    else:
-        assert [issue for issue in issues["issues"] if issue["severity"] == "error"] == []
-        assert done.returncode == 0
+    for name, warnings in (("one", ["NO_AUTHORS"]), ("two", [])):
+        done = subprocess.run([program, str(datasets / name), "--json"], capture_output=True, text=True, check=False)
+        issues = json.loads(done.stdout)["issues"]
+        if program == "bids-validator":
+            assert issues["errors"] == []
+            assert [issue["key"] for issue in issues["warnings"]] == warnings
+        else:
+            assert [issue for issue in issues["issues"] if issue["severity"] == "error"] == []
+            assert done.returncode == 0
 
 
 def test_csv_round_trip(tmp_path):
@@ -88,33 +86,26 @@ def test_csv_round_trip(tmp_path):
     assert {name: back[name].tolist() for name in back} == {name: table[name].tolist() for name in table}
     with pytest.raises(FileError, match="choose another name"):
         write_csv(table, tmp_path / "t.csv")
+    # Answers are no formulas to a spreadsheet.
+    write_csv(pd.DataFrame({"answer": ["=1+1", "@x", "-3", "towel"], "time": [-1.5, 2, 3, 4]}), tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text().splitlines()[1:] == ["'=1+1,-1.5", "'@x,2.0", "-3,3.0", "towel,4.0"]
 
 
-def test_invalid_tables_are_refused(tmp_path, subtests):
-    for content, why in [
-        (b"a,b\n1\n", "2 fields per line, got 1 in line 2"),
-        (b"a,a\n1,2\n", "different names"),
-        (b"", "got 0 lines"),
-    ]:
-        with subtests.test(why=why):
-            (tmp_path / "t.csv").write_bytes(content)
-            with pytest.raises(BrokenFileError, match=why):
-                read_csv(tmp_path / "t.csv")
-
-
-def test_missing_files_are_an_error(small_study, tmp_path):
+def test_invalid_tables_and_missing_files_are_refused(small_study, tmp_path):
     plan, answers = small_study
     with pytest.raises(MissingFileError):
         read_csv(tmp_path / "no.csv")
     with pytest.raises(MissingFileError, match="BIDS"):
         read_bids(tmp_path)
-    (tmp_path / "x").write_text("")
+    for content, why in [
+        (b"a,b\n1\n", "2 fields per line, got 1 in line 2"),
+        (b"a,a\n1,2\n", "different names"),
+        (b"", "got 0 lines"),
+    ]:
+        (tmp_path / "t.csv").write_bytes(content)
+        with pytest.raises(BrokenFileError, match=why):
+            read_csv(tmp_path / "t.csv")
     with pytest.raises(FileError, match="new folder"):
         write_bids(answers, plan.design, tmp_path)
     with pytest.raises(InputError, match="got none"):
         write_bids(answers.iloc[:0], plan.design, tmp_path / "b")
-
-
-def test_answers_are_no_formulas_to_a_spreadsheet(tmp_path):
-    write_csv(pd.DataFrame({"answer": ["=1+1", "@x", "-3", "towel"], "time": [-1.5, 2, 3, 4]}), tmp_path / "a.csv")
-    assert (tmp_path / "a.csv").read_text().splitlines()[1:] == ["'=1+1,-1.5", "'@x,2.0", "-3,3.0", "towel,4.0"]

@@ -34,8 +34,7 @@ def refused(tmp_path, folder):
         with pytest.raises(kind, match=words):
             unpack_folder((str(path), str(folder)), idle)
         assert names(tmp_path) == before
-        assert sorted(os.listdir(folder)) == ["blocked", "old.h5"]
-        assert (folder / "old.h5").read_text() == "mine"
+        assert (sorted(os.listdir(folder)), (folder / "old.h5").read_text()) == (["blocked", "old.h5"], "mine")
 
     return refused
 

@@ -24,18 +24,18 @@ ROOT = f"http://127.0.0.1:{PORT}"
 PLAN = plan_of("f.drive.h5")
 
 
-def long_drive(folder):
-    """A quiet drive of a minute and its digest, for a study plan."""
-    save_drive(folder / "f.drive.h5", frames=3000, rate=50.0)
-    return {"f.drive.h5": hashlib.sha256((folder / "f.drive.h5").read_bytes()).hexdigest()}
-
-
 @pytest.mark.long
 def test_the_studio_ends_in_time_while_a_drive_is_presented(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
     folder, samples = tmp_path / "folder", tmp_path / "samples"
     folder.mkdir()
     samples.mkdir()
+
+    def long_drive(into):
+        """A quiet drive of a minute and its digest."""
+        path = save_drive(into / "f.drive.h5", frames=3000, rate=50.0)
+        return {"f.drive.h5": hashlib.sha256(path.read_bytes()).hexdigest()}
+
     study = StudyFolder.create(folder / "s", PLAN, read_design(PLAN), drives=long_drive)
     studio = Studio(StudioPlan(folder=folder), samples, PORT)
     presents, ended = threading.Event(), threading.Event()

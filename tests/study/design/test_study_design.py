@@ -36,8 +36,7 @@ def test_every_step_of_a_scale_is_an_answer_and_nothing_else(low, size, said):
 def test_right_answers():
     assert right_answer(CHOICE, BRUSH, {"object": "brush"}) == "brush"
     yes = Question(name="y", kind="yes-no", text="?")
-    assert right_answer(yes, BRUSH, {}) == "yes"
-    assert right_answer(yes, Stimulus(name="n", kind="silence"), {}) == "no"
+    assert (right_answer(yes, BRUSH, {}), right_answer(yes, Stimulus(name="n", kind="silence"), {})) == ("yes", "no")
     same = Question(name="d", kind="same-different", text="?")
     assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s1")), {}) == "same"
     assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s2")), {}) == "different"

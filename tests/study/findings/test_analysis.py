@@ -62,16 +62,9 @@ def found(report, begin):
     return next(one for one in report.findings if one.title.startswith(begin))
 
 
-@pytest.fixture(scope="module")
-def reports():
-    """Reports of choices and of ratings."""
-    return tuple(
-        analyse(data_of_columns(table, **names), draws=500) for table, names in ((choices(), NAMES), (ratings(), RATED))
-    )
-
-
-def test_complete_data_give_all_findings_and_every_column_is_explained(reports):
-    report, rated = reports
+def test_complete_data_give_all_findings_and_every_column_is_explained():
+    tables = (choices(), NAMES), (ratings(), RATED)
+    report, rated = (analyse(data_of_columns(table, **names), draws=500) for table, names in tables)
     assert [one.title for one in report.findings] == [
         "Participants",
         "Identification: plain",

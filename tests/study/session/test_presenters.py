@@ -71,8 +71,7 @@ def test_noise_masks_drives_and_silences_but_no_objects():
     with pytest.raises(SilentFramesError):
         one.present(replace(TONE, source="a2.drive.h5"))
     one.silence()
-    assert told[:3] == ["noise", "present: a2.drive.h5", "quiet"]
-    assert told[3:] == ["stop", "quiet"]
+    assert (told[:3], told[3:]) == (["noise", "present: a2.drive.h5", "quiet"], ["stop", "quiet"])
 
 
 def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():

@@ -123,8 +123,7 @@ def test_each_stimulus_and_each_member_of_a_pair_has_a_cue(tmp_path):
     with Session(plan, 1, tmp_path / "log", SilentPresenter(), clock=clock) as one:
         assert one.step.text == "Feel now."
         one.present(told.append)
-    assert told == ["Feel now. First.", "Feel now. Second.", ""]
-    assert clock.waited == [0.0, 0.7]
+    assert (told, clock.waited) == (["Feel now. First.", "Feel now. Second.", ""], [0.0, 0.7])
 
 
 def test_answers_after_the_time_limit_do_not_count(tmp_path):
@@ -141,8 +140,7 @@ def test_answers_after_the_time_limit_do_not_count(tmp_path):
     found = standing(plan, tmp_path / "log")
     table = answers_table(plan, [found])
     assert table["answer"].tolist() == ["n/a", "a"]
-    assert table["excluded"].tolist() == ["timeout", "participant: timeouts"]
-    assert table["correct"].tolist()[0] == -1
+    assert (table["excluded"].tolist(), table["correct"].tolist()[0]) == (["timeout", "participant: timeouts"], -1)
     assert table["reaction_by"].tolist() == ["n/a", "key"]
     late = next(event for event in read_events(tmp_path / "log") if event["event"] == "late")
     assert late["said"] == "a", "what was said too late stays in the log"
@@ -191,8 +189,7 @@ def test_several_sessions_follow_each_other(tmp_path):
     assert kinds(go(plan, log)).count("present") == 8
     assert standing(plan, log).next_trial == 8
     second = go(plan, log)
-    assert kinds(second).count("present") == 8
-    assert second[0].text == "Welcome."
+    assert (kinds(second).count("present"), second[0].text) == (8, "Welcome.")
     found = standing(plan, log)
     assert found.next_trial == 16
     assert sorted(found.began) == [1, 2]

@@ -70,11 +70,6 @@ def session(plan, path, presenter=None, **options):
     return Session(plan, 1, path, presenter or SilentPresenter(), **options)
 
 
-def to_the_first_stimulus(one):
-    while one.step.kind != "present":
-        one.acknowledge() if one.step.kind == "show" else one.answer(Reply(text="left"))
-
-
 def interrupted(plan, path, after):
     screen = Script(plan, stop_after=after)
     with pytest.raises(RuntimeError, match="power cut"), session(plan, path) as one:
@@ -117,7 +112,8 @@ def test_an_answer_is_stored_before_it_is_confirmed(plan, tmp_path):
 
 def test_a_wrong_answer_is_asked_again_and_not_stored(plan, tmp_path):
     with session(plan, tmp_path / "log.jsonl") as one:
-        to_the_first_stimulus(one)
+        while one.step.kind != "present":
+            one.acknowledge() if one.step.kind == "show" else one.answer(Reply(text="left"))
         one.present()
         with pytest.raises(InputError, match="expected one of brush"):
             one.answer(Reply(text="cat"))

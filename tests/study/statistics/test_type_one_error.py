@@ -13,20 +13,17 @@ def paired(rng):
     return paired_t(rng.normal(size=PEOPLE), rng.normal(size=PEOPLE)).p
 
 
-def design(rng, covariance=None):
-    """Ratings of 10 people x 2 x 3 with no effect: a person's level, and normal noise."""
-    noise = rng.normal(size=(PEOPLE, 2, 3))
-    y = noise if covariance is None else noise @ np.linalg.cholesky(covariance).T
-    y = y + rng.normal(0, 1, (PEOPLE, 1, 1))
-    who, surface, thing = np.indices(y.shape).reshape(3, -1)
-    return {"y": y.ravel(), "who": who, "surface": surface, "object": thing}
-
-
 UNEVEN = np.diag([0.2, 1.0, 9.0])
 
 
 def anova(rng, column, effect, covariance=None):
-    table = rm_anova(design(rng, covariance), value="y", participant="who", within=["surface", "object"])
+    """Of ratings of 10 people x 2 x 3 with no effect: a person's level, and normal noise."""
+    noise = rng.normal(size=(PEOPLE, 2, 3))
+    y = noise if covariance is None else noise @ np.linalg.cholesky(covariance).T
+    y = y + rng.normal(0, 1, (PEOPLE, 1, 1))
+    who, surface, thing = np.indices(y.shape).reshape(3, -1)
+    made = {"y": y.ravel(), "who": who, "surface": surface, "object": thing}
+    table = rm_anova(made, value="y", participant="who", within=["surface", "object"])
     return table.set_index("effect").loc[effect, column]
 
 
