@@ -126,8 +126,7 @@ def test_the_runner_of_the_page_on_studies_runs(folder):
     exec(script, names | {"ask": lambda text: "AB12" if "pseudonym" in text else "1"})
     found = replay(read_events(folder / "sessions" / "sub-03.jsonl"), plan, 3)
     assert found.next_trial == len(found.trials)
-    assert {given.by for given in found.answers.values()} == {"page"}
-    assert told[:2] == ["Feel now.", ""]
+    assert ({given.by for given in found.answers.values()}, told[:2]) == ({"page"}, ["Feel now.", ""])
 
 
 def test_the_table_of_settings_has_every_choice_in_every_mode():
