@@ -166,23 +166,9 @@ class RunningStudio:
         self.process.stdout.close()
 
 
-@pytest.fixture
-def studio_at(tmp_path):
-    """Start studios."""
-    made = []
-
-    def open_studio(*words):
-        made.append(RunningStudio(tmp_path / f"studio-{len(made)}", *words))
-        return made[-1]
-
-    yield open_studio
-    for each in made:
-        each.close()
-
-
 @pytest.fixture(scope="session")
 def used_studios():
-    """The studios of `used_studio`, and whether a test may take each."""
+    """Studios that a test has used, and whether another one may take each."""
     made = {}
     yield made
     for each in made:
@@ -190,21 +176,21 @@ def used_studios():
 
 
 @pytest.fixture
-def used_studio(used_studios, tmp_path_factory):
-    """Take a studio that another test has used, or start one; its folder is empty and its samples are not solved."""
-    taken = []
+def studio_at(used_studios, tmp_path_factory):
+    """Take a studio that another test has used, with an empty folder and samples that are not solved, or start one."""
+    taken = {}
 
-    def take(*words):
-        found = next((each for each, free in used_studios.items() if free and each.words == words), None)
-        taken.append(found or RunningStudio(tmp_path_factory.mktemp("studio"), *words))
-        used_studios[taken[-1]] = False
-        return taken[-1]
+    def open_studio(*words, new=False):
+        found = next((one for one, free in used_studios.items() if free and not new and one.words == words), None)
+        one = found or RunningStudio(tmp_path_factory.mktemp("studio"), *words)
+        taken[one], used_studios[one] = new, False
+        return one
 
-    yield take
-    for each in taken:
-        used_studios[each] = each.renewed()
-        if not used_studios[each]:
-            each.close()
+    yield open_studio
+    for one, new in taken.items():
+        used_studios[one] = not new and one.renewed()
+        if not used_studios[one]:
+            one.close()
 
 
 class Look:

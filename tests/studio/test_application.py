@@ -444,7 +444,7 @@ def test_an_override_of_a_loop_does_not_admit_a_louder_drive(studio, monkeypatch
 
 @pytest.mark.long
 def test_a_signal_ends_a_studio_without_a_word(studio_at, capfd):
-    studio = studio_at()
+    studio = studio_at(new=True)
     studio.process.terminate()
     assert studio.process.wait(30) == 128 + signal.SIGTERM
     assert capfd.readouterr().err == ""

@@ -21,13 +21,13 @@ from midair.studio.work import SolveRequest, solve_take
 pytestmark = pytest.mark.browser
 
 
-def test_other_pages_cannot_reach_the_studio(used_studio, look, chromium):
+def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
     """A page of this computer, but of another port, in the very browser that has the cookie."""
-    studio = used_studio()
+    studio = studio_at()
     page = look(studio)
 
     # The rest of what is refused is in test_request_guard.py.
-    elsewhere = look(used_studio(), context=page.page.context)
+    elsewhere = look(studio_at(), context=page.page.context)
     said = elsewhere.page.evaluate(
         """async (root) => {
             const socket = new WebSocket(root.replace('http', 'ws') + '/socket');
@@ -47,9 +47,9 @@ def test_other_pages_cannot_reach_the_studio(used_studio, look, chromium):
     assert list(studio.folder.iterdir()) == []
 
 
-def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(used_studio, look):
+def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(studio_at, look):
     """The page that watches may also take control, in silence."""
-    page = look(studio := used_studio())
+    page = look(studio := studio_at())
     page.towel()
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
 
@@ -88,9 +88,9 @@ def test_stop_by_button_by_escape_in_a_text_field_and_from_a_watching_page(used_
     assert "may only watch" in page.page.locator("#banner").inner_text()
 
 
-def test_every_key_of_the_transport(used_studio, look):
+def test_every_key_of_the_transport(studio_at, look):
     """Those of the standalone view reach the transport; the address has panel, take and time, and Back works."""
-    page = look(used_studio())
+    page = look(studio_at())
     page.towel()
     press = page.page.keyboard.press
     page.page.locator("#main").focus()
@@ -128,7 +128,7 @@ def test_every_key_of_the_transport(used_studio, look):
 
 
 @pytest.fixture
-def with_takes(used_studio, made_once):
+def with_takes(studio_at, made_once):
     """A studio whose folder has a take with a drive, one without, and two invalid files."""
 
     def fill(folder):
@@ -141,7 +141,7 @@ def with_takes(used_studio, made_once):
         (folder / "corrupt.h5").write_bytes((folder / "bare.h5").read_bytes()[:9000])
         (folder / "no.h5").write_text("no recording")
 
-    studio = used_studio()
+    studio = studio_at()
     shutil.copytree(made_once("takes_of_studio", fill), studio.folder, dirs_exist_ok=True)
     return studio
 
@@ -328,8 +328,8 @@ def test_the_take_of_the_address_is_shown_or_why_it_cannot_be_opened(with_takes,
     page.until("studio.name === 'record'", timeout=20)
 
 
-def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(used_studio, look):
-    page = look(studio := used_studio("--device", "autd3:emulator"))
+def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(studio_at, look):
+    page = look(studio := studio_at("--device", "autd3:emulator"))
     page.towel()
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
     page.page.get_by_role("button", name="Play on array").click()
@@ -365,11 +365,11 @@ def test_exposure_on_emulated_units_is_refused_attenuated_or_overridden_by_name(
     page.until("studio.link.state.player.said.includes('stopped on request')")
 
 
-def test_a_wav_becomes_a_take_and_an_import_asks_what_a_file_does_not_state(used_studio, look, tmp_path):
+def test_a_wav_becomes_a_take_and_an_import_asks_what_a_file_does_not_state(studio_at, look, tmp_path):
     """Choose a file, correct a wrong word, look at the preview, import; the take is that of the same command."""
     wave = tmp_path / "Corduroy.wav"
     soundfile.write(wave, 0.5 * np.sin(2 * np.pi * 150 * np.arange(8000) / 8000), 8000)
-    page = look(studio := used_studio(), at="start")
+    page = look(studio := studio_at(), at="start")
     page.until("studio.name === 'start' && !studio.room.file.disabled")
     page.page.locator("input[type=file]").set_input_files(wave)
     page.until("document.querySelector('#import .course polygon')", timeout=60)
@@ -433,12 +433,12 @@ def test_a_wav_becomes_a_take_and_an_import_asks_what_a_file_does_not_state(used
 
 
 @pytest.mark.timeout(1800)
-def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(used_studio, look, tmp_path):
+def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tmp_path):
     """WAV, level, best mode, play, correction, A/B with sound, cut, study of three takes, report; no command typed."""
     wave = tmp_path / "Corduroy.wav"
     ribs = np.sin(2 * np.pi * 150 * np.arange(2000) / 8000) * (1 + np.sin(2 * np.pi * 12 * np.arange(2000) / 8000))
     soundfile.write(wave, 0.4 * ribs, 8000)
-    studio = used_studio()
+    studio = studio_at()
     page = look(studio, viewport={"width": 1440, "height": 900})
     page.page.evaluate(
         """() => { studio.acts = 0;
@@ -539,8 +539,8 @@ def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(used_studio, look, 
     assert acts - beside <= 20, "without play, correction and report of the take"
 
 
-def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_keyboard(used_studio, look):
-    studio = used_studio()
+def test_the_palm_of_a_tracker_is_seen_in_words_and_pictures_and_followed_by_keyboard(studio_at, look):
+    studio = studio_at()
     time_s = np.arange(3000) / 50
     away = np.stack([8 * np.sin(time_s), 5 * np.cos(time_s), 4 * np.sin(2 * time_s)], axis=1) * 1e-3
     away[time_s > 50] += [0.06, 0, 0]

@@ -15,7 +15,7 @@ def test_no_process_of_the_studio_runs_a_data_folder(studio_at, tmp_path, monkey
     marks = tmp_path / "marks"
     hostile_folder(folder, marks)
     monkeypatch.chdir(folder)
-    studio = studio_at()
+    studio = studio_at(new=True)
     cookie = studio.enter()
     with studio.connect(cookie) as socket:
         first = json.loads(socket.recv())

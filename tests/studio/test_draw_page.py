@@ -16,8 +16,8 @@ HALF = 52
 """Half the side of the picture of the palm in mm."""
 
 
-def test_a_pattern_is_drawn_changed_played_and_saved_and_the_panel_is_accessible(used_studio, look, tmp_path):
-    studio = used_studio()
+def test_a_pattern_is_drawn_changed_played_and_saved_and_the_panel_is_accessible(studio_at, look, tmp_path):
+    studio = studio_at()
     page = look(studio)
     click, press, value = (lambda name: page.page.locator(name).click()), page.page.keyboard.press, page.page.evaluate
     said = "document.querySelector('#draw-said').innerText"
@@ -98,9 +98,9 @@ def test_a_pattern_is_drawn_changed_played_and_saved_and_the_panel_is_accessible
 
 
 @pytest.mark.timeout(1800)
-def test_a_designer_draws_two_touches_for_a_study(used_studio, look, tmp_path):
+def test_a_designer_draws_two_touches_for_a_study(studio_at, look, tmp_path):
     """A curl with key frames, a recorded texture in a loop that is changed while it plays; a study offers both."""
-    page, kept = look(studio := used_studio()), os.environ.get("MIDAIR_PICTURES", tmp_path)
+    page, kept = look(studio := studio_at()), os.environ.get("MIDAIR_PICTURES", tmp_path)
     until, value = (lambda script: page.until(script, timeout=300)), page.page.evaluate
     acts = "for (const name of ['click', 'change', 'pointerup']) addEventListener(name, (one) => { studio.acts += "
     acts += "name !== 'pointerup' || one.target.closest?.('svg') ? 1 : 0; }, true);"

@@ -35,7 +35,7 @@ def sender(monkeypatch):
 
 def test_sensor_faults_are_shown_and_stored_in_the_file(sender, studio_at, look):
     name, running = sender()
-    studio = studio_at("--sensor", f"lsl:{name}?counter=16&full_scale=1&timeout=1")
+    studio = studio_at("--sensor", f"lsl:{name}?counter=16&full_scale=1&timeout=1", new=True)
     page = look(studio)
     page.go("#record")
     page.until("studio.link.state.record?.state === 'listening'", timeout=90)

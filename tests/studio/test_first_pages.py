@@ -9,8 +9,8 @@ from midair.patterns import load_pattern
 pytestmark = pytest.mark.browser
 
 
-def test_three_doors_lead_to_a_touch_and_those_of_the_gallery_are_seen_heard_and_used(used_studio, look, tmp_path):
-    page = look(studio := used_studio(), at="")
+def test_three_doors_lead_to_a_touch_and_those_of_the_gallery_are_seen_heard_and_used(studio_at, look, tmp_path):
+    page = look(studio := studio_at(), at="")
     page.until("studio.name === 'start' && document.querySelectorAll('.recent li').length === 4")
     assert len(list(page.shown("start", tmp_path, ("dark", 1400), ("light", 390)))) == 2
     for words, room in (("Start drawing", "draw"), ("Record a touch", "record"), ("Choose a touch", "gallery")):

@@ -20,7 +20,7 @@ with connect(address, additional_headers={"Cookie": cookie}, origin=origin, max_
 @pytest.mark.long
 @pytest.mark.parametrize("text", ['{"whole": 1}', '{"alive": true}'])
 def test_stop_answers_at_once_while_another_page_floods_the_studio(studio_at, text):
-    studio, took = studio_at(), []
+    studio, took = studio_at(new=True), []
     for number in range(500):
         (studio.folder / f"take-{number}.h5").touch()
     cookie = studio.enter()

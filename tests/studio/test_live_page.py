@@ -12,9 +12,9 @@ PLAYS = "studio.link.state.live.state === 'plays'"
 
 
 @pytest.fixture
-def feeling(used_studio, look):
+def feeling(studio_at, look):
     def begin():
-        page = look(studio := used_studio())
+        page = look(studio := studio_at())
         page.until("studio.link.state.player?.state === 'ready'", timeout=120)
         page.go("#live")
         page.until("studio.name === 'live' && !document.querySelector('#live-check').disabled")

@@ -67,8 +67,8 @@ def trials(page, count):
 
 
 @pytest.fixture
-def study(used_studio):
-    studio = used_studio()
+def study(studio_at):
+    studio = studio_at()
     return studio, StudyFolder.create(studio.folder / "three", DESIGN, read_design(DESIGN))
 
 
@@ -81,7 +81,7 @@ def texts(page):
             page.until(f"studio.link.state.session.step.text !== {json.dumps(shown)}")
 
 
-def test_a_study_of_12_trials_by_keyboard_survives_a_reload_and_a_kill(study, used_studio, look):
+def test_a_study_of_12_trials_by_keyboard_survives_a_reload_and_a_kill(study, studio_at, look):
     studio, study = study
     page = look(studio)
     begin(page)
@@ -101,7 +101,7 @@ def test_a_study_of_12_trials_by_keyboard_survives_a_reload_and_a_kill(study, us
     studio.process.wait()
     page.page.close()
     page.wrong.clear()  # connections to the studio that is gone
-    again = used_studio()
+    again = studio_at()
     again.folder.rmdir()
     studio.folder.rename(again.folder)
     second = look(again)
@@ -170,9 +170,9 @@ def drive_of(folder):
     return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}
 
 
-def test_trial_plays_its_drive_with_the_player_of_the_studio(used_studio, look):
+def test_trial_plays_its_drive_with_the_player_of_the_studio(studio_at, look):
     """Consent, a form, a drive and an equally long silence on emulated units; form questions appear once."""
-    studio = used_studio("--device", "autd3:emulator")
+    studio = studio_at("--device", "autd3:emulator")
     study = StudyFolder.create(studio.folder / "felt", PLAYED, read_design(PLAYED), drives=drive_of)
     page = look(studio)
     page.until("studio.link.state.player.state === 'ready'", timeout=120)
@@ -222,11 +222,11 @@ def test_trial_plays_its_drive_with_the_player_of_the_studio(used_studio, look):
     assert order["exposure"] == "kept"
 
 
-def test_a_study_of_every_kind_of_stimulus_and_question(used_studio, look, tmp_path):
+def test_a_study_of_every_kind_of_stimulus_and_question(studio_at, look, tmp_path):
     """Touch, silence, an object, text, picture, sound and pairs; seven kinds of answers, by keyboard, to the table."""
     Image.new("RGB", (40, 30), "red").save(tmp_path / "photo.png")
     soundfile.write(tmp_path / "noise.wav", np.random.default_rng(1).uniform(-0.01, 0.01, 8000), 8000)
-    studio = used_studio()
+    studio = studio_at()
     text = plan_text()
     design = read_design(text)
     study = StudyFolder.create(
@@ -272,8 +272,8 @@ def test_a_study_of_every_kind_of_stimulus_and_question(used_studio, look, tmp_p
     assert set(table.loc[table["question"] == "choice", "answer"]) == {"first"}
 
 
-def test_taps_identify_channels_and_the_response_is_shown(used_studio, look):
-    page = look(used_studio())
+def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
+    page = look(studio_at())
     page.until("studio.link.state.takes?.some((row) => row.name === 'sample:towel')", timeout=120)
     page.go("#calibrate/sample:orbit")
     page.until("document.querySelector('.cells').innerText.includes('this take has no calibration')")
@@ -287,9 +287,9 @@ def test_taps_identify_channels_and_the_response_is_shown(used_studio, look):
 
 
 @pytest.mark.timeout(600)
-def test_every_panel_is_accessible_and_fits_every_screen(used_studio, look):
+def test_every_panel_is_accessible_and_fits_every_screen(studio_at, look):
     """Two schemes of colours, a telephone, and 200 % zoom; nothing serious for axe, and each control has its help."""
-    page = look(used_studio())
+    page = look(studio_at())
     page.towel()
     assert not page.page.evaluate("studio.room.transport.playing"), "reduced motion begins paused"
     # A sample that is replaced while axe looks at colours disables buttons for a moment.

@@ -49,9 +49,9 @@ def stopped(studio):
         os.kill(studio.process.pid, signal.SIGCONT)
 
 
-def test_each_press_is_answered_at_once_and_each_job_can_be_cancelled(used_studio, look, tmp_path):
+def test_each_press_is_answered_at_once_and_each_job_can_be_cancelled(studio_at, look, tmp_path):
     (tmp_path / "wool.csv").write_text("x,y\n" + "0.1,0.2\n" * 100)
-    studio = used_studio()
+    studio = studio_at()
     page = look(studio)
     page.until("studio.room?.take?.name === 'sample:orbit' && !!studio.room.take.facts.drive", timeout=400)
     page.until("studio.link.state.player.state === 'ready'", timeout=400)

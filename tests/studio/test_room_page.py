@@ -13,8 +13,8 @@ def state_air(page, temperature):
     page.page.get_by_role("button", name="Use this air").click()
 
 
-def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(used_studio, look):
-    page = look(used_studio())
+def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(studio_at, look):
+    page = look(studio_at())
     assert page.page.locator("#state-air").inner_text() == "air not stated"
     page.towel()
     assert page.page.locator("#other-air").is_hidden()
@@ -39,8 +39,8 @@ def test_a_drive_of_other_air_is_marked_and_corrected_or_solved_again(used_studi
     assert "temperature 22C" in page.page.locator("#in-view").inner_text()
 
 
-def test_a_take_without_a_drive_plays_while_it_is_solved_and_a_loop_takes_the_newest_drive(used_studio, look):
-    studio = used_studio()
+def test_a_take_without_a_drive_plays_while_it_is_solved_and_a_loop_takes_the_newest_drive(studio_at, look):
+    studio = studio_at()
     for name in ("new", "other"):
         record("virtual:towel", 0.2, path=studio.folder / f"{name}.h5")
     page = look(studio)
@@ -82,7 +82,7 @@ def test_a_take_without_a_drive_plays_while_it_is_solved_and_a_loop_takes_the_ne
 
 
 def test_hot_units_are_shown_at_once_and_the_play_waits_for_the_choice(studio_at, look, tap):
-    studio = studio_at("--device", f"autd3:{tap.address}")
+    studio = studio_at("--device", f"autd3:{tap.address}", new=True)
     page = look(studio)
     page.towel()
     page.until("studio.link.state.player.state === 'ready'", timeout=120)

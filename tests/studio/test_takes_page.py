@@ -11,11 +11,11 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture
-def takes_at(used_studio):
+def takes_at(studio_at):
     """A studio with two takes."""
 
     def open_studio():
-        studio, rng = used_studio(), np.random.default_rng(1)
+        studio, rng = studio_at(), np.random.default_rng(1)
         for name in ("denim", "wool"):
             samples = 20 * rng.uniform(0, 1, size=(200, 4, 4))
             save(Recording(samples=samples, rate=1000, unit="Pa"), studio.folder / f"{name}.h5")
