@@ -18,7 +18,7 @@ from midair.files import load, save_palm_path
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
 
 
 def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):
@@ -432,7 +432,6 @@ def test_a_wav_becomes_a_take_and_an_import_asks_what_a_file_does_not_state(stud
     assert page.page.get_by_text("The file gives all values that are needed.").is_visible()
 
 
-@pytest.mark.timeout(1800)
 def test_a_designer_goes_from_a_wav_to_the_report_of_a_study(studio_at, look, tmp_path):
     """WAV, level, best mode, play, correction, A/B with sound, cut, study of three takes, report; no command typed."""
     wave = tmp_path / "Corduroy.wav"

@@ -7,7 +7,7 @@ import pytest
 
 from midair.patterns import load_pattern
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
 
 SEEN = "!studio.room.busy && studio.room.seen === JSON.stringify(studio.room.pattern)"
 """The preview in view is that of the pattern."""
@@ -97,7 +97,6 @@ def test_a_pattern_is_drawn_changed_played_and_saved_and_the_panel_is_accessible
         assert page.unhelped() == []
 
 
-@pytest.mark.timeout(1800)
 def test_a_designer_draws_two_touches_for_a_study(studio_at, look, tmp_path):
     """A curl with key frames, a recorded texture in a loop that is changed while it plays; a study offers both."""
     page, kept = look(studio := studio_at()), os.environ.get("MIDAIR_PICTURES", tmp_path)

@@ -15,7 +15,7 @@ from midair.studio.work import SolveRequest, solve_take
 from midair.study import StudyFolder, answers_table, prepare_media, read_design
 from midair.study.session.event_log import read_events
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
 
 PLANS = Path(__file__).with_name("plans")
 DESIGN = (PLANS / "three.toml").read_text(encoding="utf-8")
@@ -286,7 +286,6 @@ def test_taps_identify_channels_and_the_response_is_shown(studio_at, look):
     assert "Every channel belongs to its cell" in page.page.locator(".left").inner_text()
 
 
-@pytest.mark.timeout(600)
 def test_every_panel_is_accessible_and_fits_every_screen(studio_at, look):
     """Two schemes of colours, a telephone, and 200 % zoom; nothing serious for axe, and each control has its help."""
     page = look(studio_at())
@@ -334,7 +333,7 @@ def test_every_panel_is_accessible_and_fits_every_screen(studio_at, look):
     assert content <= job, "a job covers nothing"
     page.page.set_viewport_size({"width": 640, "height": 400})
     page.go("#reproduce")
-    page.until("studio.name === 'reproduce' && !!studio.room.take")
+    page.until("studio.name === 'reproduce' && !!studio.room.take", timeout=240)  # after the films of the gallery
     for name in ("Edit", "Export", "Play on array", "air not stated"):
         page.page.get_by_role("button", name=name).click()
         assert page.unhelped() == [], name

@@ -4,7 +4,7 @@ import pytest
 
 from midair.rig import record
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
 
 
 def state_air(page, temperature):

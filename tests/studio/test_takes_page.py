@@ -7,7 +7,7 @@ from tests.waiting import wait_until
 from midair.files import load, save
 from midair.model import Recording
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
 
 
 @pytest.fixture
@@ -24,7 +24,6 @@ def takes_at(studio_at):
     return open_studio
 
 
-@pytest.mark.timeout(1800)
 def test_takes_are_found_and_edited_and_notes_marks_and_folders_are_kept(takes_at, look):
     studio = takes_at()
     page = look(studio)
@@ -138,7 +137,6 @@ def test_time_is_zoomed_by_drag_and_wheel_and_a_part_is_chosen(takes_at, look):
     assert value("studio.room.take.facts.frames") == 200 - (loop["to"] - loop["from"])
 
 
-@pytest.mark.timeout(600)
 def test_a_session_by_keyboard_alone(takes_at, look):
     """Choose a take, solve it quickly, play it on the virtual array and read the comparison; no mouse."""
     page = look(takes_at())
