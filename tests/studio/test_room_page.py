@@ -46,6 +46,7 @@ def test_a_take_without_a_drive_plays_while_it_is_solved_and_a_loop_takes_the_ne
     page = look(studio)
     page.take("new.h5")
     page.page.get_by_label("Mode").select_option("paper")
+    page.page.get_by_label("Solver").select_option("live")
     page.page.get_by_role("button", name="Play on array").click()
     page.until("!document.querySelector('#hold').disabled", timeout=120)
     assert "each part is checked before it sounds" in page.page.locator("#exposure").inner_text()
