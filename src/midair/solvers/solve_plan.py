@@ -48,7 +48,7 @@ def frames_per_part(solver: Method) -> int:
 
 
 def fits_at_once(frames: int, solver: Method) -> bool:
-    """Whether a target of this length, at most two parts, is solved at once where nobody waits for the first part."""
+    """True for a target of at most two parts: it is solved at once, unless its first part is needed early."""
     return frames <= 2 * frames_per_part(solver)
 
 
