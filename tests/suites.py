@@ -18,7 +18,7 @@ SUITES = {
     "fast": [PYTEST],
     "long": [[*PYTEST, "-m", "long and not slow and not clock"], [*ALONE, "-m", "long and not slow and clock"]],
     "kernels": [[sys.executable, "-m", "tests.kernels"]],
-    "browser": [[*PYTEST, "-m", "browser"]],
+    "browser": [[*PYTEST, "-m", "browser", "--timeout", "600"]],
     "slow": [[*PYTEST, "-m", "slow and not clock", *SLOW], [*ALONE, "-m", "slow and clock", *SLOW]],
     "coverage": [[*PYTEST, "-m", "not slow and not browser and not clock", *COVERED]],
 }

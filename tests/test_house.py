@@ -51,7 +51,7 @@ def test_no_package_grows_beyond_its_lines():
     assert not found, "each package has its lines"
 
 
-BESIDE = {"tests": 44_657, "benchmarks": 4_500}
+BESIDE = {"tests": 44_653, "benchmarks": 4_500}
 """Most lines of .py in these folders, as for the packages."""
 
 

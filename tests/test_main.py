@@ -1,8 +1,6 @@
 import subprocess
 import sys
 
-import pytest
-
 from midair.version import __version__
 
 MAIN = "from midair.__main__ import main\nmain()"
@@ -20,7 +18,6 @@ def test_it_says_its_version_and_its_exit_status_is_the_command_s():
         assert (done.returncode, done.stderr[:8], done.stderr.count("\n")) == (status, "midair: ", 1), done.stderr
 
 
-@pytest.mark.long
 def test_ctrl_c_while_it_is_loaded_is_no_traceback():
     for module in ("midair.cli", "midair.files", "midair.cli.commands.info"):
         interrupted = f"import sys\nclass Stop:\n    def find_spec(self, name, *_):\n        if name == {module!r}:\n"
@@ -29,7 +26,6 @@ def test_ctrl_c_while_it_is_loaded_is_no_traceback():
         assert (done.returncode, done.stderr) == (130, "midair: stopped; nothing was written\n"), module
 
 
-@pytest.mark.long
 def test_ctrl_c_at_exit_is_no_traceback():
     """The exit waits for the process that checks files, among others."""
     again = "import atexit, os, signal\natexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"

@@ -18,7 +18,7 @@ from midair.files import load, save_palm_path
 from midair.rig import record
 from midair.studio.work import SolveRequest, solve_take
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 
 def test_other_pages_cannot_reach_the_studio(studio_at, look, chromium):

@@ -7,7 +7,7 @@ import pytest
 
 from midair.patterns import load_pattern
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 SEEN = "!studio.room.busy && studio.room.seen === JSON.stringify(studio.room.pattern)"
 """The preview in view is that of the pattern."""

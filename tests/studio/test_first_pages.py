@@ -6,7 +6,7 @@ from midair.datasets import TOUCHES
 from midair.files import load
 from midair.patterns import load_pattern
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 
 def test_three_doors_lead_to_a_touch_and_those_of_the_gallery_are_seen_heard_and_used(studio_at, look, tmp_path):

@@ -6,7 +6,7 @@ from tests.palms import palm_path
 
 from midair.files import load_played, open_take, save_palm_path
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 PLAYS = "studio.link.state.live.state === 'plays'"
 

@@ -15,7 +15,7 @@ from midair.studio.work import SolveRequest, solve_take
 from midair.study import StudyFolder, answers_table, prepare_media, read_design
 from midair.study.session.event_log import read_events
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 PLANS = Path(__file__).with_name("plans")
 DESIGN = (PLANS / "three.toml").read_text(encoding="utf-8")

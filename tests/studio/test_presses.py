@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 PRESS = """async (button) => {
     const began = performance.now(),

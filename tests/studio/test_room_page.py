@@ -4,7 +4,7 @@ import pytest
 
 from midair.rig import record
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 
 def state_air(page, temperature):

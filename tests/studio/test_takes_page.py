@@ -7,7 +7,7 @@ from tests.waiting import wait_until
 from midair.files import load, save
 from midair.model import Recording
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(1800)]
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture
